@@ -1,0 +1,622 @@
+"""A planar rigid body: a box that tumbles, bounces, slides, tips over and comes to rest.
+
+The state is (x, y, angle, vx, vy, omega): centre of mass [m], angle from the x axis, anticlockwise
+[rad], and their rates. The ground is y = 0. `step_boxes` advances N boxes, `PlanarBody` is one box
+on top of it: there is one algorithm, `_advance`.
+
+Between contacts force and torque are constant over a step, and then the integrators of the course
+differ in one number only, the c of x + h v + c h^2 a (`FLIGHT_COEFFICIENT`).
+
+Contact is hybrid. Impacts are events: their time is found inside the step, and a Coulomb impact
+with energetic restitution is applied there (`planar_contact.impact`). An impact slower than
+`rest_speed` does not bounce. A corner that stays on the ground is treated on the level of
+velocities (Moreau, Unilateral contact and dry friction in finite freedom dynamics, 1988): one
+inelastic Coulomb impulse for what is left of the step.
+
+Assumed of impacts at two corners: if both approach at the same speed (to 1e-6) the face lands as a
+whole, with one impulse at its middle, so a flat drop bounces flat. Otherwise the faster corner goes
+first, then the next. A face that lands with the smallest tilt lands corner by corner; in the limit
+of no tilt this is not the flat landing: for rigid bodies that landing is truly discontinuous.
+"""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numba import types
+from numba.extending import register_jitable
+from numpy.typing import ArrayLike, NDArray
+
+from course.compiled import MATRIX, compiled
+from course.rigid_body.planar_contact import (
+    FACE_TOLERANCE,
+    GAP_TOLERANCE,
+    HIT,
+    QUARTER_TURN,
+    SPEED_TOLERANCE,
+    UNFINISHED,
+    first_impact,
+    flight,
+    height_on_face,
+    impact,
+    lies_still,
+    lowest_corners,
+    one_contact,
+    time_to_face,
+    two_contacts,
+)
+
+Array = NDArray[np.float64]
+
+STANDARD_GRAVITY = 9.80665  # m/s^2
+
+# c of x + h v + c h^2 a, by integrator, for a force that is constant over the step.
+FLIGHT_COEFFICIENT: dict[str, float] = {
+    "explicit_euler": 0.0,
+    "semi_implicit_euler": 1.0,
+    "velocity_verlet": 0.5,
+    "explicit_midpoint": 0.5,
+    "implicit_midpoint": 0.5,
+    "rk4": 0.5,
+}
+
+# Rows of the array of parameters.
+PARAMETERS = ("mass", "width", "height", "inertia", "restitution", "friction", "rest_speed")
+
+
+@register_jitable
+def _collide(angle, vx, vy, omega, box, elastic):
+    """Velocities after the impact of the corners that touch: one event.
+
+    With `elastic` the corner or face that approaches fastest bounces, otherwise all that touch
+    stop without bouncing. The last of the four numbers is 1 if no case of the contact fits.
+    """
+    inverse_mass, width, height, inverse_inertia, restitution, friction, _ = box
+    rx, ry, rx2, ry2 = lowest_corners(angle, width, height)
+    vn = vy + omega * rx
+    both = ry2 - ry <= GAP_TOLERANCE * (width + height)
+    if both:
+        vn2 = vy + omega * rx2
+        if not elastic:
+            middle = 0.5 * (ry + ry2)
+            vx, vy, omega, active = two_contacts(
+                vx, vy, omega, rx, rx2, middle, inverse_mass, inverse_inertia, friction
+            )
+            return vx, vy, omega, 1 if active < 0 else 0
+        if vn < 0.0 and vn2 < 0.0 and abs(vn2 - vn) <= -FACE_TOLERANCE * (vn + vn2):
+            rx = 0.5 * (rx + rx2)
+            ry = 0.5 * (ry + ry2)
+            vn = vy + omega * rx
+        elif vn2 < vn:
+            rx = rx2
+            ry = ry2
+            vn = vn2
+    vt = vx - omega * ry
+    if elastic:
+        pt, pn = impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction)
+    else:
+        pt, pn = one_contact(vt, vn, rx, ry, inverse_mass, inverse_inertia, friction)
+    vx += inverse_mass * pt
+    vy += inverse_mass * pn
+    omega += inverse_inertia * (rx * pn - ry * pt)
+    return vx, vy, omega, 0
+
+
+@register_jitable
+def _collide_late(x, y, angle, vx, vy, omega, box):
+    """Contact found after the fact: reflect the velocity, push the box out of the ground."""
+    width, height, rest_speed = box[1], box[2], box[6]
+    rx, ry, rx2, ry2 = lowest_corners(angle, width, height)
+    impacts = 0
+    failed = 0
+    if y + ry < 0.0:
+        both = ry2 - ry <= GAP_TOLERANCE * (width + height)
+        for k in range(8):
+            speed = vy + omega * rx
+            if both:
+                speed = min(speed, vy + omega * rx2)
+            if speed >= -SPEED_TOLERANCE:
+                break
+            elastic = speed < -rest_speed and k < 7
+            vx, vy, omega, bad = _collide(angle, vx, vy, omega, box, elastic)
+            impacts += 1
+            failed |= bad
+        y = -ry
+    return x, y, angle, vx, vy, omega, impacts, failed
+
+
+@register_jitable
+def _sustain(x, y, angle, vx, vy, omega, ax, ay, alpha, box, left, coefficient, first, second):
+    """Move with corners on the ground, up to the end of the step or the next event.
+
+    Events are the end of sliding and the landing of a pivoting box on its face.
+    `first`, `second`: which of the lowest corners are in contact.
+
+    Returns:
+        (x, y, angle, vx, vy, omega, time used, outcome), outcome 0: nothing holds the box on the
+        ground, and it was not moved; 1: moved; -1: moved, but no case of the contact fitted.
+    """
+    inverse_mass, width, height, inverse_inertia, _, friction, _ = box
+    rx, ry, rx2, ry2 = lowest_corners(angle, width, height)
+    free_x, free_y, free_omega = vx + left * ax, vy + left * ay, omega + left * alpha
+    active = 0
+    if first and second:
+        ry = 0.5 * (ry + ry2)
+        new_x, new_y, new_omega, active = two_contacts(
+            free_x, free_y, free_omega, rx, rx2, ry, inverse_mass, inverse_inertia, friction
+        )
+        if active == 0:
+            return x, y, angle, vx, vy, omega, 0.0, 0
+        if active == 3 or active == -1:
+            used = left
+            x_rate = (new_x - vx) / left
+            if new_x == 0.0 and vx != 0.0 and active == 3:
+                # It stops within the step: slide up to that time, under the full friction.
+                push = friction * free_y if vx > 0.0 else -friction * free_y
+                slid = free_x + push
+                if vx * slid < 0.0:
+                    used = min(left, left * (vx / (vx - slid)))
+                    x_rate = -vx / used
+            x = flight(x, vx, x_rate, used, coefficient)
+            angle = np.floor(angle / QUARTER_TURN + 0.5) * QUARTER_TURN
+            y = height_on_face(angle, width, height)
+            return x, y, angle, new_x, 0.0, 0.0, used, 1 if active == 3 else -1
+    else:
+        if second:
+            rx, ry = rx2, ry2
+        # The corner is to be at rest, or slide, where it will be after it has turned.
+        turned = left * omega * omega
+        vt = free_x - free_omega * ry - turned * rx
+        vn = free_y + free_omega * rx - turned * ry
+        pt, pn = one_contact(vt, vn, rx, ry, inverse_mass, inverse_inertia, friction)
+        if pn <= 0.0:
+            return x, y, angle, vx, vy, omega, 0.0, 0
+        new_x = free_x + inverse_mass * pt
+        new_y = free_y + inverse_mass * pn
+        new_omega = free_omega + inverse_inertia * (rx * pn - ry * pt)
+    # One corner carries: the box pivots on it, until it comes down on a face.
+    ax, ay, alpha = (new_x - vx) / left, (new_y - vy) / left, (new_omega - omega) / left
+    used, face = time_to_face(angle, omega, coefficient * alpha, left)
+    x = flight(x, vx, ax, min(used, left), coefficient)
+    if used <= left:
+        new_x, new_y, new_omega = vx + used * ax, vy + used * ay, omega + used * alpha
+        angle = face
+        y = height_on_face(angle, width, height)
+    else:
+        used = left
+        angle = flight(angle, omega, alpha, left, coefficient)
+        _, ry, _, _ = lowest_corners(angle, width, height)
+        y = -ry
+    return x, y, angle, new_x, new_y, new_omega, used, 1
+
+
+@register_jitable
+def _advance(
+    x, y, angle, vx, vy, omega, ax, ay, alpha, box, radius, dt, coefficient, resolve, ground, limit
+):
+    """One step of one box: flight, impacts and sustained contact in the order they happen.
+
+    Returns:
+        The new state, the number of impacts, and 1 if the step was not resolved, else 0.
+    """
+    width, height, rest_speed = box[1], box[2], box[6]
+    left = dt
+    impacts = 0
+    failed = 0
+    bounced = False  # a corner has just bounced: it is to fly, however slowly
+    passes = 0
+    while ground and resolve:
+        fall = min(left * vy, 0.0) + min(coefficient * ay * left * left, 0.0)
+        if y + fall > radius:
+            break
+        passes += 1
+        if impacts >= limit or passes > 4 * limit:
+            failed = 1
+            break
+        rx, ry, rx2, ry2 = lowest_corners(angle, width, height)
+        touch = GAP_TOLERANCE * radius
+        if y + ry <= touch:
+            vn, vn2 = vy + omega * rx, vy + omega * rx2
+            second = y + ry2 <= touch
+            speed = min(vn, vn2) if second else vn
+            if speed < -SPEED_TOLERANCE:
+                bounced = speed < -rest_speed
+                vx, vy, omega, bad = _collide(angle, vx, vy, omega, box, bounced)
+                impacts += 1
+                failed |= bad
+                continue
+            slow = SPEED_TOLERANCE if bounced else max(rest_speed, SPEED_TOLERANCE)
+            first = vn <= slow
+            second = second and vn2 <= slow
+            if (first and vn + left * (ay + alpha * rx) < 0.0) or (
+                second and vn2 + left * (ay + alpha * rx2) < 0.0
+            ):
+                x, y, angle, vx, vy, omega, used, outcome = _sustain(
+                    x, y, angle, vx, vy, omega, ax, ay, alpha, box, left, coefficient, first, second
+                )
+                if outcome != 0:
+                    bounced = False
+                    failed |= outcome < 0
+                    left -= used
+                    if left <= 0.0:
+                        return x, y, angle, vx, vy, omega, impacts, failed
+                    continue
+        tau, outcome = first_impact(
+            y, angle, vy, omega, ay, alpha, width, height, left, coefficient
+        )
+        bounced = bounced and tau == 0.0
+        if outcome != HIT and outcome != UNFINISHED:
+            break
+        x = flight(x, vx, ax, tau, coefficient)
+        y = flight(y, vy, ay, tau, coefficient)
+        angle = flight(angle, omega, alpha, tau, coefficient)
+        vx += tau * ax
+        vy += tau * ay
+        omega += tau * alpha
+        left -= tau
+        if left <= 0.0:
+            return x, y, angle, vx, vy, omega, impacts, failed
+    x = flight(x, vx, ax, left, coefficient)
+    y = flight(y, vy, ay, left, coefficient)
+    angle = flight(angle, omega, alpha, left, coefficient)
+    vx += left * ax
+    vy += left * ay
+    omega += left * alpha
+    if ground and (failed != 0 or not resolve):
+        if failed != 0:  # too many impacts: the rest of the step does not bounce
+            box = (box[0], box[1], box[2], box[3], 0.0, box[5], box[6])
+        x, y, angle, vx, vy, omega, late, bad = _collide_late(x, y, angle, vx, vy, omega, box)
+        impacts += late
+        failed |= bad
+    return x, y, angle, vx, vy, omega, impacts, failed
+
+
+def _step_boxes(
+    out, counts, state, parameters, forces, gx, gy, dt, steps, coefficient, resolve, ground, limit
+):
+    """`steps` steps of every box, one box after the other; the first bad box or -1 comes back."""
+    many_parameters = parameters.shape[1] > 1
+    many_forces = forces.shape[1] > 1
+    for j in range(state.shape[1]):
+        k = j if many_parameters else 0
+        f = j if many_forces else 0
+        mass, width, height = parameters[0, k], parameters[1, k], parameters[2, k]
+        inertia, restitution = parameters[3, k], parameters[4, k]
+        friction, rest_speed = parameters[5, k], parameters[6, k]
+        x, y, angle = state[0, j], state[1, j], state[2, j]
+        vx, vy, omega = state[3, j], state[4, j], state[5, j]
+        good = mass > 0.0 and width > 0.0 and height > 0.0 and inertia > 0.0
+        good = good and 0.0 <= restitution <= 1.0 and friction >= 0.0 and rest_speed >= 0.0
+        total = x + y + angle + vx + vy + omega + mass + width + height + inertia + friction
+        total += rest_speed + forces[0, f] + forces[1, f] + forces[2, f]
+        if not good or not abs(total) < np.inf:
+            return j
+        box = (1.0 / mass, width, height, 1.0 / inertia, restitution, friction, rest_speed)
+        radius = 0.5 * np.sqrt(width * width + height * height)
+        ax = gx + forces[0, f] / mass
+        ay = gy + forces[1, f] / mass
+        alpha = forces[2, f] / inertia
+        # On a face, pressed down and pushed by nothing: at rest it stays as it is.
+        settles = ground and resolve and ax == 0.0 and ay < 0.0 and alpha == 0.0
+        impacts = 0
+        unresolved = 0
+        for _ in range(steps):
+            if settles and lies_still(y, angle, vx, vy, omega, width, height):
+                break
+            x, y, angle, vx, vy, omega, n, failed = _advance(
+                x, y, angle, vx, vy, omega, ax, ay, alpha, box, radius, dt,
+                coefficient, resolve, ground, limit,
+            )  # fmt: skip
+            impacts += n
+            unresolved += failed
+        out[0, j], out[1, j], out[2, j] = x, y, angle
+        out[3, j], out[4, j], out[5, j] = vx, vy, omega
+        counts[0, j] = impacts
+        counts[1, j] = unresolved
+    return -1
+
+
+_SIGNATURE = types.int64(
+    MATRIX, types.Array(types.int64, 2, "C"), MATRIX, MATRIX, MATRIX,
+    types.float64, types.float64, types.float64, types.int64, types.float64,
+    types.boolean, types.boolean, types.int64,
+)  # fmt: skip
+
+
+def _checked(name: str, value: Any, allowed: str, low: float, high: float = np.inf) -> Array:
+    """The value as an array of floats, if all of it is finite and within [low, high]."""
+    array = np.asarray(value, dtype=float)
+    if not (np.isfinite(array).all() and (array >= low).all() and (array <= high).all()):
+        raise ValueError(f"{name} is {value}, allowed is {allowed}")
+    return array
+
+
+def box_parameters(
+    mass: ArrayLike = 1.0,
+    width: ArrayLike = 0.3,
+    height: ArrayLike = 0.2,
+    *,
+    inertia: ArrayLike | None = None,
+    restitution: ArrayLike = 0.7,
+    friction: ArrayLike = 0.5,
+    rest_speed: ArrayLike = 0.01,
+) -> Array:
+    """The parameters of one box, or of N boxes where any of them is an array.
+
+    Args:
+        mass: [kg], positive.
+        width, height: extent along the body's own axes [m], positive.
+        inertia: about the centre of mass [kg m^2], positive; that of a uniform box,
+            m (w^2 + h^2) / 12, if left out.
+        restitution: in [0, 1].
+        friction: Coulomb coefficient, not negative.
+        rest_speed: an impact slower than this does not bounce [m/s], not negative.
+
+    Returns:
+        Array (7, N) with the rows of `PARAMETERS`; N = 1 serves any number of boxes.
+
+    Raises:
+        ValueError: a parameter is not finite or out of its range.
+    """
+    tiny = np.finfo(float).tiny
+    mass = _checked("mass", mass, "positive [kg]", tiny)
+    width = _checked("width", width, "positive [m]", tiny)
+    height = _checked("height", height, "positive [m]", tiny)
+    if inertia is None:
+        inertia = mass * (width * width + height * height) / 12.0
+    rows = [
+        mass,
+        width,
+        height,
+        _checked("inertia", inertia, "positive [kg m^2]", tiny),
+        _checked("restitution", restitution, "from 0 to 1", 0.0, 1.0),
+        _checked("friction", friction, "not negative", 0.0),
+        _checked("rest_speed", rest_speed, "not negative [m/s]", 0.0),
+    ]
+    try:
+        return np.array(np.broadcast_arrays(*[np.atleast_1d(row) for row in rows]))
+    except ValueError as error:
+        shapes = {name: row.shape for name, row in zip(PARAMETERS, rows, strict=True)}
+        raise ValueError(f"the shapes of the parameters disagree: {shapes}") from error
+
+
+def _coefficient(integrator: str) -> float:
+    if integrator not in FLIGHT_COEFFICIENT:
+        raise ValueError(f"integrator is {integrator!r}, allowed is {list(FLIGHT_COEFFICIENT)}")
+    return FLIGHT_COEFFICIENT[integrator]
+
+
+def _gravity(gravity: ArrayLike) -> tuple[float, float]:
+    """The vector of gravity; a single number acts downwards."""
+    vector = np.asarray(gravity, dtype=float)
+    if vector.shape not in ((), (2,)) or not np.isfinite(vector).all():
+        raise ValueError(f"gravity is {gravity}, allowed is a finite number or two [m/s^2]")
+    return (0.0, -float(vector)) if vector.shape == () else (float(vector[0]), float(vector[1]))
+
+
+def rollout(
+    state: Array,
+    parameters: Array,
+    dt: float,
+    steps: int,
+    *,
+    gravity: ArrayLike = STANDARD_GRAVITY,
+    forces: ArrayLike | None = None,
+    integrator: str = "semi_implicit_euler",
+    resolve_impacts: bool = True,
+    ground: bool = True,
+    max_events: int = 64,
+    out: Array | None = None,
+) -> tuple[Array, NDArray[np.int64]]:
+    """Advance N boxes by many steps in one compiled call.
+
+    Each box makes all its steps before the next one starts, so its state stays in registers.
+
+    With impacts resolved, impact times are exact for the flight that the integrator's
+    coefficient c defines, and a flight with c = 1/2 is exact. Sustained contact is of first
+    order in dt, except sliding on a face with c = 1/2, which is exact. Without resolution a
+    corner found below the ground at the end of a step is reflected there and pushed out.
+
+    Args:
+        state: (6, N): x, y, angle, vx, vy, omega [m, rad, m/s, rad/s].
+        parameters: (7, N) or (7, 1), from `box_parameters`.
+        dt: step [s], positive.
+        steps: how many, not negative.
+        gravity: acceleration downwards, or the vector (gx, gy) [m/s^2].
+        forces: (3, N) or (3,): force in world axes and torque about the centre of mass, constant
+            over all the steps [N, N m].
+        integrator: a name in `FLIGHT_COEFFICIENT`.
+        resolve_impacts: find impacts within the step.
+        ground: whether there is ground at y = 0.
+        max_events: impacts of one box within one step. What is left of a step after that many
+            is made without bouncing, and counted as not resolved.
+        out: (6, N) array for the result; a new one if left out.
+
+    Returns:
+        (new state, counts): counts (2, N) has the number of impacts of each box, and how many
+        of its steps were not resolved.
+
+    Raises:
+        ValueError: shapes disagree, something is not finite, or a value is out of its range.
+    """
+    state = np.ascontiguousarray(state, dtype=float)
+    parameters = np.ascontiguousarray(parameters, dtype=float)
+    if state.ndim != 2 or state.shape[0] != 6:
+        raise ValueError(f"state has the shape {state.shape}, allowed is (6, N)")
+    n = state.shape[1]
+    if parameters.ndim != 2 or parameters.shape[0] != 7 or parameters.shape[1] not in (1, n):
+        raise ValueError(f"parameters have the shape {parameters.shape}, allowed is (7, 1 or {n})")
+    force = np.zeros((3, 1)) if forces is None else np.ascontiguousarray(forces, dtype=float)
+    if force.ndim == 1:
+        force = force.reshape(-1, 1)
+    if force.shape not in ((3, 1), (3, n)):
+        raise ValueError(f"forces have the shape {force.shape}, allowed is (3,), (3, 1), (3, {n})")
+    if not (np.isfinite(dt) and dt > 0.0):
+        raise ValueError(f"dt is {dt}, allowed is a positive number [s]")
+    if steps < 0 or max_events < 1:
+        raise ValueError(f"steps is {steps}, allowed from 0; max_events {max_events}, from 1")
+    if out is None:
+        out = np.empty_like(state)
+    elif out.shape != state.shape or out.dtype != state.dtype or not out.flags.c_contiguous:
+        raise ValueError(f"out is {out.dtype} {out.shape}, allowed is float64 {state.shape}")
+    gx, gy = _gravity(gravity)
+    coefficient = _coefficient(integrator)
+    counts = np.empty((2, n), dtype=np.int64)
+    bad = compiled(_step_boxes, _SIGNATURE)(
+        out, counts, state, parameters, force, gx, gy, float(dt), steps, coefficient,
+        resolve_impacts, ground, max_events,
+    )  # fmt: skip
+    if bad >= 0:
+        k = bad if parameters.shape[1] > 1 else 0
+        given = dict(zip(PARAMETERS, parameters[:, k].tolist(), strict=True))
+        f = force[:, bad if force.shape[1] > 1 else 0]
+        raise ValueError(
+            f"box {bad} has state {state[:, bad].tolist()}, force and torque {f.tolist()} and "
+            f"parameters {given}; allowed are finite numbers in the ranges of box_parameters"
+        )
+    return out, counts
+
+
+def step_boxes(
+    state: Array, parameters: Array, dt: float, **options: Any
+) -> tuple[Array, NDArray[np.int64]]:
+    """One step of N boxes: `rollout` with one step, and its options."""
+    return rollout(state, parameters, dt, 1, **options)
+
+
+@dataclass
+class PlanarBody:
+    """One box, with its state and the force collected for the next step.
+
+    Attributes:
+        mass, width, height, inertia, restitution, friction, rest_speed: see `box_parameters`.
+        state: (6,): x, y, angle, vx, vy, omega.
+        ground: whether there is ground at y = 0.
+        resolve_impacts: find impacts within a step (False: only at its end).
+        force: (2,), collected by `apply_force` and cleared by `step` [N].
+        torque: about the centre of mass, likewise [N m].
+        impacts: how many impacts there were so far.
+        unresolved: how many steps had more than `max_events` impacts.
+    """
+
+    mass: float = 1.0
+    width: float = 0.3
+    height: float = 0.2
+    inertia: float | None = None
+    restitution: float = 0.7
+    friction: float = 0.5
+    rest_speed: float = 0.01
+    state: Array = field(default_factory=lambda: np.array([0.0, 1.0, 0.0, 0.0, 0.0, 0.0]))
+    ground: bool = True
+    resolve_impacts: bool = True
+    max_events: int = 64
+    force: Array = field(default_factory=lambda: np.zeros(2), init=False)
+    torque: float = field(default=0.0, init=False)
+    impacts: int = field(default=0, init=False)
+    unresolved: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        parameters = self.parameters
+        self.inertia = float(parameters[3, 0])
+        self.state = np.array(self.state, dtype=float)
+        if self.state.shape != (6,) or not np.isfinite(self.state).all():
+            raise ValueError(f"state is {self.state}, allowed are 6 finite numbers")
+
+    @property
+    def parameters(self) -> Array:
+        """(7, 1), checked anew, since the attributes may be set."""
+        return box_parameters(
+            self.mass,
+            self.width,
+            self.height,
+            inertia=self.inertia,
+            restitution=self.restitution,
+            friction=self.friction,
+            rest_speed=self.rest_speed,
+        )
+
+    @property
+    def position(self) -> Array:
+        """Centre of mass, (2,) [m]."""
+        return self.state[:2].copy()
+
+    @property
+    def angle(self) -> float:
+        """[rad], anticlockwise, not wrapped."""
+        return float(self.state[2])
+
+    @property
+    def velocity(self) -> Array:
+        """Of the centre of mass, (2,) [m/s]."""
+        return self.state[3:5].copy()
+
+    @property
+    def omega(self) -> float:
+        """Angular velocity [rad/s]."""
+        return float(self.state[5])
+
+    def corners(self) -> Array:
+        """The corners in world axes, anticlockwise from the body's lower left, (2, 4) [m]."""
+        x, y, angle = self.state[:3]
+        a = 0.5 * self.width * np.array([-1.0, 1.0, 1.0, -1.0])
+        b = 0.5 * self.height * np.array([-1.0, -1.0, 1.0, 1.0])
+        s, c = np.sin(angle), np.cos(angle)
+        return np.array([x + c * a - s * b, y + s * a + c * b])
+
+    def apply_force(self, force: ArrayLike, point: ArrayLike | None = None) -> None:
+        """Add a force for the next step; it and its torque stay constant during that step.
+
+        Args:
+            force: (2,), in world axes [N].
+            point: where it acts, (2,) in world axes [m]; the centre of mass if left out.
+
+        Raises:
+            ValueError: not two finite numbers.
+        """
+        f = np.asarray(force, dtype=float)
+        p = self.state[:2] if point is None else np.asarray(point, dtype=float)
+        if f.shape != (2,) or not np.isfinite(f).all():
+            raise ValueError(f"force is {force}, allowed are 2 finite numbers [N]")
+        if p.shape != (2,) or not np.isfinite(p).all():
+            raise ValueError(f"point is {point}, allowed are 2 finite numbers [m]")
+        arm = p - self.state[:2]
+        self.force = self.force + f
+        self.torque += float(arm[0] * f[1] - arm[1] * f[0])
+
+    def step(
+        self,
+        dt: float,
+        gravity: ArrayLike = STANDARD_GRAVITY,
+        integrator: str = "semi_implicit_euler",
+    ) -> None:
+        """Advance by dt and clear the collected force; see `rollout` for the arguments.
+
+        Raises:
+            ValueError: an argument, or an attribute set since, is out of its range.
+        """
+        state, counts = rollout(
+            self.state.reshape(6, 1),
+            self.parameters,
+            dt,
+            1,
+            gravity=gravity,
+            forces=np.array([self.force[0], self.force[1], self.torque]),
+            integrator=integrator,
+            resolve_impacts=self.resolve_impacts,
+            ground=self.ground,
+            max_events=self.max_events,
+        )
+        self.state = state[:, 0].copy()
+        self.impacts += int(counts[0, 0])
+        self.unresolved += int(counts[1, 0])
+        self.force = np.zeros(2)
+        self.torque = 0.0
+
+    def energy(self, gravity: ArrayLike = STANDARD_GRAVITY) -> tuple[float, float, float]:
+        """(kinetic, potential, total) [J]; the potential is zero for the centre at the origin."""
+        gx, gy = _gravity(gravity)
+        x, y, _, vx, vy, omega = self.state.tolist()
+        inertia = float(self.parameters[3, 0])
+        kinetic = 0.5 * self.mass * (vx * vx + vy * vy) + 0.5 * inertia * omega * omega
+        potential = -self.mass * (gx * x + gy * y)
+        return kinetic, potential, kinetic + potential

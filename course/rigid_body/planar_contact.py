@@ -1,0 +1,345 @@
+"""Contact of a planar box with the ground y = 0: when it hits, with what impulse, and how it rests.
+
+The offset of a corner from the centre of mass is (rx, ry). The corner moves along the ground with
+vt = vx - omega ry and away from it with vn = vy + omega rx. An impulse (pt, pn) at the corner
+changes these by
+
+    d vt = wtt pt + wnt pn,   d vn = wnt pt + wnn pn,
+    wtt = 1/m + ry^2/I,   wnn = 1/m + rx^2/I,   wnt = -rx ry/I.
+
+Everything here is written over single numbers, so that it runs inside the compiled loop of
+`course.rigid_body.planar` and also as plain Python.
+"""
+
+import math
+
+from numba.extending import register_jitable
+
+QUARTER_TURN = 0.5 * math.pi
+# A corner lower than this share of the half-diagonal touches the ground.
+GAP_TOLERANCE = 1e-9
+# The search for an impact ends this close to the ground (share of the half-diagonal).
+IMPACT_TOLERANCE = 1e-13
+# Slower than this a corner neither approaches nor leaves [m/s].
+SPEED_TOLERANCE = 1e-12
+# Two corners approach together, as one face, if their speeds differ by less than this share.
+FACE_TOLERANCE = 1e-6
+# Evaluations of one search for an impact, after which it reports how far it is safe to move.
+SEARCH_LIMIT = 64
+
+# What the search for an impact found.
+CLEAR, HIT, UNFINISHED = 0, 1, 2
+
+
+@register_jitable
+def flight(position, velocity, acceleration, tau, coefficient):
+    """A coordinate after the time tau of constant acceleration, as an integrator moves it."""
+    return position + tau * velocity + coefficient * tau * tau * acceleration
+
+
+@register_jitable
+def lowest_corners(angle, width, height):
+    """The lowest corner, and the other corner of the face nearest to the ground.
+
+    Returns:
+        (rx, ry, rx2, ry2): the two offsets from the centre of mass in world axes [m].
+    """
+    s = math.sin(angle)
+    c = math.cos(angle)
+    a = -0.5 * width if s > 0.0 else 0.5 * width
+    b = -0.5 * height if c > 0.0 else 0.5 * height
+    rx = a * c - b * s
+    ry = a * s + b * c
+    if width * abs(s) < height * abs(c):
+        a = -a
+    else:
+        b = -b
+    return rx, ry, a * c - b * s, a * s + b * c
+
+
+@register_jitable
+def impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction):
+    """Impulse of a hard impact with Coulomb friction and energetic restitution.
+
+    The impact takes no time; its clock is the normal impulse p. While the corner slides one way
+    its velocity is linear in p. It may stop sliding; then it sticks, or slides back where the
+    cone does not allow sticking. Compression lasts until vn = 0 and takes the normal work W_c;
+    restitution lasts until the normal work e^2 |W_c| is given back (Stronge, Rigid body
+    collisions with friction, Proc. R. Soc. A 431, 1990). So the energy never grows for e <= 1,
+    whatever the friction. In a central impact (rx = 0 or ry = 0 or no friction) vn' = -e vn.
+
+    Args:
+        vt, vn: velocity of the corner along and away from the ground, vn < 0 [m/s].
+        rx, ry: offset of the corner from the centre of mass [m].
+        inverse_mass: 1/mass [1/kg].
+        inverse_inertia: 1/inertia about the centre of mass [1/(kg m^2)].
+        restitution: e in [0, 1].
+        friction: Coulomb coefficient, not negative.
+
+    Returns:
+        (pt, pn): the impulse on the box [N s]; zero where vn >= 0.
+    """
+    if vn >= 0.0:
+        return 0.0, 0.0
+    wtt = inverse_mass + inverse_inertia * ry * ry
+    wnn = inverse_mass + inverse_inertia * rx * rx
+    wnt = -inverse_inertia * rx * ry
+    # Second phase: stick if the cone allows it, else slide the way the normal impulse drives.
+    if abs(wnt) <= friction * wtt:
+        k2 = -wnt / wtt
+    elif wnt > 0.0:
+        k2 = -friction
+    else:
+        k2 = friction
+    a2 = wnn + wnt * k2  # positive: the inverse mass is positive definite
+    # First phase: slide as the corner comes, from p = 0 until vt = 0 at p = stop.
+    k1 = k2
+    a1 = a2
+    stop = math.inf
+    if vt != 0.0:
+        k1 = -friction if vt > 0.0 else friction
+        a1 = wnn + wnt * k1
+        slowing = wnt + wtt * k1
+        if vt * slowing < 0.0:
+            stop = -vt / slowing
+    end_speed = -restitution * vn
+    if a1 > 0.0 and -vn <= a1 * stop:  # compression ends while it still slides
+        end = (end_speed - vn) / a1
+        if end > stop:
+            speed = vn + a1 * stop
+            # Work still to be given back, over a1: (e vn)^2 - speed^2 = 2 a1 W.
+            speed2 = speed * speed + (a2 / a1) * (end_speed * end_speed - speed * speed)
+            end = stop + (math.sqrt(max(speed2, 0.0)) - speed) / a2
+    else:  # it stops sliding first
+        speed = vn + a1 * stop
+        work2 = speed * speed / a2 - (vn + speed) * stop  # -2 W_c
+        end = stop + (restitution * math.sqrt(a2 * work2) - speed) / a2
+    sliding = min(end, stop)
+    return k1 * sliding + k2 * (end - sliding), end
+
+
+@register_jitable
+def newton_impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction):
+    """Impulse by Newton's rule vn' = -e vn with friction, for comparison: it can create energy.
+
+    The corner sticks (vt' = 0) if the cone allows it, else it slides as it came. With friction
+    and an oblique impact the energy may grow (Kane, Stanford Mechanics Alumni Club Newsletter 6,
+    1984; Keller, J. Appl. Mech. 53, 1986). Arguments and result as in `impact`.
+    """
+    if vn >= 0.0:
+        return 0.0, 0.0
+    wtt = inverse_mass + inverse_inertia * ry * ry
+    wnn = inverse_mass + inverse_inertia * rx * rx
+    wnt = -inverse_inertia * rx * ry
+    det = wnn * wtt - wnt * wnt
+    dn = -(1.0 + restitution) * vn
+    pn = (wtt * dn + wnt * vt) / det
+    pt = -(wnt * dn + wnn * vt) / det
+    if abs(pt) <= friction * pn:
+        return pt, pn
+    if vt > 0.0 or (vt == 0.0 and pt < 0.0):
+        k = -friction
+    else:
+        k = friction
+    a = wnn + wnt * k
+    if a <= 0.0:  # jammed: sliding on cannot lift the corner, only sticking can
+        return pt, pn
+    return k * dn / a, dn / a
+
+
+@register_jitable
+def one_contact(vt, vn, rx, ry, inverse_mass, inverse_inertia, friction):
+    """Coulomb impulse of one inelastic contact: vn' = 0, and stick or slide.
+
+    The impulse that stops the corner decides: inside the cone the corner sticks, outside it
+    slides against the side of the cone that was passed. One of the two always has a solution.
+
+    Returns:
+        (pt, pn), the impulse [N s].
+    """
+    if vn >= 0.0:
+        return 0.0, 0.0
+    wtt = inverse_mass + inverse_inertia * ry * ry
+    wnn = inverse_mass + inverse_inertia * rx * rx
+    wnt = -inverse_inertia * rx * ry
+    det = wnn * wtt - wnt * wnt
+    pn = (wnt * vt - wtt * vn) / det
+    pt = (wnt * vn - wnn * vt) / det
+    if abs(pt) <= friction * pn:
+        return pt, pn
+    if pn > 0.0:
+        k = -friction if pt < 0.0 else friction
+    else:
+        k = -friction if vt > 0.0 else friction
+    pn = -vn / (wnn + wnt * k)
+    return k * pn, pn
+
+
+@register_jitable
+def two_contacts(vx, vy, omega, rx1, rx2, ry, inverse_mass, inverse_inertia, friction):
+    """Coulomb contact, without restitution, of a face that lies on the ground.
+
+    The two corners slide alike, so friction acts as one impulse bounded by both normal ones. The
+    cases are tried in turn: apart, both corners stick, both slide, one corner carries.
+
+    Returns:
+        (vx, vy, omega, active): the new velocities, and which corners carry: 0 none, 1 the
+        first, 2 the second, 3 both; -1 if no case fits (then everything is stopped).
+    """
+    if vy + omega * rx1 >= 0.0 and vy + omega * rx2 >= 0.0:
+        return vx, vy, omega, 0
+    pn = -vy / inverse_mass
+    if pn > 0.0:
+        pt = -vx / inverse_mass
+        sticks = abs(pt) <= friction * pn
+        if not sticks:
+            pt = -friction * pn if vx > 0.0 else friction * pn
+        moment = ry * pt - omega / inverse_inertia
+        p1 = (moment - pn * rx2) / (rx1 - rx2)
+        if p1 >= 0.0 and pn - p1 >= 0.0:
+            return 0.0 if sticks else vx + inverse_mass * pt, 0.0, 0.0, 3
+    for i in (1, 2):
+        rx = rx1 if i == 1 else rx2
+        other = rx2 if i == 1 else rx1
+        pt, pn = one_contact(
+            vx - omega * ry, vy + omega * rx, rx, ry, inverse_mass, inverse_inertia, friction
+        )
+        new_vy = vy + inverse_mass * pn
+        new_omega = omega + inverse_inertia * (rx * pn - ry * pt)
+        if pn > 0.0 and new_vy + new_omega * other >= -SPEED_TOLERANCE:
+            return vx + inverse_mass * pt, new_vy, new_omega, i
+    return 0.0, 0.0, 0.0, -1
+
+
+@register_jitable
+def _safe_time(gap, rate, bound, horizon):
+    """The earliest time at which gap + rate t - bound t^2/2 can be zero; horizon if later."""
+    if gap + horizon * (rate - 0.5 * bound * horizon) > 0.0:
+        return horizon
+    root = math.sqrt(rate * rate + 2.0 * bound * gap)
+    if rate < 0.0:
+        return min(horizon, 2.0 * gap / (root - rate))
+    if bound > 0.0:
+        return min(horizon, (rate + root) / bound)
+    return horizon
+
+
+@register_jitable
+def first_impact(y, angle, vy, omega, ay, alpha, width, height, horizon, coefficient):
+    """The first time within the horizon at which a corner comes down to the ground y = 0.
+
+    Conservative advancement. A corner's height f has f'' >= -B with
+    B = r omega^2 + 2c (r |alpha| - ay), r the half-diagonal and omega the fastest of the time
+    considered. So f cannot be zero before f + f' s - B s^2/2 is, and it is safe to advance to
+    that s and look again. No corner that dips and comes back is missed; near an impact the
+    error is squared each time, and for a box that does not turn the first advance is exact.
+
+    Args:
+        y, angle, vy, omega: height, angle and their rates [m, rad, m/s, rad/s].
+        ay, alpha: vertical and angular acceleration, constant [m/s^2, rad/s^2].
+        width, height: of the box [m].
+        horizon: how far to look [s].
+        coefficient: c of the flight y + tau vy + c tau^2 ay.
+
+    Returns:
+        (tau, outcome): the time of the impact and HIT; the horizon and CLEAR; or, after
+        SEARCH_LIMIT evaluations, a time up to which nothing hits and UNFINISHED.
+    """
+    radius = 0.5 * math.sqrt(width * width + height * height)
+    fastest = abs(omega) + 2.0 * coefficient * abs(alpha) * horizon
+    bound = radius * (fastest * fastest + 2.0 * coefficient * abs(alpha))
+    bound = max(bound - 2.0 * coefficient * ay, 0.0)
+    touch = IMPACT_TOLERANCE * radius
+    tau = 0.0
+    for _ in range(SEARCH_LIMIT):
+        left = horizon - tau
+        centre = flight(y, vy, ay, tau, coefficient)
+        rise = vy + 2.0 * coefficient * ay * tau
+        turn = omega + 2.0 * coefficient * alpha * tau
+        fall = min(left * rise, 0.0) + min(coefficient * ay * left * left, 0.0)
+        if centre + fall > radius:
+            return horizon, CLEAR
+        theta = flight(angle, omega, alpha, tau, coefficient)
+        s = math.sin(theta)
+        c = math.cos(theta)
+        ws, wc = 0.5 * width * s, 0.5 * width * c
+        hs, hc = 0.5 * height * s, 0.5 * height * c
+        # Corners (+,+), (+,-) and their opposites: heights +-(ws +- hc), rates +-(wc -+ hs).
+        advance = left
+        for k in range(4):
+            up = ws + hc if k < 2 else ws - hc
+            across = wc - hs if k < 2 else wc + hs
+            if k % 2 == 1:
+                up = -up
+                across = -across
+            gap = centre + up
+            rate = rise + turn * across
+            if gap <= touch and rate < -SPEED_TOLERANCE:
+                return tau, HIT
+            # From the ground itself no progress could be proved: start a rounding above it.
+            advance = min(advance, _safe_time(max(gap, 0.1 * touch), rate, bound, left))
+        if advance >= left:
+            return horizon, CLEAR
+        tau += advance
+    return tau, UNFINISHED
+
+
+@register_jitable
+def _time_to_turn(turn, omega, beta):
+    """The first positive time at which omega t + beta t^2 = turn (not zero), or infinity."""
+    if turn < 0.0:
+        turn, omega, beta = -turn, -omega, -beta
+    square = omega * omega + 4.0 * beta * turn
+    if square < 0.0:
+        return math.inf
+    root = math.sqrt(square)
+    if omega + root > 0.0 and omega >= 0.0:
+        return 2.0 * turn / (omega + root)
+    if beta > 0.0:
+        return (root - omega) / (2.0 * beta)
+    return math.inf
+
+
+@register_jitable
+def time_to_face(angle, omega, beta, horizon):
+    """When a box that pivots on a corner comes down on a face: (time, angle of that face).
+
+    The angle moves by omega t + beta t^2. A time beyond the horizon is given as infinity.
+    """
+    nearest = math.floor(angle / QUARTER_TURN + 0.5)
+    first = math.inf
+    target = angle
+    if abs(angle - nearest * QUARTER_TURN) <= GAP_TOLERANCE:
+        below = nearest - 1.0
+        above = nearest + 1.0
+        if omega * beta < 0.0:  # leaves its face and turns back to it
+            first = -omega / beta
+            target = nearest * QUARTER_TURN
+    else:
+        below = math.floor(angle / QUARTER_TURN)
+        above = below + 1.0
+    for k in range(2):
+        face = (below if k == 0 else above) * QUARTER_TURN
+        time = _time_to_turn(face - angle, omega, beta)
+        if time < first:
+            first = time
+            target = face
+    if first > horizon:
+        first = math.inf
+    return first, target
+
+
+@register_jitable
+def height_on_face(angle, width, height):
+    """Height of the centre of a box that lies on the face nearest to the angle [m]."""
+    nearest = math.floor(angle / QUARTER_TURN + 0.5)
+    return 0.5 * height if nearest == 2.0 * math.floor(0.5 * nearest) else 0.5 * width
+
+
+@register_jitable
+def lies_still(y, angle, vx, vy, omega, width, height):
+    """True if the box lies flat on the ground and nothing moves, bit for bit."""
+    if vx != 0.0 or vy != 0.0 or omega != 0.0:
+        return False
+    nearest = math.floor(angle / QUARTER_TURN + 0.5)
+    return angle == nearest * QUARTER_TURN and y == height_on_face(angle, width, height)
