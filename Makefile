@@ -1,0 +1,112 @@
+# Everything needs Python 3.11 or newer and make; the rest is installed into .venv.
+# `make PYTHON=python3.12 lab` picks another Python.
+
+.DEFAULT_GOAL := help
+SHELL := /bin/sh
+
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+# Written last, so it is there only when everything before it worked.
+STAMP := $(VENV)/installed
+EXTRAS := learning,oracles,lab,test
+
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+unexport PYTHONPATH PYTHONHOME
+# The compiler's one-line announcements are for a person, not for an output that is compared.
+QUIET := COURSE_QUIET=1
+
+.NOTPARALLEL:
+.PHONY: help setup lab test lint types pytest nbval warm charts notebooks clean
+
+help: ## show this list
+	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
+
+# What an installation was made for: if a line differs, it is not the one that is wanted.
+# A virtual environment holds absolute paths, so a moved tree needs a new one.
+define describe_install
+	place='$(CURDIR)/$(VENV)'; \
+	wanted=$$(cat pyproject.toml constraints.txt | cksum)
+endef
+
+setup: ## make .venv with the pinned packages, if it isn't there
+	@set -e; \
+	$(describe_install); \
+	python_of() { "$$1" -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])' 2>/dev/null; }; \
+	had_place=; had_python=; had_packages=; \
+	if [ -f $(STAMP) ]; then \
+		{ read -r had_place; read -r had_python; read -r had_packages; } < $(STAMP) || true; \
+	fi; \
+	here=$$(python_of $(BIN)/python) || here=none; \
+	case '$(origin PYTHON)' in \
+		file|default) asked=$$here ;; \
+		*) asked=$$(python_of '$(PYTHON)') || asked=missing ;; \
+	esac; \
+	if [ ! -d $(VENV) ]; then why="there is none yet"; \
+	elif [ -z "$$had_packages" ]; then why="the last install did not finish"; \
+	elif [ "$$had_place" != "$$place" ]; then why="the one here was made in $$had_place"; \
+	elif [ "$$had_python" != "$$here" ]; then why="its Python was $$had_python and is now $$here"; \
+	elif [ "$$asked" != "$$here" ]; then why="it has Python $$here and $(PYTHON) is $$asked"; \
+	elif [ "$$had_packages" != "$$wanted" ]; then why=; \
+	else echo "$(VENV) is up to date (Python $$here)"; exit 0; fi; \
+	if [ -n "$$why" ]; then \
+		command -v '$(PYTHON)' >/dev/null || { \
+			echo "'$(PYTHON)' was not found. The course needs Python 3.11 or newer;" \
+				"name one with: make PYTHON=python3.12 $(firstword $(MAKECMDGOALS))" >&2; exit 1; }; \
+		'$(PYTHON)' -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
+			echo "'$(PYTHON)' is $$('$(PYTHON)' --version 2>&1). The course needs Python 3.11 or newer;" \
+				"name one with: make PYTHON=python3.12 $(firstword $(MAKECMDGOALS))" >&2; exit 1; }; \
+		'$(PYTHON)' -c 'import venv, ensurepip' 2>/dev/null || { \
+			echo "'$(PYTHON)' has no venv module. On Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }; \
+		echo "making $(VENV): $$why"; \
+		rm -rf $(VENV); \
+		'$(PYTHON)' -m venv $(VENV); \
+	else \
+		echo "updating $(VENV): pyproject.toml or constraints.txt has changed"; \
+		rm -f $(STAMP); \
+	fi; \
+	echo "installing the packages pinned in constraints.txt (some minutes the first time)"; \
+	$(BIN)/python -m pip install -c constraints.txt -e '.[$(EXTRAS)]'; \
+	$(BIN)/python -m pip uninstall -q -y rfc3987-syntax lark; \
+	$(BIN)/python -c 'import course, jsonschema, nbformat'; \
+	{ echo "$$place"; python_of $(BIN)/python; echo "$$wanted"; } > $(STAMP); \
+	echo "$(VENV) is ready"
+
+lab: setup warm ## set up, then open the course in JupyterLab
+	@no_browser=; as_root=; \
+	if [ "$$(uname)" != Darwin ] && [ -z "$$DISPLAY$$WAYLAND_DISPLAY" ]; then \
+		no_browser=--no-browser; echo "no display: open the address printed below in a browser"; \
+	fi; \
+	if [ "$$(id -u)" = 0 ]; then as_root=--allow-root; fi; \
+	JUPYTER_CONFIG_PATH='$(CURDIR)/.jupyter' exec $(BIN)/python -m jupyterlab $$no_browser $$as_root \
+		--ServerApp.root_dir='$(CURDIR)' --LabApp.default_url=/lab/tree/notebooks/index.ipynb
+
+test: setup lint types warm pytest nbval ## set up, then run every test
+	@echo "all tests passed"
+
+lint: setup ## ruff: rules and layout
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+
+types: setup ## mypy
+	$(BIN)/mypy
+
+pytest: warm ## the tests without the notebooks
+	$(QUIET) $(BIN)/pytest -n 2 --dist loadfile
+
+nbval: warm ## the notebooks, run again and compared with what they show
+	$(QUIET) $(BIN)/pytest --nbval --nbval-current-env --nbval-sanitize-with tests/nbval_sanitize.cfg \
+		--nbval-cell-timeout=120 -n 2 --dist loadfile notebooks/
+
+warm: setup ## compile and keep every hot loop of the chapters
+	@$(BIN)/python -m course.warm
+
+charts: setup ## rebuild every chart of the README, and the data behind it
+	$(BIN)/python -m course.charts
+
+notebooks: setup ## run the notebooks from their sources and write them with their outputs
+	$(BIN)/python -m course.notebooks
+
+clean: ## remove .venv, caches and compiled code
+	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
