@@ -1,0 +1,478 @@
+"""The integrators of chapter 1: one small function each, for vectors and for rotations alike.
+
+A *system* is positions q that live on a manifold, velocities v that live in its tangent space, and
+`acceleration(q, v, params)`, the rates of v. Where q has as many components as v the manifold is a
+plain vector space. Where q has one more, its last four components are a unit quaternion and the
+last three of v are the angular velocity in the body frame: the layout of MuJoCo's joints. Moving
+from q by a small u is then `retract(q, u)`: add, and for the quaternion multiply by exp(u). No
+integrator but `rk4_renormalised` ever adds two quaternions.
+
+Axis 0 holds the components: q is (nq,) for one body and (nq, N) for N of them, and every function
+here takes both. From Python these are plain NumPy functions that take any callable; `simulate`
+compiles the same source for long runs.
+
+Sources: Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), ch. I, IV, VI; for the
+Lie-group forms Munthe-Kaas, High order Runge-Kutta methods on manifolds (1999), and Iserles et al.,
+Lie-group methods (2000), sec. 2-3.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from numba import types
+from numba.extending import register_jitable
+from numpy.typing import NDArray
+
+from course.compiled import MATRIX, VECTOR, acceleration_type, compiled
+from course.rigid_body.quaternion import cross, derivative, exp, normalise, product
+
+Array = NDArray[np.float64]
+Acceleration = Callable[[Any, Any, Any], Any]
+Step = Callable[..., tuple[Any, Any]]
+
+
+@register_jitable
+def retract(q, u):
+    """Move from q along the tangent vector u.
+
+    Args:
+        q: positions, shape (nq,) or (nq, N).
+        u: tangent vector, shape (nv,) or (nv, N); rotations as rotation vectors in the body
+            frame [rad].
+
+    Returns:
+        q + u for a vector space (nq = nv); with nq = nv + 1 the last four components are
+        multiplied by exp(u[-3:]) instead.
+    """
+    if q.shape[0] == u.shape[0]:
+        return q + u
+    n = u.shape[0] - 3
+    result = np.empty_like(q)
+    result[:n] = q[:n] + u[:n]
+    result[n:] = product(q[n:], exp(u[n:]))
+    return result
+
+
+@register_jitable
+def tangent_rate(q, u, v):
+    """Rate of the tangent vector u at which retract(q, u) moves with velocity v.
+
+    It is v itself in a vector space. For a rotation it is the inverse differential of exp, here
+    w + u x w / 2 + u x (u x w) / 12: the next term is of the fourth order in u and leaves a
+    fourth-order method its order (Iserles et al. 2000, sec. 3.2), so `dexp_inverse`, which has
+    all of them, is not needed.
+
+    Args:
+        q: base point, shape (nq,) or (nq, N).
+        u: tangent vector from q, shape (nv,) or (nv, N).
+        v: velocity at retract(q, u), same shape as u.
+
+    Returns:
+        Array of the shape of u.
+    """
+    if q.shape[0] == u.shape[0]:
+        return v
+    n = u.shape[0] - 3
+    result = v.copy()
+    first = cross(u[n:], v[n:])
+    result[n:] = v[n:] + 0.5 * first + cross(u[n:], first) / 12.0
+    return result
+
+
+@register_jitable
+def explicit_euler(q, v, acceleration, dt, params):
+    """One step with the old velocity and the old acceleration. First order.
+
+    On an oscillator it multiplies the energy by 1 + (omega dt)^2 at every step, so without
+    damping it is unstable at any step (Hairer, Lubich, Wanner 2006, sec. I.1).
+
+    Args:
+        q: positions, shape (nq,) or (nq, N) [m or rad, or a unit quaternion].
+        v: velocities, shape (nv,) or (nv, N) [m/s or rad/s].
+        acceleration: function (q, v, params) -> rates of v, shape of v.
+        dt: step [s].
+        params: handed on to `acceleration`.
+
+    Returns:
+        The new (q, v); the inputs are left as they were.
+    """
+    return retract(q, dt * v), v + dt * acceleration(q, v, params)
+
+
+@register_jitable
+def semi_implicit_euler(q, v, acceleration, dt, params):
+    """One step: the velocity first, then the position with the new velocity.
+
+    First order and symplectic. On an undamped oscillator it is stable while omega * dt < 2; at
+    equality the state grows linearly (Hairer, Lubich, Wanner 2006, sec. I.1).
+
+    Args, Returns: as for `explicit_euler`.
+    """
+    v = v + dt * acceleration(q, v, params)
+    return retract(q, dt * v), v
+
+
+@register_jitable
+def velocity_verlet(q, v, acceleration, dt, params):
+    """One step of velocity Verlet. Second order; symplectic while forces depend on q alone.
+
+    A force that depends on the velocity enters the second evaluation with the velocity
+    predicted by an Euler step, which keeps the second order; stability limit omega * dt < 2
+    without damping (Swope et al. 1982; Hairer, Lubich, Wanner 2006, sec. I.3).
+
+    Args, Returns: as for `explicit_euler`.
+    """
+    a0 = acceleration(q, v, params)
+    q = retract(q, dt * (v + 0.5 * dt * a0))
+    a1 = acceleration(q, v + dt * a0, params)
+    return q, v + 0.5 * dt * (a0 + a1)
+
+
+@register_jitable
+def explicit_midpoint(q, v, acceleration, dt, params):
+    """One step with the velocity and acceleration of an Euler half step. Second order.
+
+    Not symplectic: on an undamped oscillator the energy grows by (omega dt)^4 / 4 per step, at
+    any step (Runge 1895).
+
+    Args, Returns: as for `explicit_euler`.
+    """
+    half = 0.5 * dt
+    v_mid = v + half * acceleration(q, v, params)
+    a_mid = acceleration(retract(q, half * v), v_mid, params)
+    return retract(q, dt * v_mid), v + dt * a_mid
+
+
+# Simplified Newton: one Jacobian per step by forward differences, then cheap corrections.
+_NEWTON_STEPS = 25
+_NEWTON_TOLERANCE = 1e-14
+_DIFFERENCE = 1.5e-8  # about the square root of the rounding unit
+
+
+@register_jitable
+def implicit_midpoint(q, v, acceleration, dt, params):
+    """One step of the implicit midpoint rule. Second order, A-stable, symplectic for vectors.
+
+    Solves w = v + dt/2 a(q (+) dt/2 w, w) for the mid velocity w by a simplified Newton
+    iteration, then q1 = q (+) dt w and v1 = 2 w - v. It keeps quadratic invariants, so the
+    kinetic energy and the momentum of a torque-free body are kept to rounding
+    (Hairer, Lubich, Wanner 2006, sec. IV.2). The linear system I - dt/2 da/dv - dt^2/4 da/dq is
+    eliminated without pivoting: for damped or gyroscopic forces its symmetric part is positive.
+
+    Args: as for `explicit_euler`.
+
+    Returns:
+        The new (q, v); NaN where the iteration has not converged in 25 corrections.
+    """
+    n = v.shape[0]
+    half = 0.5 * dt
+    w = v + half * acceleration(q, v, params)
+    residual = w - v - half * acceleration(retract(q, half * w), w, params)
+    # lower[j, i] and upper parts share one array: column j of the Jacobian in row j.
+    jacobian = np.empty((n,) + v.shape)
+    for j in range(n):
+        moved = w.copy()
+        size = _DIFFERENCE * (1.0 + np.max(np.abs(w[j])))
+        moved[j] = moved[j] + size
+        shifted = moved - v - half * acceleration(retract(q, half * moved), moved, params)
+        jacobian[j] = (shifted - residual) / size
+    for k in range(n):
+        for i in range(k + 1, n):
+            factor = jacobian[k, i] / jacobian[k, k]
+            jacobian[k, i] = factor
+            for j in range(k + 1, n):
+                jacobian[j, i] = jacobian[j, i] - factor * jacobian[j, k]
+    converged = False
+    for _ in range(_NEWTON_STEPS):
+        correction = residual.copy()
+        for i in range(n):
+            for j in range(i):
+                correction[i] = correction[i] - jacobian[j, i] * correction[j]
+        for back in range(n):
+            i = n - 1 - back
+            for j in range(i + 1, n):
+                correction[i] = correction[i] - jacobian[j, i] * correction[j]
+            correction[i] = correction[i] / jacobian[i, i]
+        w = w - correction
+        if np.max(np.abs(correction)) <= _NEWTON_TOLERANCE * (1.0 + np.max(np.abs(w))):
+            converged = True
+            break
+        residual = w - v - half * acceleration(retract(q, half * w), w, params)
+    if not converged:
+        w = w * np.nan
+    return retract(q, dt * w), 2.0 * w - v
+
+
+@register_jitable
+def rk4(q, v, acceleration, dt, params):
+    """One step of the classical fourth-order method; on rotations its Munthe-Kaas form.
+
+    The stages live in the tangent space at q, where `tangent_rate` makes them comparable; one
+    exponential at the end brings the result back (Kutta 1901; Munthe-Kaas 1999). Not
+    symplectic; on an undamped oscillator stable while omega * dt <= 2 sqrt(2), where the energy
+    shrinks by (omega dt)^6 / 72 per step.
+
+    Args, Returns: as for `explicit_euler`.
+    """
+    half = 0.5 * dt
+    a1 = acceleration(q, v, params)
+    u = half * v
+    v2 = v + half * a1
+    k2 = tangent_rate(q, u, v2)
+    a2 = acceleration(retract(q, u), v2, params)
+    u = half * k2
+    v3 = v + half * a2
+    k3 = tangent_rate(q, u, v3)
+    a3 = acceleration(retract(q, u), v3, params)
+    u = dt * k3
+    v4 = v + dt * a3
+    k4 = tangent_rate(q, u, v4)
+    a4 = acceleration(retract(q, u), v4, params)
+    sixth = dt / 6.0
+    q = retract(q, sixth * (v + 2.0 * (k2 + k3) + k4))
+    return q, v + sixth * (a1 + 2.0 * (a2 + a3) + a4)
+
+
+@register_jitable
+def _coordinate_rate(q, v):
+    """dq/dt as plain numbers: the quaternion's own rate q * (0, omega) / 2."""
+    if q.shape[0] == v.shape[0]:
+        return v
+    n = v.shape[0] - 3
+    result = np.empty_like(q)
+    result[:n] = v[:n]
+    result[n:] = derivative(q[n:], v[n:])
+    return result
+
+
+@register_jitable
+def rk4_renormalised(q, v, acceleration, dt, params):
+    """RK4 on the four numbers of the quaternion, scaled back to length one after the step.
+
+    The usual shortcut, here to be compared with `rk4`: also fourth order, but its stages leave
+    the unit sphere, and the angular error of a steady spin is set by the rescaling.
+
+    Args, Returns: as for `explicit_euler`.
+    """
+    half = 0.5 * dt
+    k1 = _coordinate_rate(q, v)
+    a1 = acceleration(q, v, params)
+    q2 = q + half * k1
+    v2 = v + half * a1
+    k2 = _coordinate_rate(q2, v2)
+    a2 = acceleration(q2, v2, params)
+    q3 = q + half * k2
+    v3 = v + half * a2
+    k3 = _coordinate_rate(q3, v3)
+    a3 = acceleration(q3, v3, params)
+    q4 = q + dt * k3
+    v4 = v + dt * a3
+    k4 = _coordinate_rate(q4, v4)
+    a4 = acceleration(q4, v4, params)
+    sixth = dt / 6.0
+    q = q + sixth * (k1 + 2.0 * (k2 + k3) + k4)
+    if q.shape[0] != v.shape[0]:
+        n = v.shape[0] - 3
+        q[n:] = normalise(q[n:])
+    return q, v + sixth * (a1 + 2.0 * (a2 + a3) + a4)
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """What the course states about one integrator, so that tests can hold it to that.
+
+    Attributes:
+        name: name of the step function.
+        step: the step function.
+        order: theoretical order of accuracy.
+        symplectic: whether it preserves phase-space area for forces that depend on q alone.
+    """
+
+    name: str
+    step: Step
+    order: int
+    symplectic: bool
+
+
+INTEGRATORS: dict[str, Integrator] = {
+    item.name: item
+    for item in (
+        Integrator("explicit_euler", explicit_euler, 1, False),
+        Integrator("semi_implicit_euler", semi_implicit_euler, 1, True),
+        Integrator("velocity_verlet", velocity_verlet, 2, True),
+        Integrator("explicit_midpoint", explicit_midpoint, 2, False),
+        Integrator("implicit_midpoint", implicit_midpoint, 2, True),
+        Integrator("rk4", rk4, 4, False),
+        Integrator("rk4_renormalised", rk4_renormalised, 4, False),
+    )
+}
+
+
+@dataclass(frozen=True)
+class System:
+    """A mechanical system that any integrator can step.
+
+    Attributes:
+        name: what it is.
+        acceleration: function (q, v, params) -> rates of v. To be compiled it must be a
+            top-level function in the subset of Python that numba knows.
+        params: numbers handed to `acceleration`, shape (k,).
+        q0: initial positions, shape (nq,) or (nq, N).
+        v0: initial velocities, shape (nv,) or (nv, N).
+        energy: function (q, v, params) -> total energy per body [J], or None.
+        compile: whether `simulate` may compile `acceleration`.
+    """
+
+    name: str
+    acceleration: Acceleration
+    params: Array
+    q0: Array
+    v0: Array
+    energy: Callable[[Any, Any, Any], Any] | None = None
+    compile: bool = True
+
+    def __post_init__(self) -> None:
+        for field in ("params", "q0", "v0"):
+            value = np.ascontiguousarray(getattr(self, field), dtype=np.float64)
+            if not np.all(np.isfinite(value)):
+                raise ValueError(f"{field} is {value}; every number must be finite")
+            object.__setattr__(self, field, value)
+        nq, nv = self.q0.shape[0], self.v0.shape[0]
+        if nq - nv not in (0, 1) or self.q0.shape[1:] != self.v0.shape[1:]:
+            raise ValueError(
+                f"q0 and v0 have shapes {self.q0.shape} and {self.v0.shape}; allowed are nv = nq, "
+                "or nv = nq - 1 with a unit quaternion in the last four rows of q0"
+            )
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Recorded states.
+
+    Attributes:
+        t: times, shape (R,) [s].
+        q: positions, shape (R, nq) or (R, nq, N).
+        v: velocities, shape (R, nv) or (R, nv, N).
+    """
+
+    t: Array
+    q: Array
+    v: Array
+
+
+def rollout(q, v, step, acceleration, dt, records, every, params):
+    """`records` times `every` steps; states before the first and after each `every` steps."""
+    qs = np.empty((records + 1,) + q.shape)
+    vs = np.empty((records + 1,) + v.shape)
+    qs[0] = q
+    vs[0] = v
+    for i in range(records):
+        for _ in range(every):
+            q, v = step(q, v, acceleration, dt, params)
+        qs[i + 1] = q
+        vs[i + 1] = v
+    return qs, vs
+
+
+def _step_type(array: types.Array) -> Any:
+    pair = types.UniTuple(array, 2)
+    return pair(array, array, acceleration_type(array), numba.float64, VECTOR)
+
+
+def compiled_step(integrator: str, array: types.Array = VECTOR) -> Step:
+    """The named integrator compiled for states of the given numba array type."""
+    return compiled(INTEGRATORS[integrator].step, _step_type(array))
+
+
+def _compiled_rollout(array: types.Array) -> Any:
+    record = types.Array(numba.float64, array.ndim + 1, "C")
+    signature = types.UniTuple(record, 2)(
+        array,
+        array,
+        types.FunctionType(_step_type(array)),
+        acceleration_type(array),
+        numba.float64,
+        numba.int64,
+        numba.int64,
+        VECTOR,
+    )
+    return compiled(rollout, signature)
+
+
+def simulate(
+    system: System,
+    integrator: str | Step,
+    dt: float,
+    steps: int,
+    every: int | None = None,
+) -> Trajectory:
+    """Take `steps` steps of `dt` from the system's initial state.
+
+    Args:
+        system: what to integrate.
+        integrator: a name in INTEGRATORS, or a step function of your own
+            (q, v, acceleration, dt, params) -> (q, v), which then runs as plain Python.
+        dt: step [s], positive.
+        steps: number of steps.
+        every: record a state every so many steps; default: only the first and the last.
+
+    Returns:
+        The recorded states. A run that blows up goes on to infinity or NaN; nothing is clamped.
+
+    Raises:
+        ValueError: for an unknown integrator, or dt, steps or every out of range.
+    """
+    if isinstance(integrator, str) and integrator not in INTEGRATORS:
+        raise ValueError(f"integrator is {integrator!r}; allowed are {', '.join(INTEGRATORS)}")
+    if not (np.isfinite(dt) and dt > 0):
+        raise ValueError(f"dt is {dt!r}; it must be a positive number of seconds")
+    if steps < 1:
+        raise ValueError(f"steps is {steps!r}; it must be at least 1")
+    every = steps if every is None else every
+    if every < 1 or steps % every:
+        raise ValueError(f"every is {every!r}; it must divide steps = {steps}")
+    records = steps // every
+    with np.errstate(over="ignore", invalid="ignore"):
+        if isinstance(integrator, str) and system.compile and system.q0.ndim <= 2:
+            array = VECTOR if system.q0.ndim == 1 else MATRIX
+            acceleration = compiled(system.acceleration, acceleration_type(array).signature)
+            step = compiled_step(integrator, array)
+            run = _compiled_rollout(array)
+        else:
+            acceleration = system.acceleration
+            step = INTEGRATORS[integrator].step if isinstance(integrator, str) else integrator
+            run = rollout
+        q, v = run(system.q0, system.v0, step, acceleration, dt, records, every, system.params)
+    return Trajectory(dt * every * np.arange(records + 1), q, v)
+
+
+def evaluations_per_step(
+    system: System, integrator: str | Step, dt: float, steps: int = 20
+) -> float:
+    """Mean number of force evaluations a step takes, counted on a short plain run.
+
+    Args:
+        system: what to integrate.
+        integrator: a name in INTEGRATORS or a step function.
+        dt: step [s].
+        steps: length of the counting run.
+
+    Returns:
+        Evaluations of `acceleration` per step; not a whole number for implicit methods.
+    """
+    calls = 0
+
+    def counting(q: Any, v: Any, params: Any) -> Any:
+        nonlocal calls
+        calls += 1
+        return system.acceleration(q, v, params)
+
+    step = INTEGRATORS[integrator].step if isinstance(integrator, str) else integrator
+    q, v = system.q0, system.v0
+    with np.errstate(over="ignore", invalid="ignore"):
+        for _ in range(steps):
+            q, v = step(q, v, counting, dt, system.params)
+    return calls / steps

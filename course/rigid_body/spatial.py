@@ -1,0 +1,256 @@
+"""A rigid body in space: 13 numbers, Newton and Euler, any inertia tensor, forces at points.
+
+State as in MuJoCo's free joint: q = (x, y, z, qw, qx, qy, qz), v = (velocity of the centre of mass
+in the world, angular velocity in the body frame). The gyroscopic term -omega x (I omega) appears
+because the equation is written in the turning frame, where I is constant.
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numba.extending import register_jitable
+from numpy.typing import ArrayLike
+
+from course.compiled import MATRIX, acceleration_type, compiled
+from course.rigid_body.integrators import INTEGRATORS, Array, _compiled_rollout, compiled_step
+from course.rigid_body.quaternion import conjugate, rotate, unit_quaternion
+
+
+@register_jitable
+def free_flight_acceleration(q, v, params):
+    """Bodies in free flight, in principal axes; params = (gx, gy, gz [m/s^2], I1, I2, I3 [kg m^2]).
+
+    Args:
+        q: positions, shape (7,) or (7, N).
+        v: velocities, shape (6,) or (6, N).
+        params: as above; mass drops out.
+
+    Returns:
+        Rates of v, shape of v.
+    """
+    result = np.empty_like(v)
+    result[0] = params[0]
+    result[1] = params[1]
+    result[2] = params[2]
+    result[3] = (params[4] - params[5]) / params[3] * v[4] * v[5]
+    result[4] = (params[5] - params[3]) / params[4] * v[5] * v[3]
+    result[5] = (params[3] - params[4]) / params[5] * v[3] * v[4]
+    return result
+
+
+@register_jitable
+def newton_euler_acceleration(q, v, params):
+    """Newton's and Euler's equations for any inertia tensor under a constant wrench.
+
+    Args:
+        q: positions, shape (7,) or (7, N).
+        v: velocities, shape (6,) or (6, N).
+        params: (acceleration of the centre of mass (3) [m/s^2, world], torque about it (3)
+            [N m, world], inertia tensor (9) and its inverse (9) [kg m^2, body frame, row by row]).
+
+    Returns:
+        Rates of v, shape of v.
+    """
+    result = np.empty_like(v)
+    momentum = np.empty_like(v[3:])
+    torque = np.empty_like(v[3:])
+    for i in range(3):
+        result[i] = params[i]
+        torque[i] = params[3 + i]
+        momentum[i] = params[6 + 3 * i] * v[3] + params[7 + 3 * i] * v[4] + params[8 + 3 * i] * v[5]
+    torque = rotate(conjugate(q[3:]), torque)
+    net_x = torque[0] - (v[4] * momentum[2] - v[5] * momentum[1])
+    net_y = torque[1] - (v[5] * momentum[0] - v[3] * momentum[2])
+    net_z = torque[2] - (v[3] * momentum[1] - v[4] * momentum[0])
+    for i in range(3):
+        row = 15 + 3 * i
+        result[3 + i] = params[row] * net_x + params[row + 1] * net_y + params[row + 2] * net_z
+    return result
+
+
+def inertia_tensor(value: ArrayLike) -> Array:
+    """A checked 3 x 3 inertia tensor.
+
+    Args:
+        value: three principal moments or a symmetric 3 x 3 tensor, body frame [kg m^2].
+
+    Returns:
+        The tensor, shape (3, 3).
+
+    Raises:
+        ValueError: unless it is symmetric, positive and obeys the triangle inequality
+            I1 + I2 >= I3, without which no mass distribution has it.
+    """
+    tensor = np.asarray(value, dtype=np.float64)
+    if tensor.shape == (3,):
+        tensor = np.diag(tensor)
+    if tensor.shape != (3, 3) or not np.all(np.isfinite(tensor)):
+        raise ValueError(f"inertia is {value}; allowed are 3 moments or a 3 x 3 tensor of numbers")
+    if not np.allclose(tensor, tensor.T, rtol=1e-9, atol=1e-12 * np.abs(tensor).max()):
+        raise ValueError(f"inertia is {value}; an inertia tensor is symmetric")
+    low, middle, high = np.linalg.eigvalsh(tensor)
+    if low <= 0.0 or low + middle < high * (1.0 - 1e-9):
+        raise ValueError(
+            f"inertia has principal moments {low:.6g}, {middle:.6g}, {high:.6g}; all must be "
+            "positive and none larger than the sum of the other two"
+        )
+    return tensor
+
+
+@dataclass
+class RigidBody:
+    """One rigid body in space.
+
+    Attributes:
+        mass: [kg].
+        inertia: about the centre of mass in the body frame: 3 principal moments or a tensor
+            (3, 3) [kg m^2].
+        q: position of the centre of mass and unit quaternion, shape (7,) [m].
+        v: velocity (world) and angular velocity (body frame), shape (6,) [m/s, rad/s].
+        force: force gathered for the next step, world frame [N].
+        torque: torque about the centre of mass gathered for the next step, world frame [N m].
+    """
+
+    mass: float
+    inertia: ArrayLike
+    q: Array = field(default_factory=lambda: np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
+    v: Array = field(default_factory=lambda: np.zeros(6))
+    force: Array = field(default_factory=lambda: np.zeros(3), init=False)
+    torque: Array = field(default_factory=lambda: np.zeros(3), init=False)
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.mass) and self.mass > 0.0):
+            raise ValueError(f"mass is {self.mass!r}; it must be a positive number of kilograms")
+        self.inertia = inertia_tensor(self.inertia)
+        self.q = np.array(self.q, dtype=np.float64)
+        self.v = np.array(self.v, dtype=np.float64)
+        if self.q.shape != (7,) or self.v.shape != (6,):
+            raise ValueError(
+                f"q and v have shapes {self.q.shape} and {self.v.shape}; allowed are (7,) and (6,)"
+            )
+        if not (np.all(np.isfinite(self.q)) and np.all(np.isfinite(self.v))):
+            raise ValueError(f"q is {self.q} and v is {self.v}; every number must be finite")
+        self.q[3:] = unit_quaternion(self.q[3:])
+
+    def apply_force(self, force: ArrayLike, point: ArrayLike | None = None) -> None:
+        """Add a force for the next step.
+
+        Args:
+            force: in the world frame, shape (3,) [N].
+            point: where it acts, in the world frame, shape (3,) [m]; default: the centre of mass.
+
+        Raises:
+            ValueError: for a wrong shape or a number that is not finite.
+        """
+        f = _vector3("force", force)
+        self.force = self.force + f
+        if point is not None:
+            self.torque = self.torque + np.cross(_vector3("point", point) - self.q[:3], f)
+
+    def apply_torque(self, torque: ArrayLike) -> None:
+        """Add a torque (world frame, shape (3,), N m) for the next step."""
+        self.torque = self.torque + _vector3("torque", torque)
+
+    def step(
+        self,
+        dt: float,
+        gravity: ArrayLike = (0.0, 0.0, -9.80665),
+        integrator: str = "rk4",
+    ) -> None:
+        """Advance by dt [s] under gravity and the gathered wrench, which is then cleared.
+
+        The wrench keeps its direction in the world during the step.
+
+        Args:
+            dt: step [s], positive.
+            gravity: world frame, shape (3,) [m/s^2].
+            integrator: a name in INTEGRATORS.
+
+        Raises:
+            ValueError: for a step that is not positive or an unknown integrator.
+        """
+        if not (np.isfinite(dt) and dt > 0.0):
+            raise ValueError(f"dt is {dt!r}; it must be a positive number of seconds")
+        if integrator not in INTEGRATORS:
+            raise ValueError(f"integrator is {integrator!r}; allowed are {', '.join(INTEGRATORS)}")
+        tensor = np.asarray(self.inertia)
+        params = np.concatenate(
+            [
+                self.force / self.mass + _vector3("gravity", gravity),
+                self.torque,
+                tensor.ravel(),
+                np.linalg.inv(tensor).ravel(),
+            ]
+        )
+        step = INTEGRATORS[integrator].step
+        self.q, self.v = step(self.q, self.v, newton_euler_acceleration, dt, params)
+        self.force, self.torque = np.zeros(3), np.zeros(3)
+
+    def energy(self, gravity: ArrayLike = (0.0, 0.0, -9.80665)) -> tuple[float, float, float]:
+        """Kinetic, potential (zero at the world's origin) and total energy [J]."""
+        spin = self.v[3:]
+        kinetic = 0.5 * self.mass * self.v[:3] @ self.v[:3] + 0.5 * spin @ (self.inertia @ spin)
+        potential = -self.mass * _vector3("gravity", gravity) @ self.q[:3]
+        return float(kinetic), float(potential), float(kinetic + potential)
+
+    def angular_momentum(self) -> Array:
+        """Angular momentum about the centre of mass in the world frame, shape (3,) [kg m^2/s]."""
+        return np.asarray(rotate(self.q[3:], np.asarray(self.inertia) @ self.v[3:]))
+
+
+def _vector3(name: str, value: ArrayLike) -> Array:
+    vector = np.asarray(value, dtype=np.float64)
+    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+        raise ValueError(f"{name} is {value}; it must be three finite numbers")
+    return vector
+
+
+# Bodies per block: small enough that its rows stay in cache while many steps go by, large enough
+# that the few allocations of a step are shared by many bodies.
+BLOCK = 256
+
+
+def advance_bodies(
+    q: Array,
+    v: Array,
+    inertia: ArrayLike,
+    dt: float,
+    steps: int,
+    gravity: ArrayLike = (0.0, 0.0, -9.80665),
+    integrator: str = "rk4",
+) -> tuple[Array, Array]:
+    """Many equal bodies in free flight, advanced together by the compiled integrator.
+
+    Args:
+        q: positions, shape (7, N) [m, unit quaternions].
+        v: velocities, shape (6, N) [m/s, rad/s].
+        inertia: the principal moments all bodies share, shape (3,) [kg m^2].
+        dt: step [s].
+        steps: number of steps.
+        gravity: world frame, shape (3,) [m/s^2].
+        integrator: a name in INTEGRATORS.
+
+    Returns:
+        The new (q, v); the inputs are left as they were.
+
+    Raises:
+        ValueError: for shapes that disagree or an unknown integrator.
+    """
+    if q.ndim != 2 or q.shape[0] != 7 or v.shape != (6, q.shape[1]):
+        raise ValueError(f"q and v have shapes {q.shape} and {v.shape}; allowed: (7, N) and (6, N)")
+    if integrator not in INTEGRATORS:
+        raise ValueError(f"integrator is {integrator!r}; allowed are {', '.join(INTEGRATORS)}")
+    params = np.concatenate([_vector3("gravity", gravity), _vector3("inertia", inertia)])
+    step = compiled_step(integrator, MATRIX)
+    run = _compiled_rollout(MATRIX)
+    acceleration = compiled(free_flight_acceleration, acceleration_type(MATRIX).signature)
+    q_new, v_new = np.empty_like(q), np.empty_like(v)
+    for start in range(0, q.shape[1], BLOCK):
+        part = slice(start, start + BLOCK)
+        qs, vs = run(
+            np.ascontiguousarray(q[:, part]),
+            np.ascontiguousarray(v[:, part]),
+            step, acceleration, dt, 1, steps, params,
+        )  # fmt: skip
+        q_new[:, part], v_new[:, part] = qs[-1], vs[-1]
+    return q_new, v_new
