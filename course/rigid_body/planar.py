@@ -29,21 +29,17 @@ from numpy.typing import ArrayLike, NDArray
 
 from course.compiled import MATRIX, compiled
 from course.rigid_body.planar_contact import (
-    FACE_TOLERANCE,
     GAP_TOLERANCE,
     HIT,
-    QUARTER_TURN,
     SPEED_TOLERANCE,
     UNFINISHED,
+    collide,
+    collide_late,
     first_impact,
     flight,
-    height_on_face,
-    impact,
     lies_still,
     lowest_corners,
-    one_contact,
-    time_to_face,
-    two_contacts,
+    sustain,
 )
 
 Array = NDArray[np.float64]
@@ -65,136 +61,10 @@ PARAMETERS = ("mass", "width", "height", "inertia", "restitution", "friction", "
 
 
 @register_jitable
-def _collide(angle, vx, vy, omega, box, elastic):
-    """Velocities after the impact of the corners that touch: one event.
-
-    With `elastic` the corner or face that approaches fastest bounces, otherwise all that touch
-    stop without bouncing. The last of the four numbers is 1 if no case of the contact fits.
-    """
-    inverse_mass, width, height, inverse_inertia, restitution, friction, _ = box
-    rx, ry, rx2, ry2 = lowest_corners(angle, width, height)
-    vn = vy + omega * rx
-    both = ry2 - ry <= GAP_TOLERANCE * (width + height)
-    if both:
-        vn2 = vy + omega * rx2
-        if not elastic:
-            middle = 0.5 * (ry + ry2)
-            vx, vy, omega, active = two_contacts(
-                vx, vy, omega, rx, rx2, middle, inverse_mass, inverse_inertia, friction
-            )
-            return vx, vy, omega, 1 if active < 0 else 0
-        if vn < 0.0 and vn2 < 0.0 and abs(vn2 - vn) <= -FACE_TOLERANCE * (vn + vn2):
-            rx = 0.5 * (rx + rx2)
-            ry = 0.5 * (ry + ry2)
-            vn = vy + omega * rx
-        elif vn2 < vn:
-            rx = rx2
-            ry = ry2
-            vn = vn2
-    vt = vx - omega * ry
-    if elastic:
-        pt, pn = impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction)
-    else:
-        pt, pn = one_contact(vt, vn, rx, ry, inverse_mass, inverse_inertia, friction)
-    vx += inverse_mass * pt
-    vy += inverse_mass * pn
-    omega += inverse_inertia * (rx * pn - ry * pt)
-    return vx, vy, omega, 0
-
-
-@register_jitable
-def _collide_late(x, y, angle, vx, vy, omega, box):
-    """Contact found after the fact: reflect the velocity, push the box out of the ground."""
-    width, height, rest_speed = box[1], box[2], box[6]
-    rx, ry, rx2, ry2 = lowest_corners(angle, width, height)
-    impacts = 0
-    failed = 0
-    if y + ry < 0.0:
-        both = ry2 - ry <= GAP_TOLERANCE * (width + height)
-        for k in range(8):
-            speed = vy + omega * rx
-            if both:
-                speed = min(speed, vy + omega * rx2)
-            if speed >= -SPEED_TOLERANCE:
-                break
-            elastic = speed < -rest_speed and k < 7
-            vx, vy, omega, bad = _collide(angle, vx, vy, omega, box, elastic)
-            impacts += 1
-            failed |= bad
-        y = -ry
-    return x, y, angle, vx, vy, omega, impacts, failed
-
-
-@register_jitable
-def _sustain(x, y, angle, vx, vy, omega, ax, ay, alpha, box, left, coefficient, first, second):
-    """Move with corners on the ground, up to the end of the step or the next event.
-
-    Events are the end of sliding and the landing of a pivoting box on its face.
-    `first`, `second`: which of the lowest corners are in contact.
-
-    Returns:
-        (x, y, angle, vx, vy, omega, time used, outcome), outcome 0: nothing holds the box on the
-        ground, and it was not moved; 1: moved; -1: moved, but no case of the contact fitted.
-    """
-    inverse_mass, width, height, inverse_inertia, _, friction, _ = box
-    rx, ry, rx2, ry2 = lowest_corners(angle, width, height)
-    free_x, free_y, free_omega = vx + left * ax, vy + left * ay, omega + left * alpha
-    active = 0
-    if first and second:
-        ry = 0.5 * (ry + ry2)
-        new_x, new_y, new_omega, active = two_contacts(
-            free_x, free_y, free_omega, rx, rx2, ry, inverse_mass, inverse_inertia, friction
-        )
-        if active == 0:
-            return x, y, angle, vx, vy, omega, 0.0, 0
-        if active == 3 or active == -1:
-            used = left
-            x_rate = (new_x - vx) / left
-            if new_x == 0.0 and vx != 0.0 and active == 3:
-                # It stops within the step: slide up to that time, under the full friction.
-                push = friction * free_y if vx > 0.0 else -friction * free_y
-                slid = free_x + push
-                if vx * slid < 0.0:
-                    used = min(left, left * (vx / (vx - slid)))
-                    x_rate = -vx / used
-            x = flight(x, vx, x_rate, used, coefficient)
-            angle = np.floor(angle / QUARTER_TURN + 0.5) * QUARTER_TURN
-            y = height_on_face(angle, width, height)
-            return x, y, angle, new_x, 0.0, 0.0, used, 1 if active == 3 else -1
-    else:
-        if second:
-            rx, ry = rx2, ry2
-        # The corner is to be at rest, or slide, where it will be after it has turned.
-        turned = left * omega * omega
-        vt = free_x - free_omega * ry - turned * rx
-        vn = free_y + free_omega * rx - turned * ry
-        pt, pn = one_contact(vt, vn, rx, ry, inverse_mass, inverse_inertia, friction)
-        if pn <= 0.0:
-            return x, y, angle, vx, vy, omega, 0.0, 0
-        new_x = free_x + inverse_mass * pt
-        new_y = free_y + inverse_mass * pn
-        new_omega = free_omega + inverse_inertia * (rx * pn - ry * pt)
-    # One corner carries: the box pivots on it, until it comes down on a face.
-    ax, ay, alpha = (new_x - vx) / left, (new_y - vy) / left, (new_omega - omega) / left
-    used, face = time_to_face(angle, omega, coefficient * alpha, left)
-    x = flight(x, vx, ax, min(used, left), coefficient)
-    if used <= left:
-        new_x, new_y, new_omega = vx + used * ax, vy + used * ay, omega + used * alpha
-        angle = face
-        y = height_on_face(angle, width, height)
-    else:
-        used = left
-        angle = flight(angle, omega, alpha, left, coefficient)
-        _, ry, _, _ = lowest_corners(angle, width, height)
-        y = -ry
-    return x, y, angle, new_x, new_y, new_omega, used, 1
-
-
-@register_jitable
 def _advance(
-    x, y, angle, vx, vy, omega, ax, ay, alpha, box, radius, dt, coefficient, resolve, ground, limit
+    x, y, angle, vx, vy, omega, ax, ay, alpha, box, radius, dt, coefficient, resolve, limit
 ):
-    """One step of one box: flight, impacts and sustained contact in the order they happen.
+    """One step of one box near the ground: flight, impacts, contact, in the order they happen.
 
     Returns:
         The new state, the number of impacts, and 1 if the step was not resolved, else 0.
@@ -205,23 +75,25 @@ def _advance(
     failed = 0
     bounced = False  # a corner has just bounced: it is to fly, however slowly
     passes = 0
-    while ground and resolve:
-        fall = min(left * vy, 0.0) + min(coefficient * ay * left * left, 0.0)
-        if y + fall > radius:
-            break
+    while resolve:
         passes += 1
         if impacts >= limit or passes > 4 * limit:
             failed = 1
             break
-        rx, ry, rx2, ry2 = lowest_corners(angle, width, height)
+        corners = lowest_corners(angle, width, height)
+        rx, ry, rx2, ry2 = corners
         touch = GAP_TOLERANCE * radius
+        fall = min(left * vy, 0.0) + min(coefficient * ay * left * left, 0.0)
+        swing = radius * left * (abs(omega) + coefficient * abs(alpha) * left)
+        if y + ry + fall - swing > touch:
+            break
         if y + ry <= touch:
             vn, vn2 = vy + omega * rx, vy + omega * rx2
             second = y + ry2 <= touch
             speed = min(vn, vn2) if second else vn
             if speed < -SPEED_TOLERANCE:
                 bounced = speed < -rest_speed
-                vx, vy, omega, bad = _collide(angle, vx, vy, omega, box, bounced)
+                vx, vy, omega, bad = collide(vx, vy, omega, corners, box, bounced)
                 impacts += 1
                 failed |= bad
                 continue
@@ -231,9 +103,10 @@ def _advance(
             if (first and vn + left * (ay + alpha * rx) < 0.0) or (
                 second and vn2 + left * (ay + alpha * rx2) < 0.0
             ):
-                x, y, angle, vx, vy, omega, used, outcome = _sustain(
-                    x, y, angle, vx, vy, omega, ax, ay, alpha, box, left, coefficient, first, second
-                )
+                x, y, angle, vx, vy, omega, used, outcome = sustain(
+                    x, y, angle, vx, vy, omega, ax, ay, alpha, corners, box, left, coefficient,
+                    first, second,
+                )  # fmt: skip
                 if outcome != 0:
                     bounced = False
                     failed |= outcome < 0
@@ -262,10 +135,10 @@ def _advance(
     vx += left * ax
     vy += left * ay
     omega += left * alpha
-    if ground and (failed != 0 or not resolve):
+    if failed != 0 or not resolve:
         if failed != 0:  # too many impacts: the rest of the step does not bounce
             box = (box[0], box[1], box[2], box[3], 0.0, box[5], box[6])
-        x, y, angle, vx, vy, omega, late, bad = _collide_late(x, y, angle, vx, vy, omega, box)
+        x, y, angle, vx, vy, omega, late, bad = collide_late(x, y, angle, vx, vy, omega, box)
         impacts += late
         failed |= bad
     return x, y, angle, vx, vy, omega, impacts, failed
@@ -275,37 +148,48 @@ def _step_boxes(
     out, counts, state, parameters, forces, gx, gy, dt, steps, coefficient, resolve, ground, limit
 ):
     """`steps` steps of every box, one box after the other; the first bad box or -1 comes back."""
-    many_parameters = parameters.shape[1] > 1
-    many_forces = forces.shape[1] > 1
+    each = parameters.shape[1] > 1 or forces.shape[1] > 1
     for j in range(state.shape[1]):
-        k = j if many_parameters else 0
-        f = j if many_forces else 0
-        mass, width, height = parameters[0, k], parameters[1, k], parameters[2, k]
-        inertia, restitution = parameters[3, k], parameters[4, k]
-        friction, rest_speed = parameters[5, k], parameters[6, k]
+        if each or j == 0:
+            k = min(j, parameters.shape[1] - 1)
+            f = min(j, forces.shape[1] - 1)
+            mass, width, height = parameters[0, k], parameters[1, k], parameters[2, k]
+            inertia, restitution = parameters[3, k], parameters[4, k]
+            friction, rest_speed = parameters[5, k], parameters[6, k]
+            good = mass > 0.0 and width > 0.0 and height > 0.0 and inertia > 0.0
+            good = good and 0.0 <= restitution <= 1.0 and friction >= 0.0 and rest_speed >= 0.0
+            finite = mass + width + height + inertia + friction + rest_speed
+            finite += forces[0, f] + forces[1, f] + forces[2, f]
+            if not good or not abs(finite) < np.inf:
+                return j
+            box = (1.0 / mass, width, height, 1.0 / inertia, restitution, friction, rest_speed)
+            radius = 0.5 * np.sqrt(width * width + height * height)
+            ax = gx + forces[0, f] / mass
+            ay = gy + forces[1, f] / mass
+            alpha = forces[2, f] / inertia
+            # On a face, pressed down and pushed by nothing: at rest it stays as it is.
+            settles = ground and resolve and ax == 0.0 and ay < 0.0 and alpha == 0.0
         x, y, angle = state[0, j], state[1, j], state[2, j]
         vx, vy, omega = state[3, j], state[4, j], state[5, j]
-        good = mass > 0.0 and width > 0.0 and height > 0.0 and inertia > 0.0
-        good = good and 0.0 <= restitution <= 1.0 and friction >= 0.0 and rest_speed >= 0.0
-        total = x + y + angle + vx + vy + omega + mass + width + height + inertia + friction
-        total += rest_speed + forces[0, f] + forces[1, f] + forces[2, f]
-        if not good or not abs(total) < np.inf:
+        if not abs(x + y + angle + vx + vy + omega) < np.inf:
             return j
-        box = (1.0 / mass, width, height, 1.0 / inertia, restitution, friction, rest_speed)
-        radius = 0.5 * np.sqrt(width * width + height * height)
-        ax = gx + forces[0, f] / mass
-        ay = gy + forces[1, f] / mass
-        alpha = forces[2, f] / inertia
-        # On a face, pressed down and pushed by nothing: at rest it stays as it is.
-        settles = ground and resolve and ax == 0.0 and ay < 0.0 and alpha == 0.0
         impacts = 0
         unresolved = 0
         for _ in range(steps):
             if settles and lies_still(y, angle, vx, vy, omega, width, height):
                 break
+            fall = min(dt * vy, 0.0) + min(coefficient * ay * dt * dt, 0.0)
+            if not ground or y + fall > radius:
+                x = flight(x, vx, ax, dt, coefficient)
+                y = flight(y, vy, ay, dt, coefficient)
+                angle = flight(angle, omega, alpha, dt, coefficient)
+                vx += dt * ax
+                vy += dt * ay
+                omega += dt * alpha
+                continue
             x, y, angle, vx, vy, omega, n, failed = _advance(
                 x, y, angle, vx, vy, omega, ax, ay, alpha, box, radius, dt,
-                coefficient, resolve, ground, limit,
+                coefficient, resolve, limit,
             )  # fmt: skip
             impacts += n
             unresolved += failed
@@ -327,7 +211,7 @@ def _checked(name: str, value: Any, allowed: str, low: float, high: float = np.i
     """The value as an array of floats, if all of it is finite and within [low, high]."""
     array = np.asarray(value, dtype=float)
     if not (np.isfinite(array).all() and (array >= low).all() and (array <= high).all()):
-        raise ValueError(f"{name} is {value}, allowed is {allowed}")
+        raise ValueError(f"{name} is {value!r}, allowed is {allowed}")
     return array
 
 
@@ -390,7 +274,7 @@ def _gravity(gravity: ArrayLike) -> tuple[float, float]:
     """The vector of gravity; a single number acts downwards."""
     vector = np.asarray(gravity, dtype=float)
     if vector.shape not in ((), (2,)) or not np.isfinite(vector).all():
-        raise ValueError(f"gravity is {gravity}, allowed is a finite number or two [m/s^2]")
+        raise ValueError(f"gravity is {gravity!r}, allowed is a finite number or two [m/s^2]")
     return (0.0, -float(vector)) if vector.shape == () else (float(vector[0]), float(vector[1]))
 
 
@@ -576,9 +460,9 @@ class PlanarBody:
         f = np.asarray(force, dtype=float)
         p = self.state[:2] if point is None else np.asarray(point, dtype=float)
         if f.shape != (2,) or not np.isfinite(f).all():
-            raise ValueError(f"force is {force}, allowed are 2 finite numbers [N]")
+            raise ValueError(f"force is {force!r}, allowed are 2 finite numbers [N]")
         if p.shape != (2,) or not np.isfinite(p).all():
-            raise ValueError(f"point is {point}, allowed are 2 finite numbers [m]")
+            raise ValueError(f"point is {point!r}, allowed are 2 finite numbers [m]")
         arm = p - self.state[:2]
         self.force = self.force + f
         self.torque += float(arm[0] * f[1] - arm[1] * f[0])

@@ -343,3 +343,132 @@ def lies_still(y, angle, vx, vy, omega, width, height):
         return False
     nearest = math.floor(angle / QUARTER_TURN + 0.5)
     return angle == nearest * QUARTER_TURN and y == height_on_face(angle, width, height)
+
+
+@register_jitable
+def collide(vx, vy, omega, corners, box, elastic):
+    """Velocities after the impact of the corners that touch: one event.
+
+    With `elastic` the corner or face that approaches fastest bounces, otherwise all that touch
+    stop without bouncing. The last of the four numbers is 1 if no case of the contact fits.
+    """
+    inverse_mass, width, height, inverse_inertia, restitution, friction, _ = box
+    rx, ry, rx2, ry2 = corners
+    vn = vy + omega * rx
+    both = ry2 - ry <= GAP_TOLERANCE * (width + height)
+    if both:
+        vn2 = vy + omega * rx2
+        if not elastic:
+            middle = 0.5 * (ry + ry2)
+            vx, vy, omega, active = two_contacts(
+                vx, vy, omega, rx, rx2, middle, inverse_mass, inverse_inertia, friction
+            )
+            return vx, vy, omega, 1 if active < 0 else 0
+        if vn < 0.0 and vn2 < 0.0 and abs(vn2 - vn) <= -FACE_TOLERANCE * (vn + vn2):
+            rx = 0.5 * (rx + rx2)
+            ry = 0.5 * (ry + ry2)
+            vn = vy + omega * rx
+        elif vn2 < vn:
+            rx = rx2
+            ry = ry2
+            vn = vn2
+    vt = vx - omega * ry
+    if elastic:
+        pt, pn = impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction)
+    else:
+        pt, pn = one_contact(vt, vn, rx, ry, inverse_mass, inverse_inertia, friction)
+    vx += inverse_mass * pt
+    vy += inverse_mass * pn
+    omega += inverse_inertia * (rx * pn - ry * pt)
+    return vx, vy, omega, 0
+
+
+@register_jitable
+def collide_late(x, y, angle, vx, vy, omega, box):
+    """Contact found after the fact: reflect the velocity, push the box out of the ground."""
+    width, height, rest_speed = box[1], box[2], box[6]
+    corners = lowest_corners(angle, width, height)
+    rx, ry, rx2, ry2 = corners
+    impacts = 0
+    failed = 0
+    if y + ry < 0.0:
+        both = ry2 - ry <= GAP_TOLERANCE * (width + height)
+        for k in range(8):
+            speed = vy + omega * rx
+            if both:
+                speed = min(speed, vy + omega * rx2)
+            if speed >= -SPEED_TOLERANCE:
+                break
+            elastic = speed < -rest_speed and k < 7
+            vx, vy, omega, bad = collide(vx, vy, omega, corners, box, elastic)
+            impacts += 1
+            failed |= bad
+        y = -ry
+    return x, y, angle, vx, vy, omega, impacts, failed
+
+
+@register_jitable
+def sustain(
+    x, y, angle, vx, vy, omega, ax, ay, alpha, corners, box, left, coefficient, first, second
+):
+    """Move with corners on the ground, up to the end of the step or the next event.
+
+    Events are the end of sliding and the landing of a pivoting box on its face.
+    `first`, `second`: which of the lowest corners are in contact.
+
+    Returns:
+        (x, y, angle, vx, vy, omega, time used, outcome), outcome 0: nothing holds the box on the
+        ground, and it was not moved; 1: moved; -1: moved, but no case of the contact fitted.
+    """
+    inverse_mass, width, height, inverse_inertia, _, friction, _ = box
+    rx, ry, rx2, ry2 = corners
+    free_x, free_y, free_omega = vx + left * ax, vy + left * ay, omega + left * alpha
+    active = 0
+    if first and second:
+        ry = 0.5 * (ry + ry2)
+        new_x, new_y, new_omega, active = two_contacts(
+            free_x, free_y, free_omega, rx, rx2, ry, inverse_mass, inverse_inertia, friction
+        )
+        if active == 0:
+            return x, y, angle, vx, vy, omega, 0.0, 0
+        if active == 3 or active == -1:
+            used = left
+            x_rate = (new_x - vx) / left
+            if new_x == 0.0 and vx != 0.0 and active == 3:
+                # It stops within the step: slide up to that time, under the full friction.
+                push = friction * free_y if vx > 0.0 else -friction * free_y
+                slid = free_x + push
+                if vx * slid < 0.0:
+                    used = min(left, left * (vx / (vx - slid)))
+                    x_rate = -vx / used
+            x = flight(x, vx, x_rate, used, coefficient)
+            angle = math.floor(angle / QUARTER_TURN + 0.5) * QUARTER_TURN
+            y = height_on_face(angle, width, height)
+            return x, y, angle, new_x, 0.0, 0.0, used, 1 if active == 3 else -1
+    else:
+        if second:
+            rx, ry = rx2, ry2
+        # The corner is to be at rest, or slide, where it will be after it has turned.
+        turned = left * omega * omega
+        vt = free_x - free_omega * ry - turned * rx
+        vn = free_y + free_omega * rx - turned * ry
+        pt, pn = one_contact(vt, vn, rx, ry, inverse_mass, inverse_inertia, friction)
+        if pn <= 0.0:
+            return x, y, angle, vx, vy, omega, 0.0, 0
+        new_x = free_x + inverse_mass * pt
+        new_y = free_y + inverse_mass * pn
+        new_omega = free_omega + inverse_inertia * (rx * pn - ry * pt)
+    # One corner carries: the box pivots on it, until it comes down on a face.
+    ax, ay, alpha = (new_x - vx) / left, (new_y - vy) / left, (new_omega - omega) / left
+    used, face = time_to_face(angle, omega, coefficient * alpha, left)
+    x = flight(x, vx, ax, min(used, left), coefficient)
+    if used <= left:
+        new_x, new_y, new_omega = vx + used * ax, vy + used * ay, omega + used * alpha
+        angle = face
+        y = height_on_face(angle, width, height)
+    else:
+        used = left
+        angle = flight(angle, omega, alpha, left, coefficient)
+        _, ry, _, _ = lowest_corners(angle, width, height)
+        y = -ry
+    return x, y, angle, new_x, new_y, new_omega, used, 1
