@@ -1,0 +1,624 @@
+"""Speed against accuracy: what does a method cost, and what does it buy?
+
+Every method runs on the same question with several settings (mostly step sizes). Cost is counted
+twice: as time and as a number that no machine changes (force evaluations). Error is the distance to
+an independent reference, which is itself checked first. Methods run interleaved, so a busy moment
+of the machine hits all of them alike; the figures are medians and quartiles. A run that fails
+is a point at infinite cost and is drawn at the top edge of the chart, not left out.
+
+The form of the diagram follows Hairer, Norsett and Wanner, Solving Ordinary Differential Equations
+I, 1993, sec. II.4.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import platform
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+Array = NDArray[np.float64]
+STYLES = ("ours", "oracle", "yours")
+
+# Okabe and Ito (2008), distinguishable with any colour vision; yellow is too pale for a thin line.
+PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#7F7F7F", "#5D3A9B")
+_MARKERS = "osD^vP*X"
+
+
+@dataclass(frozen=True)
+class Result:
+    """What one run gives: the answer and what it cost in counts (inf or nan is a failure)."""
+
+    answer: ArrayLike
+    count: float
+
+
+@dataclass(frozen=True)
+class Method:
+    """One curve of the chart.
+
+    Attributes:
+        name: as in the legend.
+        run: parameter -> `Result`. What is inside is timed, so prepare outside.
+        parameters: the settings, usually step sizes; a larger parameter means less work.
+        style: "ours", "oracle" (another library) or "yours" (the reader's).
+        unit: what `Result.count` counts.
+        colour: to keep a method's colour from chart to chart; empty for the next of `PALETTE`.
+    """
+
+    name: str
+    run: Callable[[float], Result]
+    parameters: Sequence[float]
+    style: str = "ours"
+    unit: str = "force evaluations"
+    colour: str = ""
+
+    def __post_init__(self) -> None:
+        if self.style not in STYLES:
+            raise ValueError(f"style must be one of {STYLES}, got {self.style!r}")
+        values = np.asarray(self.parameters, dtype=float)
+        if values.ndim != 1 or values.size == 0 or not np.all(np.isfinite(values) & (values > 0.0)):
+            raise ValueError(
+                f"parameters must be one or more positive numbers, got {self.parameters!r}"
+            )
+
+
+@dataclass(frozen=True)
+class Point:
+    """One method with one setting. Times in seconds; all infinite where it failed.
+
+    Attributes:
+        parameter: the setting.
+        error: distance to the reference (inf for a failure).
+        count: machine-independent cost.
+        time, low, high: median and quartiles of the time for one run.
+        failure: why it failed, empty if it didn't.
+    """
+
+    parameter: float
+    error: float
+    count: float
+    time: float
+    low: float
+    high: float
+    failure: str = ""
+
+    def cost(self, by: str) -> float:
+        """The cost by "time" [s] or by "count"."""
+        if by not in ("time", "count"):
+            raise ValueError(f"by must be 'time' or 'count', got {by!r}")
+        return self.time if by == "time" else self.count
+
+
+@dataclass(frozen=True)
+class Curve:
+    """All points of one method, the coarsest setting first."""
+
+    name: str
+    style: str
+    unit: str
+    points: tuple[Point, ...]
+    colour: str = ""
+
+    def worked(self) -> list[Point]:
+        """The points that did not fail."""
+        return [point for point in self.points if not point.failure]
+
+
+@dataclass(frozen=True)
+class Pick:
+    """The cheapest method and setting that meet the tolerance."""
+
+    name: str
+    point: Point
+    by: str
+
+
+@dataclass(frozen=True)
+class WorkPrecision:
+    """The measured curves, with what is needed to draw and to repeat them."""
+
+    question: str
+    error_unit: str
+    curves: tuple[Curve, ...]
+    tolerance: float | None
+    reference_uncertainty: float
+    failed_above: float
+    machine: str
+    ratio: float | None = None  # time of the reader's method over that of the pick run beside it
+    _repeat: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
+
+    def curve(self, name: str) -> Curve:
+        """The curve of that name.
+
+        Raises:
+            ValueError: if there is none.
+        """
+        for curve in self.curves:
+            if curve.name == name:
+                return curve
+        raise ValueError(f"name must be one of {[c.name for c in self.curves]}, got {name!r}")
+
+    def pick(
+        self, tolerance: float | None = None, by: str = "time", styles: Sequence[str] = STYLES
+    ) -> Pick | None:
+        """The cheapest measured point whose error is within the tolerance.
+
+        Args:
+            tolerance: largest error allowed; None for the chart's own.
+            by: "time" or "count".
+            styles: whose methods to choose from.
+
+        Returns:
+            The pick, or None where nothing is good enough.
+        """
+        limit = self.tolerance if tolerance is None else tolerance
+        if limit is None:
+            raise ValueError("tolerance must be given: this chart has none of its own")
+        good = [
+            (point.cost(by), i, curve.name, point)
+            for i, curve in enumerate(self.curves)
+            if curve.style in styles
+            for point in curve.worked()
+            if point.error <= limit
+        ]
+        if not good:
+            return None
+        _, _, name, point = min(good, key=lambda entry: entry[:2])
+        return Pick(name, point, by)
+
+    def observed_order(self, name: str) -> float:
+        """Slope of log(error) against log(parameter) in the asymptotic range.
+
+        The coarse end (not yet asymptotic, or failed) and the fine end (rounding, or the
+        reference's own uncertainty) bend the line, so the fit takes the longest run of points
+        whose local slopes agree within 0.15 of each other; among equally long ones that with the
+        smallest spread. NaN with fewer than two usable points.
+        """
+        floor = 10.0 * self.reference_uncertainty
+        usable = [p for p in self.curve(name).worked() if p.error > floor]
+        x = np.log([p.parameter for p in usable])
+        y = np.log([p.error for p in usable])
+        if x.size < 2:
+            return math.nan
+        slopes = np.diff(y) / np.diff(x)
+        best = (0, -math.inf, 0)
+        for i in range(slopes.size):
+            for j in range(i + 1, slopes.size + 1):
+                spread = float(np.ptp(slopes[i:j]))
+                # Negative order is the noise of the rounding floor, not convergence.
+                if spread <= 0.15 and np.all(slopes[i:j] > 0.2):
+                    # With one slope alone nothing agrees with anything: prefer the finest.
+                    quality = -spread if j - i > 1 else -1.0 + 1e-3 * i
+                    best = max(best, (j - i, quality, i))
+        length, _, start = best
+        if length == 0:
+            return math.nan
+        window = slice(start, start + length + 1)
+        return float(np.polyfit(x[window], y[window], 1)[0])
+
+    def table(self) -> str:
+        """All points and the observed orders as text."""
+        lines = [
+            self.question,
+            f"reference known to {self.reference_uncertainty:.1e} {self.error_unit}"
+            + ("" if self.tolerance is None else f"; tolerance {self.tolerance:g}"),
+            f"{'method':<24} {'setting':>10} {'error':>10} {'count':>10} {'time':>10}"
+            f" {'quartiles':>21}",
+        ]
+        for curve in self.curves:
+            for p in curve.points:
+                head = f"{curve.name:<24} {p.parameter:>10.4g}"
+                if p.failure:
+                    lines.append(f"{head} failed: {p.failure}")
+                else:
+                    quartiles = f"{_seconds(p.low)} to {_seconds(p.high)}"
+                    lines.append(
+                        f"{head} {p.error:>10.2e} {p.count:>10.4g} {_seconds(p.time):>10}"
+                        f" {quartiles:>21}"
+                    )
+            lines.append(f"{curve.name:<24} observed order {self.observed_order(curve.name):.2f}")
+        if self.tolerance is not None:
+            for by in ("count", "time"):
+                lines.append(f"cheapest by {by}: {self._pick_text(by)}")
+        if self.ratio is not None:
+            lines.append(f"yours against the pick, side by side: {self.ratio:.3g} times its time")
+        lines.append(self.machine)
+        return "\n".join(lines)
+
+    def _pick_text(self, by: str) -> str:
+        pick = self.pick(by=by)
+        if pick is None:
+            return "nothing meets the tolerance"
+        cost = _seconds(pick.point.time) if by == "time" else f"{pick.point.count:.4g}"
+        return f"{pick.name} at {pick.point.parameter:.4g} ({cost}, error {pick.point.error:.1e})"
+
+    def with_method(self, method: Method, repeats: int | None = None) -> WorkPrecision:
+        """The same chart with one more method, measured in the same way.
+
+        The new method runs interleaved with the chart's pick (if there is one), so that `ratio`
+        compares two times taken at the same moment; the other curves stay as they were.
+
+        Args:
+            method: with any style; "yours" draws it black and thick.
+            repeats: as for `measure`; None for what the chart was measured with.
+
+        Raises:
+            ValueError: for a name that is taken, or a chart read from a file, which has no methods.
+        """
+        if not self._repeat:
+            raise ValueError("this chart was read from a file: measure again to add a method")
+        if method.name in {curve.name for curve in self.curves}:
+            raise ValueError(f"name must be new, got {method.name!r}")
+        known: list[Method] = self._repeat["methods"]
+        options = {**self._repeat["options"]}
+        if repeats is not None:
+            options["repeats"] = repeats
+        beside: list[Method] = []
+        pick = None if self.tolerance is None else self.pick()
+        if pick is not None:
+            match = next(m for m in known if m.name == pick.name)
+            beside = [replace(match, parameters=[pick.point.parameter])]
+        curves = _measure_curves([method, *beside], **options)
+        ratio = None
+        if beside and self.tolerance is not None:
+            good = [p.time for p in curves[0].worked() if p.error <= self.tolerance]
+            ratio = min(good) / curves[1].points[0].time if good else math.inf
+        return replace(
+            self,
+            curves=(*self.curves, curves[0]),
+            ratio=ratio,
+            _repeat={"methods": [*known, method], "options": self._repeat["options"]},
+        )
+
+    def to_json(self, path: str | Path) -> None:
+        """Write all but the callables; whole or not at all (a rename at the end)."""
+        data = {k: v for k, v in asdict(replace(self, _repeat={})).items() if k != "_repeat"}
+        target = Path(path)
+        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=target.name, suffix=".part")
+        try:
+            with os.fdopen(handle, "w", encoding="utf-8") as stream:
+                json.dump(_plain(data), stream, indent=1, allow_nan=False)
+                stream.write("\n")
+            os.replace(temporary, target)
+        except BaseException:
+            os.unlink(temporary)
+            raise
+
+    @classmethod
+    def from_json(cls, path: str | Path) -> WorkPrecision:
+        """What `to_json` wrote. It can be drawn and searched, not measured on."""
+        data = _restored(json.loads(Path(path).read_text(encoding="utf-8")))
+        data["curves"] = tuple(
+            Curve(**{**curve, "points": tuple(Point(**point) for point in curve["points"])})
+            for curve in data["curves"]
+        )
+        return cls(**data)
+
+    def plot(self, axes: Sequence[Axes]) -> None:
+        """Draw error against count (left axes) and against time (right axes).
+
+        Args:
+            axes: two matplotlib axes of one figure.
+        """
+        left, right = axes
+        for ax, by in ((left, "count"), (right, "time")):
+            self._plot_one(ax, by)
+        unit = self.curves[0].unit if self.curves else "count"
+        left.set_xlabel(unit)
+        right.set_xlabel("time of one run [s]")
+        left.set_ylabel(f"error [{self.error_unit}]")
+        right.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.02, 0.5))
+        left.set_title(self.question, loc="left", fontsize="medium")
+        figure = left.figure
+        figure.text(0.01, 0.005, self.machine, fontsize=6, color="0.4", va="bottom")
+
+    def _plot_one(self, ax: Axes, by: str) -> None:
+        ax.set_xscale("log")
+        ax.set_yscale("log")
+        failed: list[tuple[str, Curve]] = []
+        colours = iter(PALETTE * (1 + len(self.curves) // len(PALETTE)))
+        for i, curve in enumerate(self.curves):
+            colour = "black" if curve.style == "yours" else curve.colour or next(colours)
+            good = curve.worked()
+            x = np.array([p.cost(by) for p in good])
+            ax.plot(
+                x,
+                [p.error for p in good],
+                color=colour,
+                label=curve.name,
+                linestyle="--" if curve.style == "oracle" else "-",
+                linewidth=3.0 if curve.style == "yours" else 1.4,
+                marker=_MARKERS[i % len(_MARKERS)],
+                markersize=4,
+            )
+            if by == "time" and good:
+                spread = np.array([[p.time - p.low, p.high - p.time] for p in good]).T
+                ax.errorbar(
+                    x, [p.error for p in good], xerr=spread, fmt="none", ecolor=colour, lw=0.8
+                )
+            failed += [(colour, curve)] * (len(curve.points) - len(good))
+        # A failure costs infinitely much, so it has no place on a finite axis: the top edge.
+        for k, (colour, _) in enumerate(failed):
+            place = 0.5 if len(failed) == 1 else 0.03 + 0.94 * k / (len(failed) - 1)
+            ax.plot(
+                [place],
+                [1.0],
+                marker="x",
+                markersize=7,
+                color=colour,
+                transform=ax.transAxes,
+                clip_on=False,
+            )
+        if failed:
+            ax.annotate(
+                f"x: {len(failed)} failed runs (infinite cost)",
+                (0.02, 0.97),
+                xycoords="axes fraction",
+                va="top",
+                fontsize=7,
+            )
+        if self.tolerance is not None:
+            ax.axhline(self.tolerance, color="0.3", linestyle=":", linewidth=1.2)
+            ax.annotate(
+                f"tolerance {self.tolerance:g}",
+                (0.99, self.tolerance),
+                xycoords=("axes fraction", "data"),
+                ha="right",
+                va="bottom",
+                fontsize=7,
+            )
+            pick = self.pick(by=by)
+            if pick is not None:
+                ax.plot(
+                    [pick.point.cost(by)],
+                    [pick.point.error],
+                    marker="o",
+                    markersize=13,
+                    markerfacecolor="none",
+                    markeredgecolor="black",
+                    linestyle="none",
+                )
+                ax.annotate(
+                    f"pick: {pick.name}",
+                    (pick.point.cost(by), pick.point.error),
+                    textcoords="offset points",
+                    xytext=(8, -12),
+                    fontsize=7,
+                )
+        low = ax.get_ylim()[0]
+        if self.reference_uncertainty > low:
+            # Below this an error says how good the reference is, not how good the method.
+            ax.axhspan(low, self.reference_uncertainty, color="0.92", zorder=0)
+            ax.set_ylim(bottom=low)
+        ax.grid(True, which="major", alpha=0.3)
+
+
+def max_norm(answer: Array, reference: Array) -> float:
+    """Largest difference of a component."""
+    return float(np.max(np.abs(answer - reference)))
+
+
+def measure(
+    methods: Sequence[Method],
+    reference: ArrayLike,
+    error: Callable[[Array, Array], float] = max_norm,
+    *,
+    reference_check: ArrayLike,
+    tolerance: float | None = None,
+    failed_above: float = math.inf,
+    repeats: int = 5,
+    sample_time: float = 1e-3,
+    question: str = "",
+    error_unit: str = "-",
+) -> WorkPrecision:
+    """Run every method with every setting and compare with the reference.
+
+    Args:
+        methods: the curves.
+        reference: the right answer.
+        error: (answer, reference) -> distance.
+        reference_check: the right answer found in a second, independent way.
+        tolerance: the error that the question can bear, if it says.
+        failed_above: an error above this is a failure (say, the size of the answer itself).
+        repeats: timed rounds; a round runs every method and setting once, in turn.
+        sample_time: least time of one sample [s]; faster runs are repeated inside the sample.
+        question: what is being asked, the chart's title.
+        error_unit: unit of the error.
+
+    Returns:
+        The measured `WorkPrecision`.
+
+    Raises:
+        ValueError: for equal names, or when the two references differ by more than a tenth of the
+            smallest error measured or of the tolerance, whichever is larger: the chart would then
+            show the reference's error, not the methods'.
+    """
+    if not methods or len({m.name for m in methods}) < len(methods):
+        raise ValueError(f"methods must have different names, got {[m.name for m in methods]}")
+    units = {m.unit for m in methods}
+    if len(units) > 1:
+        raise ValueError(f"methods must all count the same unit, got {sorted(units)}")
+    if repeats < 1:
+        raise ValueError(f"repeats must be at least 1, got {repeats}")
+    if tolerance is not None and not tolerance > 0.0:
+        raise ValueError(f"tolerance must be positive, got {tolerance}")
+    truth = np.asarray(reference, dtype=float)
+    uncertainty = float(error(np.asarray(reference_check, dtype=float), truth))
+    if not math.isfinite(uncertainty):
+        raise ValueError("reference and reference_check must be finite and comparable")
+    options: dict[str, Any] = {
+        "reference": truth,
+        "error": error,
+        "failed_above": failed_above,
+        "repeats": repeats,
+        "sample_time": sample_time,
+    }
+
+    def check(errors: Sequence[float]) -> None:
+        smallest = min(errors, default=math.inf)
+        # A method as good as the reference itself is no reason to stop; a reference worse than a
+        # tenth of what is wanted is.
+        allowed = 0.1 * max(smallest, tolerance or 0.0)
+        if uncertainty > allowed:
+            raise ValueError(
+                f"reference and reference_check differ by {uncertainty:.2e}; allowed is a tenth of "
+                f"the smallest error or of the tolerance, {allowed:.2e}"
+            )
+
+    curves = _measure_curves(methods, **options, check=check)
+    return WorkPrecision(
+        question=question,
+        error_unit=error_unit,
+        curves=curves,
+        tolerance=tolerance,
+        reference_uncertainty=uncertainty,
+        failed_above=failed_above,
+        machine=machine(),
+        _repeat={"methods": list(methods), "options": options},
+    )
+
+
+@dataclass
+class _Job:
+    method: Method
+    parameter: float
+    error: float = math.inf
+    count: float = math.inf
+    failure: str = ""
+    inner: int = 1
+    samples: list[float] = field(default_factory=list)
+
+
+def _measure_curves(
+    methods: Sequence[Method],
+    *,
+    reference: Array,
+    error: Callable[[Array, Array], float],
+    failed_above: float,
+    repeats: int,
+    sample_time: float,
+    check: Callable[[Sequence[float]], None] | None = None,
+) -> tuple[Curve, ...]:
+    jobs = [
+        _Job(method, float(parameter))
+        for method in methods
+        for parameter in sorted(method.parameters, reverse=True)
+    ]
+    with np.errstate(all="ignore"):  # a diverging run is recorded, not printed
+        for job in jobs:  # the warm-up: compilation and caches, and the errors
+            _first_run(job, reference, error, failed_above)
+        alive = [job for job in jobs if not job.failure]
+        if check is not None:
+            check([job.error for job in alive])
+        for job in alive:
+            once = _sample(job)
+            job.inner = max(1, math.ceil(sample_time / max(once, 1e-9)))
+        for _ in range(repeats):
+            for job in alive:
+                job.samples.append(_sample(job))
+    curves = []
+    for method in methods:
+        points = tuple(_point(job) for job in jobs if job.method is method)
+        curves.append(Curve(method.name, method.style, method.unit, points, method.colour))
+    return tuple(curves)
+
+
+def _first_run(
+    job: _Job, reference: Array, error: Callable[[Array, Array], float], failed_above: float
+) -> None:
+    try:
+        result = job.method.run(job.parameter)
+        answer = np.asarray(result.answer, dtype=float)
+        job.count = float(result.count)
+        if not np.all(np.isfinite(answer)):
+            job.failure = "the answer is not finite"
+            return
+        job.error = float(error(answer, reference))
+    except Exception as problem:  # any failure of a method is a result of the measurement
+        job.failure = f"{type(problem).__name__}: {problem}"
+        return
+    if not math.isfinite(job.error):
+        job.failure = "the error is not finite"
+    elif job.error > failed_above:
+        job.failure = f"error {job.error:.2e} above {failed_above:.2e}"
+    elif not math.isfinite(job.count):
+        job.failure = "the count is not finite"
+
+
+def _sample(job: _Job) -> float:
+    run, parameter = job.method.run, job.parameter
+    start = time.perf_counter()
+    for _ in range(job.inner):
+        run(parameter)
+    return (time.perf_counter() - start) / job.inner
+
+
+def _point(job: _Job) -> Point:
+    if job.failure:
+        never = math.inf
+        return Point(job.parameter, never, never, never, never, never, job.failure)
+    low, median, high = (float(t) for t in np.percentile(job.samples, [25.0, 50.0, 75.0]))
+    # An error of exactly zero has no place on a log axis; a rounding is what it means.
+    exact = max(job.error, float(np.finfo(float).tiny))
+    return Point(job.parameter, exact, job.count, median, low, high)
+
+
+def machine() -> str:
+    """Processor, cores and versions, for the footer of a chart."""
+    name = platform.processor() or platform.machine()
+    try:
+        for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
+            if line.startswith("model name"):
+                name = line.split(":", 1)[1].strip()
+                break
+    except OSError:
+        name = platform.machine()
+    versions = [f"Python {platform.python_version()}"]
+    for package in ("numpy", "numba", "mujoco"):
+        try:
+            versions.append(f"{package} {metadata.version(package)}")
+        except metadata.PackageNotFoundError:
+            versions.append(f"no {package}")
+    return f"{name}, {os.cpu_count()} cores; " + ", ".join(versions)
+
+
+def _seconds(value: float) -> str:
+    for scale, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "us")):
+        if value >= scale:
+            return f"{value / scale:.3g} {unit}"
+    return f"{value / 1e-9:.3g} ns"
+
+
+def _plain(value: Any) -> Any:
+    """JSON has no infinity and no NaN: they become {"float": "inf"}."""
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"float": repr(value)}
+    return value
+
+
+def _restored(value: Any) -> Any:
+    if isinstance(value, dict):
+        if set(value) == {"float"}:
+            return float(value["float"])
+        return {k: _restored(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [_restored(v) for v in value]
+    return value

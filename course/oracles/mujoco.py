@@ -1,0 +1,703 @@
+"""MuJoCo asked the questions of chapter 1: tumble, top, pendulums, oscillator, box drop.
+
+Every scene function returns a `Runner`: the model is compiled and the data allocated before the
+clock starts, and `run(steps)` goes through MuJoCo's own compiled loop (`mj_step(model, data,
+nstep)`), so Python's overhead is not charged to MuJoCo. States are MuJoCo's: a free joint is
+q = (x, y, z, qw, qx, qy, qz) with v = (linear velocity in the world, angular velocity in the body).
+
+What is switched off so that MuJoCo runs at its fastest fair setting: sensors, actuation, automatic
+reset, islands, the mid-phase and energy (off by default) in every scene; gravity, springs and
+dampers where a scene has none; the whole constraint solver, with its warm start and collision
+detection, where nothing touches. None of these changes the motion. The automatic reset has to go
+for another reason as well: it would put a diverging state back to the start, and an unstable run
+would look stable.
+
+Integrators (MuJoCo 4 documentation, Computation, Numerical integration): "Euler" is semi-implicit
+with joint damping taken implicitly, "implicit" and "implicitfast" are implicit in velocity, "RK4"
+is the classical method, "discrete" is implicit in velocity and position.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast", "discrete")
+EVALUATIONS_PER_STEP = {name: 4 if name == "RK4" else 1 for name in INTEGRATORS}
+
+_ALWAYS_OFF = ("actuation", "sensor", "autoreset", "island", "midphase")
+_CONTACT_OFF = ("constraint", "contact", "warmstart")
+_IMPEDANCE = (
+    0.9999  # the largest that MuJoCo takes (mjMAXIMP): 1e-4 of the load is left to softness
+)
+
+
+def _mujoco() -> ModuleType:
+    try:
+        import mujoco
+    except ImportError as error:
+        raise ImportError("this needs MuJoCo: pip install 'mujoco>=4.0'") from error
+    return mujoco
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """MuJoCo reports a diverging state in a log file in the current folder; callers look here."""
+    mujoco = _mujoco()
+    previous = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda message: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(previous)
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A recorded motion: times (n,) [s], q (nq, n) and v (nv, n), components along axis 0."""
+
+    times: NDArray[np.float64]
+    q: NDArray[np.float64]
+    v: NDArray[np.float64]
+
+
+class Runner:
+    """One prepared scene: model, data and start state; `run` is the part to be timed."""
+
+    def __init__(self, xml: str, q0: ArrayLike, v0: ArrayLike, integrator: str) -> None:
+        mujoco = _mujoco()
+        self.integrator = integrator
+        self.model = mujoco.MjModel.from_xml_string(xml)
+        self.data = mujoco.MjData(self.model)
+        self._step = mujoco.mj_step
+        self._reset = mujoco.mj_resetData
+        self.q0 = _vector("q0", q0, self.model.nq)
+        self.v0 = _vector("v0", v0, self.model.nv)
+        self.reset()
+
+    @property
+    def dt(self) -> float:
+        """The time step [s]; may be set between runs."""
+        return float(self.model.opt.timestep)
+
+    @dt.setter
+    def dt(self, value: float) -> None:
+        self.model.opt.timestep = _positive("dt", value)
+
+    def reset(self) -> None:
+        """Back to the start state (and without the solver's memory of the last run)."""
+        self._reset(self.model, self.data)
+        self.data.qpos[:] = self.q0
+        self.data.qvel[:] = self.v0
+
+    def run(self, steps: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The state after `steps` steps from the start, in one compiled loop.
+
+        A run that diverges returns what it reached, NaN or infinity included; nothing is clamped.
+
+        Args:
+            steps: how many, not negative.
+
+        Returns:
+            Copies of (q, v), shapes (nq,) and (nv,).
+        """
+        _count("steps", steps)
+        self.reset()
+        if steps:
+            with _quiet():
+                self._step(self.model, self.data, steps)
+        return self.data.qpos.copy(), self.data.qvel.copy()
+
+    def trajectory(self, steps: int, every: int = 1) -> Trajectory:
+        """The motion from the start, recorded every `every` steps (the start included)."""
+        _count("steps", steps)
+        if every < 1:
+            raise ValueError(f"every must be at least 1, got {every}")
+        self.reset()
+        n = steps // every + 1
+        times, q, v = np.empty(n), np.empty((self.model.nq, n)), np.empty((self.model.nv, n))
+        with _quiet():
+            for i in range(n):
+                if i:
+                    self._step(self.model, self.data, every)
+                times[i], q[:, i], v[:, i] = self.data.time, self.data.qpos, self.data.qvel
+        return Trajectory(times, q, v)
+
+    def evaluations(self, steps: int) -> int:
+        """Force evaluations that `run(steps)` costs: one a step, four with RK4."""
+        return EVALUATIONS_PER_STEP[self.integrator] * steps
+
+
+class BatchRunner:
+    """N copies of one scene in `mujoco.batch`: q is (nq, N), v is (nv, N)."""
+
+    def __init__(self, one: Runner, q0: ArrayLike, v0: ArrayLike, threads: int) -> None:
+        _mujoco()
+        from mujoco import batch
+
+        _count("threads", threads)
+        self.integrator = one.integrator
+        self.model = one.model
+        self.q0 = np.array(q0, dtype=float)
+        self.v0 = np.array(v0, dtype=float)
+        n = self.q0.shape[-1]
+        if self.q0.shape != (one.model.nq, n) or self.v0.shape != (one.model.nv, n) or n < 1:
+            raise ValueError(
+                f"q0 and v0 must be ({one.model.nq}, N) and ({one.model.nv}, N), "
+                f"got {self.q0.shape} and {self.v0.shape}"
+            )
+        self._batch = batch.Batch(one.model, n, threads)
+        self._q, self._v = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self.threads: int = self._batch.nthread
+        self.reset()
+
+    @property
+    def size(self) -> int:
+        """How many bodies."""
+        return self.q0.shape[1]
+
+    def reset(self) -> None:
+        """Back to the start states."""
+        self._batch.state[:] = 0.0
+        self._q[:], self._v[:] = self.q0.T, self.v0.T
+
+    def step(self, steps: int) -> None:
+        """Go on by `steps` steps, in one compiled call: the part to be timed."""
+        _count("steps", steps)
+        self._batch.step(nstep=steps)
+
+    def run(self, steps: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """The states after `steps` steps from the start, shapes (nq, N) and (nv, N)."""
+        self.reset()
+        self.step(steps)
+        return self._q.T.copy(), self._v.T.copy()
+
+
+# --- scenes without contact -----------------------------------------------------------------------
+
+
+def free_body(
+    inertia: ArrayLike,
+    q0: ArrayLike,
+    v0: ArrayLike,
+    dt: float,
+    integrator: str,
+    *,
+    mass: float = 1.0,
+    gravity: float = 0.0,
+) -> Runner:
+    """A free rigid body; without gravity, the torque-free tumble.
+
+    Seven positions make a free joint. Four (a quaternion alone) make a ball joint through the
+    centre of mass: the same tumble with half the state, but MuJoCo treats it differently:
+    implicitfast and discrete take the gyroscopic torque implicitly for free joints only.
+
+    Args:
+        inertia: the three principal moments in the body frame [kg m^2].
+        q0: (x, y, z, qw, qx, qy, qz), scalar first, or (qw, qx, qy, qz).
+        v0: linear velocity in the world, angular velocity in the body [m/s, rad/s]; the angular
+            velocity alone with four positions.
+        dt: step [s].
+        integrator: one of `INTEGRATORS`.
+        mass: [kg].
+        gravity: downwards along z [m/s^2].
+
+    Returns:
+        A prepared `Runner`.
+    """
+    moments = _moments("inertia", inertia)
+    joint = '<joint type="ball"/>' if np.size(q0) == 4 else "<freejoint/>"
+    body = f"<body>{joint}{_inertial(mass, 0.0, moments)}</body>"
+    return Runner(_xml(body, dt, integrator, gravity), q0, v0, integrator)
+
+
+def heavy_top(
+    inertia: Sequence[float],
+    weight: float,
+    q0: ArrayLike,
+    v0: ArrayLike,
+    dt: float,
+    integrator: str,
+) -> Runner:
+    """A symmetric top on a ball joint at the origin, its centre of mass on its own z axis.
+
+    The motion depends on the moments about the pivot and on the product m g l alone, so mass and
+    distance are chosen here such that the moments about the centre of mass are a body's.
+
+    Args:
+        inertia: (I1 = I2, I3) about the **pivot** [kg m^2].
+        weight: m g l, mass times gravity times distance to the centre of mass [N m].
+        q0: unit quaternion (w, x, y, z), body to world.
+        v0: angular velocity in the body frame [rad/s].
+        dt: step [s].
+        integrator: one of `INTEGRATORS`.
+
+    Returns:
+        A prepared `Runner`; q is the quaternion, v the angular velocity in the body.
+    """
+    i1, i3 = (_positive("inertia", i) for i in inertia)
+    _positive("weight", weight)
+    if i1 <= 0.5 * i3:
+        raise ValueError(f"inertia must have I1 above I3 / 2, got {tuple(inertia)}")
+    shift = 0.5 * (i1 - 0.5 * i3)  # m l^2, half of the most that parallel axes allow
+    mass = (weight / 9.81) ** 2 / shift
+    distance = shift * 9.81 / weight
+    central = np.array([i1 - shift, i1 - shift, i3])
+    body = f'<body><joint type="ball"/>{_inertial(mass, distance, central)}</body>'
+    return Runner(_xml(body, dt, integrator, 9.81), q0, v0, integrator)
+
+
+def oscillator(
+    mass: float,
+    stiffness: float,
+    damping: float,
+    q0: float,
+    v0: float,
+    dt: float,
+    integrator: str,
+    *,
+    implicit_damping: bool = True,
+) -> Runner:
+    """A mass on a spring and a damper: m x'' = -k x - c x', on one slide joint.
+
+    Args:
+        mass, stiffness, damping: m [kg], k [N/m], c [N s/m].
+        q0, v0: start [m, m/s].
+        dt: step [s].
+        integrator: one of `INTEGRATORS`.
+        implicit_damping: False sets MuJoCo's eulerdamp flag to off: the damper is then explicit
+            under "Euler" (the other integrators ignore the flag).
+
+    Returns:
+        A prepared `Runner`.
+    """
+    off: list[str] = [] if implicit_damping else ["eulerdamp"]
+    for name, value in (("stiffness", stiffness), ("damping", damping)):
+        if not (math.isfinite(value) and value >= 0.0):
+            raise ValueError(f"{name} must be finite and not negative, got {value}")
+    body = (
+        f'<body><joint type="slide" axis="1 0 0" stiffness="{stiffness!r}" damping="{damping!r}"/>'
+        f"{_inertial(mass, 0.0, np.ones(3))}</body>"
+    )
+    xml = _xml(body, dt, integrator, 0.0, springs=True, off=off)
+    return Runner(xml, [q0], [v0], integrator)
+
+
+def pendulum(
+    length: float, q0: float, v0: float, dt: float, integrator: str, *, gravity: float = 9.81
+) -> Runner:
+    """The ideal pendulum theta'' = -(g / length) sin(theta), theta = 0 hanging down.
+
+    MuJoCo takes no body without inertia, so the bob is spread out: mass 2 at half the length with
+    the moment length^2 / 2 about its own centre has the same first and second moment about the
+    hinge as mass 1 at the end, and so exactly the same motion.
+    """
+    half = 0.5 * _positive("length", length)
+    body = (
+        '<body><joint type="hinge" axis="0 -1 0"/>'
+        f"{_inertial(2.0, -half, np.full(3, 2.0 * half**2))}</body>"
+    )
+    return Runner(_xml(body, dt, integrator, gravity), [q0], [v0], integrator)
+
+
+def double_pendulum(
+    masses: Sequence[float],
+    lengths: Sequence[float],
+    q0: ArrayLike,
+    v0: ArrayLike,
+    dt: float,
+    integrator: str,
+    *,
+    gravity: float = 9.81,
+) -> Runner:
+    """Two point masses on massless rods; q = (theta1, theta2 **relative to the first rod**).
+
+    As in `pendulum`, the point masses are replaced by bodies with the same moments: the second has
+    mass m2 / s at s l2, the first what is then missing. Both angles are zero hanging down. With
+    absolute angles (phi1, phi2): theta1 = phi1, theta2 = phi2 - phi1.
+    """
+    m1, m2 = (_positive("masses", m) for m in masses)
+    l1, l2 = (_positive("lengths", x) for x in lengths)
+    # The first body must keep a positive mass: m2 / s < m1 + m2.
+    s = 0.5 * (1.0 + m2 / (m1 + m2))
+    rest = m1 + m2 - m2 / s
+    second = _inertial(m2 / s, -s * l2, np.full(3, m2 * l2**2 * (1.0 - s)))
+    first = _inertial(rest / s, -s * l1, np.full(3, rest * l1**2 * (1.0 - s)))
+    joint = '<joint type="hinge" axis="0 -1 0"/>'
+    body = f'<body>{joint}{first}<body pos="0 0 {-l1!r}">{joint}{second}</body></body>'
+    return Runner(_xml(body, dt, integrator, gravity), q0, v0, integrator)
+
+
+# --- the stiff spring -----------------------------------------------------------------------------
+
+
+def oscillator_step(
+    integrator: str,
+    omega_dt: float,
+    damping_ratio: float = 0.0,
+    *,
+    implicit_damping: bool = True,
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    """One MuJoCo step of x'' = -x - 2 zeta x', as a function (x, x') -> (x, x').
+
+    With omega = 1 rad/s the step in seconds is omega * dt. The function is what the detectors of
+    `course.measure.stability` take: `amplification`, `is_stable_by_iteration`, and `limit` around
+    them.
+
+    What theory says: Euler, implicit and implicitfast step v1 = (v - h w^2 q) / (1 + 2 zeta w h),
+    q1 = q + h v1 and are stable while w h < 2 (sqrt(1 + zeta^2) + zeta): more damping, longer
+    steps. With the damper explicit the sign of zeta turns: 2 (sqrt(1 + zeta^2) - zeta). RK4 has the
+    classical region (2 sqrt(2) undamped); "discrete" has no limit.
+
+    Args:
+        integrator: one of `INTEGRATORS`.
+        omega_dt: natural frequency times step, positive.
+        damping_ratio: zeta, not negative.
+        implicit_damping: see `oscillator`.
+
+    Returns:
+        The step; its argument stays as it is.
+    """
+    damping = 2.0 * damping_ratio
+    runner = oscillator(
+        1.0, 1.0, damping, 0.0, 0.0, omega_dt, integrator, implicit_damping=implicit_damping
+    )
+    data = runner.data
+
+    def step(state: NDArray[np.float64]) -> NDArray[np.float64]:
+        data.qpos[0], data.qvel[0] = state
+        runner._step(runner.model, data)
+        return np.array([data.qpos[0], data.qvel[0]])
+
+    return step
+
+
+# --- the box on the ground ------------------------------------------------------------------------
+
+
+def box_drop(
+    half_size: Sequence[float],
+    mass: float,
+    q0: ArrayLike,
+    v0: ArrayLike,
+    dt: float,
+    integrator: str,
+    *,
+    restitution: float = 0.5,
+    friction: float = 0.5,
+    gravity: float = 9.81,
+    contact: str = "impulse",
+    contact_steps: float = 40.0,
+    inertia: float | None = None,
+) -> Runner:
+    """A planar box above the ground z = 0: q = (x, z, theta), theta counter-clockwise.
+
+    MuJoCo has no coefficient of restitution. It asks for a reference acceleration
+    -b v - k r at each contact (v the approach speed, r the depth) and clips the force at zero. Two
+    ways to a wanted restitution e follow (both with solref in its direct form and refsafe off):
+
+    - "impulse": k = 0 and b = (1 + e) / dt, so one step turns v into -e v: Newton's rule. Exact but
+      for the impedance (1e-4), and only for one-stage integrators with explicit constraints:
+      Euler, implicit, implicitfast. Nothing pushes a sunken box out again: the depth, at most
+      one step's travel, stays while the box rests.
+    - "spring": a spring-damper that lasts about `contact_steps` steps. From
+      r'' + 2 zeta w r' + w^2 r = 0, r(0) = 0, with the contact over when the force is zero, at
+      w sqrt(1 - zeta^2) t = 2 acos(zeta): e = exp(-2 zeta acos(zeta) / sqrt(1 - zeta^2)), solved
+      here for zeta (acosh when overdamped). Gravity and the finite step are not in this formula,
+      so e is off by O(1 / contact_steps); the bounce takes time and has a depth. For all
+      integrators, and the only one for RK4 and discrete: discrete takes the damper implicitly,
+      v1 = v / (1 + b dt), which never turns a velocity round.
+
+    In both, friction has its own reference (solreffriction) that brings the sliding velocity to
+    zero in one step; left alone it would reuse b and a sticking corner would spring back sideways.
+    Cones are elliptic: the pyramid would let Coulomb's limit depend on the direction.
+
+    Args:
+        half_size: half width and half height [m].
+        mass: [kg].
+        q0: (x, z, theta) [m, m, rad].
+        v0: their rates.
+        dt: step [s].
+        integrator: one of `INTEGRATORS`.
+        restitution: e, 0 to 1.
+        friction: Coulomb's coefficient, not negative.
+        gravity: [m/s^2].
+        contact: "impulse" or "spring".
+        contact_steps: length of a "spring" contact in steps.
+        inertia: about the centre [kg m^2]; None for a uniform box.
+
+    Returns:
+        A prepared `Runner`.
+    """
+    hx, hz = (_positive("half_size", s) for s in half_size)
+    _positive("mass", mass)
+    moment = mass * (hx**2 + hz**2) / 3.0 if inertia is None else _positive("inertia", inertia)
+    if not 0.0 <= restitution <= 1.0:
+        raise ValueError(f"restitution must be within 0 to 1, got {restitution}")
+    if not (math.isfinite(friction) and friction >= 0.0):
+        raise ValueError(f"friction must be finite and not negative, got {friction}")
+    stiffness, damping = _contact_reference(contact, restitution, dt, integrator, contact_steps)
+    # Implicit rows divide by 1 + b dt, explicit ones multiply by 1 - b dt.
+    slide = (1e4 if integrator == "discrete" else 1.0) / dt
+    pair = (
+        f'solref="{-stiffness!r} {-damping!r}" solreffriction="0 {-slide!r}" '
+        f'solimp="{_IMPEDANCE} {_IMPEDANCE} 0.001" condim="{3 if friction else 1}" '
+        f'friction="{friction!r} {friction!r} 0.005 0.0001 0.0001"'
+    )
+    # A ball of no size at each corner: one contact a corner, where a box geom, which has a
+    # thickness, makes two and doubles the solver's work.
+    names = ("sw", "se", "ne", "nw")
+    corners = ((-hx, -hz), (hx, -hz), (hx, hz), (-hx, hz))
+    geoms = "".join(
+        f'<geom name="{n}" type="sphere" size="{_CORNER}" pos="{x!r} 0 {z!r}" contype="0" '
+        'conaffinity="0"/>'
+        for n, (x, z) in zip(names, corners, strict=True)
+    )
+    pairs = "".join(f'<pair geom1="ground" geom2="{n}" {pair}/>' for n in names)
+    joints = (
+        '<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 0 1"/>'
+        '<joint type="hinge" axis="0 -1 0"/>'
+    )
+    # The plane lies one ball radius lower, so that a corner touches at z = 0.
+    body = (
+        f'<geom name="ground" type="plane" size="0 0 1" pos="0 0 {-_CORNER}" contype="0" '
+        'conaffinity="0"/>'
+        f"<body>{joints}{_inertial(mass, 0.0, np.full(3, moment))}{geoms}</body>"
+    )
+    xml = _xml(
+        body,
+        dt,
+        integrator,
+        gravity,
+        touching=True,
+        off=["refsafe"],
+        extra=f"<contact>{pairs}</contact>",
+    )
+    return Runner(xml, q0, v0, integrator)
+
+
+_CORNER = 1e-9  # m; a sphere needs a radius
+
+
+def spring_restitution(damping_ratio: float) -> float:
+    """Restitution of a spring-damper contact that cannot pull, gravity neglected.
+
+    exp(-2 zeta acos(zeta) / sqrt(1 - zeta^2)), with acosh and zeta^2 - 1 for zeta > 1.
+
+    Args:
+        damping_ratio: zeta, not negative.
+    """
+    zeta = damping_ratio
+    if abs(zeta - 1.0) < 1e-9:
+        return math.exp(-2.0)
+    if zeta < 1.0:
+        return math.exp(-2.0 * zeta * math.acos(zeta) / math.sqrt(1.0 - zeta**2))
+    return math.exp(-2.0 * zeta * math.acosh(zeta) / math.sqrt(zeta**2 - 1.0))
+
+
+def measured_restitution(
+    restitution: float,
+    dt: float,
+    integrator: str,
+    *,
+    contact: str = "impulse",
+    contact_steps: float = 40.0,
+    speed: float = 2.0,
+    gravity: float = 9.81,
+    phases: int = 16,
+) -> tuple[float, float]:
+    """What a flat drop really gives back, when `restitution` was asked for.
+
+    The speed away from the ground over the speed towards it, both taken to the height z = 0 of the
+    bottom face by the parabola of free flight; over `phases` starts that differ by fractions of one
+    step's travel, because the grid of steps and the surface do not line up.
+
+    Returns:
+        Mean and largest deviation from `restitution`, (mean e, worst |e - wanted|).
+    """
+    half = 0.1
+    runner = box_drop(
+        (half, half),
+        1.0,
+        [0.0, 1.0, 0.0],
+        [0.0, -speed, 0.0],
+        dt,
+        integrator,
+        restitution=restitution,
+        friction=0.0,
+        gravity=gravity,
+        contact=contact,
+        contact_steps=contact_steps,
+    )
+    found = []
+    for phase in range(phases):
+        gap = speed * dt * (3.0 + phase / phases)
+        runner.q0[1] = half + gap
+        path = runner.trajectory(int(20 + 4 * contact_steps))
+        height, rate = path.q[1] - half, path.v[1]
+        down = math.sqrt(speed**2 + 2.0 * gravity * gap)
+        away = np.flatnonzero((rate > 0.0) & (height > 0.0))
+        if away.size:
+            i = away[0]
+            found.append(math.sqrt(rate[i] ** 2 + 2.0 * gravity * height[i]) / down)
+        else:
+            found.append(0.0)
+    return float(np.mean(found)), float(np.max(np.abs(np.array(found) - restitution)))
+
+
+def _contact_reference(
+    contact: str, restitution: float, dt: float, integrator: str, contact_steps: float
+) -> tuple[float, float]:
+    """Stiffness and damping for solref's direct form, which MuJoCo scales by the impedance."""
+    _positive("dt", dt)
+    if contact == "impulse":
+        if integrator in ("RK4", "discrete"):
+            raise ValueError(
+                f"contact must be 'spring' with the integrator {integrator!r}: 'impulse' needs one "
+                "explicit stage (Euler, implicit, implicitfast)"
+            )
+        return 0.0, (1.0 + restitution) / dt
+    if contact != "spring":
+        raise ValueError(f"contact must be 'impulse' or 'spring', got {contact!r}")
+    _positive("contact_steps", contact_steps)
+    low, high = 0.0, 1.0
+    while spring_restitution(high) > restitution and high < 64.0:
+        high *= 2.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        if spring_restitution(middle) > restitution:
+            low = middle
+        else:
+            high = middle
+    zeta = 0.5 * (low + high)
+    if zeta < 0.999:
+        angle = 2.0 * math.acos(zeta) / math.sqrt(1.0 - zeta**2)
+    else:
+        angle = 2.0
+    omega = angle / (contact_steps * dt)
+    return omega**2, 2.0 * zeta * omega
+
+
+# --- batches --------------------------------------------------------------------------------------
+
+
+def batch_free_bodies(
+    inertia: ArrayLike,
+    q0: ArrayLike,
+    v0: ArrayLike,
+    dt: float,
+    integrator: str,
+    *,
+    threads: int = 1,
+    gravity: float = 0.0,
+) -> BatchRunner:
+    """N free bodies in `mujoco.batch`; `threads` 0 takes all cores.
+
+    Args:
+        inertia: principal moments, the same for all [kg m^2].
+        q0, v0: shapes (7, N) and (6, N), as in `free_body`.
+        dt, integrator, gravity: as in `free_body`.
+        threads: how many, 0 for one a core.
+    """
+    q, v = np.asarray(q0, dtype=float), np.asarray(v0, dtype=float)
+    one = free_body(inertia, q[:, 0], v[:, 0], dt, integrator, gravity=gravity)
+    return BatchRunner(one, q, v, threads)
+
+
+def batch_boxes(
+    half_size: Sequence[float],
+    mass: float,
+    q0: ArrayLike,
+    v0: ArrayLike,
+    dt: float,
+    integrator: str,
+    *,
+    threads: int = 1,
+    **box: Any,
+) -> BatchRunner:
+    """N planar boxes above the ground in `mujoco.batch`; the rest as in `box_drop`.
+
+    Args:
+        half_size, mass, dt, integrator: as in `box_drop`.
+        q0, v0: shapes (3, N).
+        threads: how many, 0 for one a core.
+        **box: the keyword arguments of `box_drop`.
+    """
+    q, v = np.asarray(q0, dtype=float), np.asarray(v0, dtype=float)
+    one = box_drop(half_size, mass, q[:, 0], v[:, 0], dt, integrator, **box)
+    return BatchRunner(one, q, v, threads)
+
+
+# --- model text and checks ------------------------------------------------------------------------
+
+
+def _xml(
+    body: str,
+    dt: float,
+    integrator: str,
+    gravity: float,
+    *,
+    springs: bool = False,
+    touching: bool = False,
+    off: Sequence[str] = (),
+    extra: str = "",
+) -> str:
+    if integrator not in INTEGRATORS:
+        raise ValueError(f"integrator must be one of {INTEGRATORS}, got {integrator!r}")
+    _positive("dt", dt)
+    if not math.isfinite(gravity):
+        raise ValueError(f"gravity must be finite, got {gravity}")
+    flags = [*_ALWAYS_OFF, *off]
+    if not touching:
+        flags += _CONTACT_OFF
+    if not springs:
+        flags += ["spring", "damper"]
+    if gravity == 0.0:
+        flags.append("gravity")
+    switched = " ".join(f'{flag}="disable"' for flag in flags)
+    return (
+        f'<mujoco><compiler angle="radian"/><option timestep="{dt!r}" integrator="{integrator}" '
+        f'gravity="0 0 {-gravity!r}" cone="elliptic"><flag {switched}/></option>'
+        f"<worldbody>{body}</worldbody>{extra}</mujoco>"
+    )
+
+
+def _inertial(mass: float, z: float, moments: NDArray[np.float64]) -> str:
+    _positive("mass", mass)
+    text = " ".join(repr(float(moment)) for moment in moments)
+    return f'<inertial pos="0 0 {z!r}" mass="{mass!r}" diaginertia="{text}"/>'
+
+
+def _moments(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    moments = np.asarray(value, dtype=float)
+    if moments.shape != (3,) or not np.all(np.isfinite(moments)) or np.any(moments <= 0.0):
+        raise ValueError(f"{name} must be three positive principal moments, got {value!r}")
+    largest = float(np.max(moments))
+    if 2.0 * largest > float(np.sum(moments)) * (1.0 + 1e-9):
+        raise ValueError(f"{name} must have no moment above the sum of the others, got {moments}")
+    return moments
+
+
+def _vector(name: str, value: ArrayLike, size: int) -> NDArray[np.float64]:
+    vector = np.array(value, dtype=float)
+    if vector.shape != (size,) or not np.all(np.isfinite(vector)):
+        raise ValueError(f"{name} must be {size} finite numbers, got {value!r}")
+    return vector
+
+
+def _positive(name: str, value: float) -> float:
+    if not (math.isfinite(value) and value > 0.0):
+        raise ValueError(f"{name} must be positive and finite, got {value}")
+    return float(value)
+
+
+def _count(name: str, value: int) -> None:
+    if value < 0:
+        raise ValueError(f"{name} must not be negative, got {value}")

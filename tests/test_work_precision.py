@@ -1,0 +1,243 @@
+"""Work against precision, on methods whose errors are known in advance."""
+
+import math
+import time
+
+import matplotlib
+import numpy as np
+import pytest
+
+from course.measure.work_precision import (
+    Method,
+    Result,
+    WorkPrecision,
+    machine,
+    max_norm,
+    measure,
+)
+
+matplotlib.use("Agg")
+STEPS = [0.5 / 2**k for k in range(7)]
+
+
+def _decay(order, calls=None):
+    """y' = -y over one second with the Taylor method of the given order: a real convergence."""
+
+    def run(h):
+        if calls is not None:
+            calls.append((order, h))
+        n = round(1.0 / h)
+        factor = sum((-h) ** k / math.factorial(k) for k in range(order + 1))
+        y = 1.0
+        for _ in range(n):
+            y *= factor
+        return Result([y], n * order)
+
+    return Method(f"order {order}", run, STEPS)
+
+
+TRUTH = [math.exp(-1.0)]
+
+
+def _measured(methods, **options):
+    options = {"reference_check": [1.0 / math.e], "repeats": 2, "sample_time": 1e-5, **options}
+    return measure(methods, TRUTH, **options)
+
+
+@pytest.mark.parametrize("order", [1, 2, 4])
+def test_observed_order(order):
+    chart = _measured([_decay(order)])
+    assert chart.observed_order(f"order {order}") == pytest.approx(order, abs=0.1)
+
+
+def test_observed_order_ignores_saturation_and_floor():
+    def run(h):
+        error = min(0.3, h**2 + 1e-9)
+        return Result([TRUTH[0] + error], 1.0 / h)
+
+    steps = [2.0**-k for k in range(0, 24)]
+    chart = _measured([Method("bent", run, steps)])
+    assert chart.observed_order("bent") == pytest.approx(2.0, abs=0.02)
+
+
+def test_observed_order_of_noise_is_not_an_order():
+    rng = np.random.default_rng(3)
+
+    def run(h):
+        return Result([TRUTH[0] + 1e-12 * rng.uniform(0.9, 1.1)], 1.0 / h)
+
+    assert math.isnan(_measured([Method("flat", run, STEPS)]).observed_order("flat"))
+
+
+def test_pick_is_the_cheapest_that_is_good_enough():
+    chart = _measured([_decay(1), _decay(4)], tolerance=1e-4)
+    by_count = chart.pick(by="count")
+    # Order 4 needs h = 1/4 (error about 1e-5) at 16 evaluations; order 1 never gets there.
+    assert (by_count.name, by_count.point.parameter) == ("order 4", 0.25)
+    assert by_count.point.error <= 1e-4
+    assert chart.pick(1e-17) is None
+    assert chart.pick(1.0, by="count").name == "order 1"
+    with pytest.raises(ValueError, match="by must be"):
+        chart.pick(by="colour")
+    with pytest.raises(ValueError, match="tolerance"):
+        _measured([_decay(1)]).pick()
+
+
+def test_failures_stay_as_failures():
+    def diverges(h):
+        if h > 0.3:
+            return Result([math.nan], 1.0)
+        if h > 0.2:
+            return Result([1e6], 1.0)
+        if h > 0.1:
+            raise FloatingPointError("lost")
+        return Result([TRUTH[0] + h], 1.0 / h)
+
+    chart = _measured([Method("bad", diverges, [0.4, 0.25, 0.15, 0.05])], failed_above=10.0)
+    points = chart.curve("bad").points
+    assert [bool(p.failure) for p in points] == [True, True, True, False]
+    assert all(p.cost(by) == math.inf for p in points[:3] for by in ("time", "count"))
+    assert "not finite" in points[0].failure
+    assert "above" in points[1].failure
+    assert "lost" in points[2].failure
+    assert len(chart.curve("bad").worked()) == 1
+    assert chart.table().count("failed:") == 3
+
+
+def test_failures_are_on_the_chart():
+    import matplotlib.pyplot as plt
+
+    def diverges(h):
+        return Result([math.inf], 1.0)
+
+    chart = _measured([_decay(2), Method("bad", diverges, [0.4, 0.2])], tolerance=1e-3)
+    figure, axes = plt.subplots(1, 2)
+    chart.plot(axes)
+    for ax in axes:
+        crosses = [line for line in ax.lines if line.get_marker() == "x"]
+        assert len(crosses) == 2
+        assert all(line.get_ydata()[0] == 1.0 for line in crosses)
+        texts = [t.get_text() for t in ax.texts]
+        assert any("2 failed" in t for t in texts)
+        assert any(t.startswith("tolerance") for t in texts)
+        assert any(t.startswith("pick: order 2") for t in texts)
+    assert any(machine() in t.get_text() for t in figure.texts)
+    figure.canvas.draw()
+    plt.close(figure)
+
+
+def test_styles_on_the_chart():
+    import matplotlib.pyplot as plt
+
+    other = Method("library", _decay(2).run, STEPS, style="oracle", colour="#009E73")
+    chart = _measured([_decay(1), other]).with_method(
+        Method("mine", _decay(4).run, STEPS, style="yours")
+    )
+    figure, axes = plt.subplots(1, 2)
+    chart.plot(axes)
+    lines = {line.get_label(): line for line in axes[0].lines}
+    assert lines["order 1"].get_linestyle() == "-"
+    assert (lines["library"].get_linestyle(), lines["library"].get_color()) == ("--", "#009E73")
+    assert lines["mine"].get_color() == "black"
+    assert lines["mine"].get_linewidth() >= 2.5
+    assert lines["order 1"].get_color() == axes[1].lines[0].get_color()
+    plt.close(figure)
+
+
+def test_a_wrong_reference_is_refused():
+    with pytest.raises(ValueError, match="reference_check differ by"):
+        measure([_decay(4)], TRUTH, reference_check=[TRUTH[0] + 1e-6], repeats=1)
+    # Good enough for a tolerance of 1e-3 all the same, and then it says how good it is.
+    chart = measure(
+        [_decay(4)], TRUTH, reference_check=[TRUTH[0] + 1e-6], repeats=1, tolerance=1e-3
+    )
+    assert chart.reference_uncertainty == pytest.approx(1e-6)
+    with pytest.raises(ValueError, match="finite"):
+        measure([_decay(4)], TRUTH, reference_check=[math.nan], repeats=1)
+
+
+def test_methods_run_interleaved():
+    calls: list[tuple[int, float]] = []
+    methods = [_decay(1, calls), _decay(2, calls)]
+    _measured(methods, repeats=3, sample_time=1e-9)
+    rounds = np.array_split(np.array([order for order, _ in calls]), 5)  # warm-up, sizing, 3 rounds
+    for one in rounds:
+        assert one.tolist() == [1] * len(STEPS) + [2] * len(STEPS)
+
+
+def test_short_runs_are_repeated_inside_a_sample():
+    calls: list[tuple[int, float]] = []
+    _measured([Method("short", _decay(1, calls).run, [0.5])], repeats=1, sample_time=2e-3)
+    assert len(calls) > 20
+
+
+def test_time_is_the_time():
+    def sleeps(h):
+        time.sleep(h)
+        return Result(TRUTH, 1.0)
+
+    chart = _measured([Method("sleep", sleeps, [0.02, 0.002])], repeats=3)
+    slow, fast = chart.curve("sleep").points
+    assert slow.low <= slow.time <= slow.high
+    assert slow.time >= 0.02
+    assert slow.time > fast.time >= 0.002
+
+
+def test_with_method_measures_beside_the_pick():
+    base = _measured([_decay(1), _decay(2)], tolerance=1e-3)
+    calls: list[tuple[int, float]] = []
+    pick = base.pick()
+    original = next(m for m in base._repeat["methods"] if m.name == pick.name)
+    counted = Method("mine", _decay(2, calls).run, [pick.point.parameter], style="yours")
+    chart = base.with_method(counted, repeats=4)
+    assert [c.name for c in chart.curves] == ["order 1", "order 2", "mine"]
+    assert [c.name for c in base.curves] == ["order 1", "order 2"]
+    assert calls
+    assert chart.ratio > 0.0
+    assert math.isfinite(chart.ratio) and "times its time" in chart.table()
+    with pytest.raises(ValueError, match="name must be new"):
+        chart.with_method(counted)
+    hopeless = Method("hopeless", lambda h: Result([0.0], 1.0), [0.5], style="yours")
+    assert base.with_method(hopeless).ratio == math.inf
+    assert original.parameters == STEPS
+
+
+def test_json_round_trip(tmp_path):
+    def fails(h):
+        return Result([math.nan], 1.0)
+
+    chart = _measured([_decay(2), Method("bad", fails, [0.1])], tolerance=1e-3, question="How far?")
+    path = tmp_path / "chart.json"
+    chart.to_json(path)
+    again = WorkPrecision.from_json(path)
+    assert again == chart
+    assert again.table() == chart.table()
+    assert [p.name for p in tmp_path.iterdir()] == ["chart.json"]
+    with pytest.raises(ValueError, match="read from a file"):
+        again.with_method(_decay(4))
+
+
+def test_json_is_whole_or_absent(tmp_path, monkeypatch):
+    chart = _measured([_decay(2)])
+    path = tmp_path / "chart.json"
+    chart.to_json(path)
+    before = path.read_text()
+    monkeypatch.setattr("json.dump", lambda *a, **k: (_ for _ in ()).throw(OSError("disc full")))
+    with pytest.raises(OSError, match="disc full"):
+        chart.to_json(path)
+    assert path.read_text() == before
+    assert [p.name for p in tmp_path.iterdir()] == ["chart.json"]
+
+
+def test_bad_input():
+    with pytest.raises(ValueError, match="style"):
+        Method("x", _decay(1).run, [0.1], style="theirs")
+    with pytest.raises(ValueError, match="parameters"):
+        Method("x", _decay(1).run, [0.1, -1.0])
+    with pytest.raises(ValueError, match="different names"):
+        _measured([_decay(1), _decay(1)])
+    with pytest.raises(ValueError, match="same unit"):
+        _measured([_decay(1), Method("x", _decay(2).run, STEPS, unit="collision checks")])
+    with pytest.raises(ValueError, match="name must be one of"):
+        _measured([_decay(1)]).curve("order 7")
+    assert max_norm(np.array([1.0, 5.0]), np.array([1.5, 4.0])) == 1.0
