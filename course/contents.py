@@ -1,0 +1,41 @@
+"""The table of contents as Markdown: for the index of the course and for the README."""
+
+from course import CHAPTERS, DIMENSIONS
+
+
+def figures() -> str:
+    """How many chapters and simulations are planned and written, and from how many sides.
+
+    Returns:
+        A Markdown table of three figures.
+    """
+    written = sum(chapter.there for chapter in CHAPTERS)
+    planned = len(CHAPTERS)
+    return (
+        "| chapters | simulations | dimensions per chapter |\n"
+        "|:---:|:---:|:---:|\n"
+        f"| **{planned}** | **{planned}** | **{len(DIMENSIONS)}** |\n"
+        f"| {written} written, {planned - written} coming "
+        f"| {written} written, {planned - written} coming "
+        f"| {', '.join(DIMENSIONS)} |\n"
+    )
+
+
+def map_of_chapters(folder: str = "") -> str:
+    """Every chapter with its question, its simulation and whether it is there.
+
+    Args:
+        folder: what to put before the name of a notebook in a link, such as "notebooks/".
+
+    Returns:
+        A Markdown table.
+    """
+    rows = ["| | chapter | what it answers | simulation | |", "|---:|---|---|---|---|"]
+    for chapter in CHAPTERS:
+        name = chapter.notebook.removeprefix("notebooks/")
+        title = f"[{chapter.title}]({folder}{name})" if chapter.there else chapter.title
+        state = "ready" if chapter.there else "coming"
+        rows.append(
+            f"| {chapter.number} | {title} | {chapter.question} | {chapter.simulation} | {state} |"
+        )
+    return "\n".join(rows) + "\n"

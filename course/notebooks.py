@@ -1,0 +1,226 @@
+"""Build the notebooks from their sources, and prove that the two agree.
+
+Text and code are written as py:percent in `notebooks/source/NN_topic.py`. `python -m
+course.notebooks` (or `make notebooks`) runs each in a fresh kernel and writes
+`notebooks/NN_topic.ipynb` with its outputs; with `--check` it only looks whether the notebooks that
+are there belong to their sources. What is written depends on nothing but source and outputs: two
+builds are the same to the byte where the outputs are.
+"""
+
+import hashlib
+import os
+import re
+import sys
+import tempfile
+from pathlib import Path
+
+import click
+import jupytext
+import nbclient
+import nbformat
+from nbformat import NotebookNode
+
+FOLDER = Path(__file__).resolve().parent.parent / "notebooks"
+
+_KERNELSPEC = {"display_name": "Python 3", "language": "python", "name": "python3"}
+_WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
+_ADDRESS = re.compile(r"\bat 0x[0-9a-fA-F]{6,}")
+_CELL_TIMEOUT = 600  # s
+
+
+def sources(folder: Path = FOLDER) -> list[Path]:
+    """The sources under `folder`, in the order of their names."""
+    return sorted((folder / "source").glob("*.py"))
+
+
+def target(source: Path) -> Path:
+    """The notebook that is built from `source`."""
+    return source.parent.parent / f"{source.stem}.ipynb"
+
+
+def read_source(source: Path) -> NotebookNode:
+    """The notebook that a py:percent file describes, without outputs.
+
+    Every cell's id is a hash of its place and its text, so that it only changes with them.
+
+    Args:
+        source: path of the py:percent file.
+
+    Returns:
+        A notebook in format 4.5 with no metadata but its kernel's name.
+    """
+    parsed = jupytext.read(source, fmt="py:percent")
+    cells = []
+    for index, cell in enumerate(parsed.cells):
+        digest = hashlib.sha256(f"{index}\n{cell.cell_type}\n{cell.source}".encode())
+        metadata = {k: v for k, v in cell.metadata.items() if k != "lines_to_next_cell"}
+        make = {
+            "code": nbformat.v4.new_code_cell,
+            "markdown": nbformat.v4.new_markdown_cell,
+            "raw": nbformat.v4.new_raw_cell,
+        }[cell.cell_type]
+        cells.append(make(cell.source, id=digest.hexdigest()[:12], metadata=metadata))
+    return nbformat.v4.new_notebook(cells=cells, metadata={"kernelspec": dict(_KERNELSPEC)})
+
+
+def run(notebook: NotebookNode, folder: Path) -> NotebookNode:
+    """Run every cell in a fresh kernel of this interpreter and keep what comes out.
+
+    A widget lives only as long as its kernel. What is kept is the rest of its output: the picture
+    that it offers beside itself, or at least its text.
+
+    Args:
+        notebook: the notebook to run; it is left as it was.
+        folder: the kernel's working directory.
+
+    Returns:
+        A copy with outputs.
+
+    Raises:
+        nbclient.exceptions.CellExecutionError: a cell failed that isn't tagged `raises-exception`.
+    """
+    executed = nbformat.from_dict(notebook)
+    client = nbclient.NotebookClient(
+        executed,
+        kernel_name=_KERNELSPEC["name"],
+        timeout=_CELL_TIMEOUT,
+        record_timing=False,
+        store_widget_state=False,
+        coalesce_streams=True,
+        resources={"metadata": {"path": str(folder)}},
+    )
+    client.execute(env={**os.environ, "COURSE_QUIET": "1"})
+    executed.metadata = nbformat.from_dict({"kernelspec": dict(_KERNELSPEC)})
+    for cell in executed.cells:
+        for output in cell.get("outputs", []):
+            output.get("data", {}).pop(_WIDGET_VIEW, None)
+            output.get("metadata", {}).pop(_WIDGET_VIEW, None)
+    return executed
+
+
+def write(notebook: NotebookNode, path: Path) -> None:
+    """Write `notebook` to `path` in one go: a reader sees the old file or the new one."""
+    nbformat.validate(notebook)
+    text = nbformat.writes(notebook, version=4).rstrip("\n") + "\n"
+    with tempfile.NamedTemporaryFile(
+        "w", encoding="utf-8", newline="\n", dir=path.parent, suffix=".part", delete=False
+    ) as part:
+        part.write(text)
+    try:
+        os.chmod(part.name, 0o644)
+        os.replace(part.name, path)
+    except OSError:
+        os.unlink(part.name)
+        raise
+
+
+def build(source: Path) -> Path:
+    """Run one source and write its notebook; a source that fails leaves the old notebook.
+
+    Args:
+        source: path of a py:percent file in a folder `source`.
+
+    Returns:
+        Path of the notebook, beside that folder.
+
+    Raises:
+        nbclient.exceptions.CellExecutionError: a cell failed.
+    """
+    path = target(source)
+    write(run(read_source(source), path.parent), path)
+    return path
+
+
+def check(source: Path) -> list[str]:
+    """What is wrong with the notebook of `source`; nothing if it was built from it and ran through.
+
+    The outputs themselves aren't compared here: nbval does that by running the notebook again.
+
+    Args:
+        source: path of a py:percent file in a folder `source`.
+
+    Returns:
+        One sentence for each fault.
+    """
+    path = target(source)
+    if not path.exists():
+        return [f"{path.name} is missing: build it with `make notebooks`"]
+    wanted = read_source(source)
+    found = nbformat.read(path, as_version=4)
+    faults = []
+    if found.metadata != wanted.metadata:
+        faults.append(f"{path.name}: its metadata are not those that the build writes")
+    if len(found.cells) != len(wanted.cells):
+        faults.append(
+            f"{path.name} has {len(found.cells)} cells, its source has {len(wanted.cells)}"
+        )
+    count = 0
+    for index, (cell, other) in enumerate(zip(found.cells, wanted.cells, strict=False)):
+        place = f"{path.name}, cell {index}"
+        for part in ("cell_type", "source", "metadata", "id"):
+            if cell.get(part) != other.get(part):
+                faults.append(f"{place}: its {part} differs from the source")
+        if cell.cell_type != "code":
+            continue
+        if cell.source.strip():
+            count += 1
+            if cell.execution_count != count:
+                faults.append(f"{place}: run as {cell.execution_count}, expected {count}")
+        for output in cell.outputs:
+            if output.output_type == "error" and "raises-exception" not in cell.metadata.get(
+                "tags", []
+            ):
+                faults.append(f"{place}: shows the error {output.ename}: {output.evalue}")
+            text = output.get("text", "") + output.get("data", {}).get("text/plain", "")
+            if _ADDRESS.search(text):
+                faults.append(f"{place}: shows a memory address, which changes with every run")
+    return faults
+
+
+def check_all(folder: Path = FOLDER) -> list[str]:
+    """The faults of every notebook under `folder`, and the notebooks that have no source.
+
+    Args:
+        folder: the folder of the notebooks, with their sources in its folder `source`.
+
+    Returns:
+        One sentence for each fault.
+    """
+    faults = [fault for source in sources(folder) for fault in check(source)]
+    built = {target(source) for source in sources(folder)}
+    strays = sorted(set(folder.glob("*.ipynb")) - built)
+    return faults + [f"{path.name} has no source in {folder.name}/source" for path in strays]
+
+
+def _chosen(names: tuple[str, ...]) -> list[Path]:
+    by_name = {source.stem: source for source in sources()}
+    if unknown := sorted(set(names) - set(by_name)):
+        raise click.BadParameter(f"{', '.join(unknown)}: allowed are {', '.join(by_name)}")
+    return [by_name[name] for name in names] if names else list(by_name.values())
+
+
+@click.command()
+@click.argument("names", nargs=-1)
+@click.option("--check", "only_check", is_flag=True, help="Build nothing, look for faults.")
+def main(names: tuple[str, ...], only_check: bool) -> None:
+    """Build the notebooks called NAMES (such as 01_rigid_body), or all of them."""
+    chosen = _chosen(names)
+    if only_check:
+        faults = [fault for source in chosen for fault in check(source)] if names else check_all()
+        for fault in faults:
+            click.echo(fault)
+        if not faults:
+            click.echo(f"{len(chosen)} notebooks agree with their sources")
+        sys.exit(bool(faults))
+    for source in chosen:
+        click.echo(f"running {source.stem} ...")
+        try:
+            path = build(source)
+        except nbclient.exceptions.CellExecutionError as error:
+            click.echo(f"{source.stem} failed, its notebook is left as it was\n{error}", err=True)
+            sys.exit(1)
+        click.echo(f"wrote {path.parent.name}/{path.name}")
+
+
+if __name__ == "__main__":
+    main(prog_name="python -m course.notebooks")

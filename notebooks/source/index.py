@@ -1,0 +1,81 @@
+# %% [markdown]
+# *Preparation for a staff engineer's interview in robotics simulation and robot software*
+#
+# # Robotics Simulation & Software
+#
+# You learn to build the simulator and the software of the robot that runs in it: from the motion of
+# one rigid body to a policy that leaves the simulator for the real machine. Every number in the
+# course is computed in front of you. Every method is measured, speed against accuracy, beside the
+# library that professionals use for the same job, and pushed until it fails.
+
+# %% jupyter={"source_hidden": true}
+from IPython.display import Markdown
+
+from course import CHAPTERS, PREREQUISITES, contents
+
+Markdown(f"**What to know first:** {PREREQUISITES}")
+
+# %% jupyter={"source_hidden": true}
+Markdown(contents.figures())
+
+# %% [markdown]
+# ## The chapters
+
+# %% jupyter={"source_hidden": true}
+Markdown(contents.map_of_chapters())
+
+# %% [markdown]
+# ## Five sides of every subject
+#
+# | | what you find there |
+# |---|---|
+# | **Concept** | the idea from first principles, short enough for a whiteboard |
+# | **Design** | where it sits in the system, what flows in and out and how fast, the trade-offs |
+# | **Code** | the reference implementation, shown from the module that the tests run |
+# | **Debug** | how it fails: the symptom, its cause, a test for it, the repair |
+# | **Frontier** | what is new, with year and source, and a small part of it to run |
+#
+# A chapter has one simulation to move, one chart of speed against accuracy, one map of where its
+# methods stop working, and exercises. Work from top to bottom, or open a section by its heading in
+# the side panel.
+#
+# ## Boxes in the text
+#
+# <div class="alert alert-block alert-info">
+#
+# **💬 Interview question.** What an interviewer asks. Answer aloud before you open the answer.
+#
+# </div>
+# <div class="alert alert-block alert-success">
+#
+# **🎯 Interview tip.** How to say it, and what to leave out.
+#
+# </div>
+# <div class="alert alert-block alert-danger">
+#
+# **🔧 Debugging tip.** A symptom, and the first thing to look at.
+#
+# </div>
+# <div class="alert alert-block alert-warning">
+#
+# **🔑 Key insight.** The one sentence to keep.
+#
+# </div>
+#
+# ## Three doors
+#
+# - **You want to learn the subject.** Open the first chapter that is ready in the table above and
+#   run it: *Run, Run All Cells*. It needs no network.
+# - **You have an interview soon.** Each chapter ends with the questions and their follow-ups.
+#   Coming: drills that are graded in a second, the exercises of the chapters, the mark on those you
+#   attempted, and the checkpoint that closes a chapter.
+# - **You want the code.** Each chapter is a module that needs neither a notebook nor a display, and
+#   `help` shows what is in it:
+
+# %%
+import importlib
+
+for chapter in CHAPTERS:
+    if chapter.there:
+        summary, *_ = importlib.import_module(chapter.module).__doc__.splitlines()
+        print(f"help({chapter.module})  # {summary}")

@@ -1,0 +1,177 @@
+"""The builder of the notebooks, and the notebooks that it built."""
+
+import sys
+from pathlib import Path
+
+import nbformat
+import pytest
+
+from course import notebooks
+
+SOURCE = '''# %% [markdown]
+# # A notebook of three cells
+
+# %%
+import os
+import sys
+
+
+class Canvas:
+    """Offers a live view, a picture and a text, as a widget does."""
+
+    def __repr__(self):
+        return "Canvas(320 x 240)"
+
+    def _repr_mimebundle_(self, **options):
+        # A new model for every run, as widgets have it.
+        view = {"model_id": os.urandom(16).hex(), "version_major": 2, "version_minor": 0}
+        return {
+            "application/vnd.jupyter.widget-view+json": view,
+            "image/png": b"the same picture every time",
+            "text/plain": repr(self),
+        }
+
+
+Canvas()
+
+# %% tags=["nbval-ignore-output"]
+for part in ("one", "two", "three"):
+    print(part, flush=True)
+print(os.environ["COURSE_QUIET"], sys.executable == os.environ["EXPECTED_PYTHON"])
+'''
+
+
+def put(folder: Path, text: str) -> Path:
+    (folder / "source").mkdir(exist_ok=True)
+    source = folder / "source" / "07_example.py"
+    source.write_text(text, encoding="utf-8")
+    return source
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, bytes, bytes]:
+    """The source, and the bytes of two builds of it."""
+    folder = tmp_path_factory.mktemp("notebooks")
+    source = put(folder, SOURCE)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("EXPECTED_PYTHON", sys.executable)
+        builds = [notebooks.build(source).read_bytes() for _ in range(2)]
+    assert sorted(path.name for path in folder.iterdir()) == ["07_example.ipynb", "source"]
+    return SOURCE, builds[0], builds[1]
+
+
+@pytest.fixture
+def example(built: tuple[str, bytes, bytes], tmp_path: Path) -> Path:
+    """A source with its notebook beside it; returns the source."""
+    source = put(tmp_path, built[0])
+    notebooks.target(source).write_bytes(built[1])
+    return source
+
+
+def edit(source: Path, change) -> None:
+    path = notebooks.target(source)
+    notebook = nbformat.read(path, as_version=4)
+    change(notebook)
+    nbformat.write(notebook, path)
+
+
+def test_every_notebook_of_the_course_was_built_from_its_source() -> None:
+    assert notebooks.sources()
+    assert notebooks.check_all() == []
+
+
+def test_two_builds_are_the_same_to_the_byte(built: tuple[str, bytes, bytes]) -> None:
+    assert built[1] == built[2]
+
+
+def test_a_fresh_build_has_no_fault(example: Path) -> None:
+    assert notebooks.check(example) == []
+    assert notebooks.check_all(example.parent.parent) == []
+
+
+def test_what_is_kept_of_an_output(example: Path) -> None:
+    notebook = nbformat.read(notebooks.target(example), as_version=4)
+    assert set(notebook.metadata) == {"kernelspec"}
+    title, canvas, printed = notebook.cells
+    assert title.source == "# A notebook of three cells"
+    assert set(canvas.outputs[0].data) == {"image/png", "text/plain"}
+    assert printed.outputs[0].text == "one\ntwo\nthree\n1 True\n"
+    assert printed.metadata == {"tags": ["nbval-ignore-output"]}
+    assert [cell.execution_count for cell in (canvas, printed)] == [1, 2]
+
+
+def test_the_cell_ids_depend_on_place_and_text_only(example: Path) -> None:
+    before = [cell.id for cell in notebooks.read_source(example).cells]
+    assert len(set(before)) == 3
+    example.write_text(SOURCE.replace("three cells", "3 cells"), encoding="utf-8")
+    after = [cell.id for cell in notebooks.read_source(example).cells]
+    assert after[0] != before[0]
+    assert after[1:] == before[1:]
+
+
+def test_a_changed_source_is_a_fault(example: Path) -> None:
+    example.write_text(SOURCE.replace('"two"', '"zwei"'), encoding="utf-8")
+    assert any("cell 2: its source differs" in fault for fault in notebooks.check(example))
+
+
+def test_a_changed_tag_is_a_fault(example: Path) -> None:
+    example.write_text(SOURCE.replace("nbval-ignore-output", "skip"), encoding="utf-8")
+    assert any("cell 2: its metadata differs" in fault for fault in notebooks.check(example))
+
+
+def test_an_added_cell_is_a_fault(example: Path) -> None:
+    example.write_text(SOURCE + "\n# %%\n1 + 1\n", encoding="utf-8")
+    assert any("has 3 cells, its source has 4" in fault for fault in notebooks.check(example))
+
+
+def test_a_cell_that_was_not_run_is_a_fault(example: Path) -> None:
+    edit(example, lambda notebook: notebook.cells[1].update(execution_count=None, outputs=[]))
+    assert any("cell 1: run as None" in fault for fault in notebooks.check(example))
+
+
+def test_cells_run_out_of_order_are_a_fault(example: Path) -> None:
+    edit(example, lambda notebook: notebook.cells[2].update(execution_count=7))
+    assert any("cell 2: run as 7, expected 2" in fault for fault in notebooks.check(example))
+
+
+def test_a_shown_error_is_a_fault_unless_it_is_meant(example: Path) -> None:
+    error = nbformat.v4.new_output("error", ename="ValueError", evalue="no", traceback=[])
+    edit(example, lambda notebook: notebook.cells[1].outputs.append(error))
+    assert any("shows the error ValueError" in fault for fault in notebooks.check(example))
+
+    meant = SOURCE.replace("# %%\nimport", '# %% tags=["raises-exception"]\nimport')
+    example.write_text(meant, encoding="utf-8")
+    tags = {"tags": ["raises-exception"]}
+    edit(example, lambda notebook: notebook.cells[1].update(metadata=tags))
+    assert not any("error" in fault for fault in notebooks.check(example))
+
+
+def test_a_memory_address_is_a_fault(example: Path) -> None:
+    def show_address(notebook) -> None:
+        notebook.cells[1].outputs[0].data["text/plain"] = "<Canvas object at 0x7f3c1a2b4d50>"
+
+    edit(example, show_address)
+    assert any("memory address" in fault for fault in notebooks.check(example))
+
+
+def test_saved_widget_state_is_a_fault(example: Path) -> None:
+    edit(example, lambda notebook: notebook.metadata.update(widgets={}))
+    assert any("metadata" in fault for fault in notebooks.check(example))
+
+
+def test_missing_and_stray_notebooks_are_faults(example: Path) -> None:
+    path = notebooks.target(example)
+    path.rename(path.with_name("08_other.ipynb"))
+    faults = notebooks.check_all(path.parent)
+    assert any("07_example.ipynb is missing" in fault for fault in faults)
+    assert any("08_other.ipynb has no source" in fault for fault in faults)
+
+
+def test_a_source_that_fails_leaves_the_old_notebook(example: Path) -> None:
+    path = notebooks.target(example)
+    before = path.read_bytes()
+    example.write_text("# %%\n1 / 0\n", encoding="utf-8")
+    with pytest.raises(notebooks.nbclient.exceptions.CellExecutionError, match="ZeroDivision"):
+        notebooks.build(example)
+    assert path.read_bytes() == before
+    assert sorted(found.name for found in path.parent.iterdir()) == [path.name, "source"]
