@@ -1,0 +1,445 @@
+"""The project as a whole: imports, who may import whom, the set-up, the README."""
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from course import CHAPTERS, contents
+
+ROOT = Path(__file__).resolve().parent.parent
+PRESENT = [chapter for chapter in CHAPTERS if chapter.there]
+TOPICS = [chapter.topic for chapter in CHAPTERS]
+
+# --- The table of contents ------------------------------------------------------------------------
+
+
+def test_the_chapters_are_numbered_from_0_to_12() -> None:
+    assert [chapter.number for chapter in CHAPTERS] == list(range(13))
+    assert len(set(TOPICS)) == 13
+
+
+@pytest.mark.parametrize("chapter", CHAPTERS, ids=TOPICS)
+def test_a_chapter_says_truly_whether_it_is_there(chapter) -> None:
+    def is_module(name: str) -> bool:
+        path = ROOT / name.replace(".", "/")
+        return path.with_suffix(".py").exists() or (path / "__init__.py").exists()
+
+    rooms = {
+        chapter.module: is_module(chapter.module),
+        chapter.notebook: (ROOT / chapter.notebook).exists(),
+        chapter.simulation_module: is_module(chapter.simulation_module),
+    }
+    if chapter.there:
+        assert all(rooms.values()), rooms
+    else:
+        assert not rooms[chapter.notebook], "it has a notebook: set `there` in course/__init__.py"
+
+
+# --- Importing ------------------------------------------------------------------------------------
+
+# Numba itself imports SciPy's bare package, so its parts are looked for.
+HEAVY = (
+    "scipy.linalg scipy.special scipy.integrate matplotlib sympy torch mujoco ipywidgets anywidget"
+    " IPython open3d pinocchio ompl"
+)
+
+
+@pytest.mark.parametrize("module", ["course", *(chapter.module for chapter in PRESENT)])
+def test_importing_is_light_and_silent(module: str) -> None:
+    program = (
+        f"import sys, {module}\nprint(*[name for name in {HEAVY!r}.split() if name in sys.modules])"
+    )
+    environment = {k: v for k, v in os.environ.items() if "DISPLAY" not in k}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", program],
+        env=environment,
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    assert done.stdout.split() == []
+
+
+# --- The doors: who may import whom ---------------------------------------------------------------
+
+# The oracles. An adapter asks one of them for a chapter; a claim may be about one of them.
+BIG = {"mujoco", "pinocchio", "ompl", "gymnasium", "open3d"}
+VIEWS = {"matplotlib", "ipywidgets", "anywidget", "IPython", "traitlets"}
+NUMERIC = {"numpy", "numba"}
+SHARED = {"course", "course.compiled"}
+
+
+def modules() -> dict[str, Path]:
+    """Every module under course/, by its import path."""
+    found = {}
+    for path in sorted((ROOT / "course").rglob("*.py")):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+def imports(tree: ast.AST, package: str, deferred: bool = False) -> Iterator[tuple[str, bool]]:
+    """Every import under `tree`: its full name, and whether it waits for a call.
+
+    What stands under `if TYPE_CHECKING` is never run and doesn't count.
+    """
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            for child in node.orelse:
+                yield from imports(child, package, deferred)
+        elif isinstance(node, ast.Import):
+            for alias in node.names:
+                yield alias.name, deferred
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                stem = package.split(".")[: len(package.split(".")) - node.level + 1]
+                base = ".".join([*stem, base] if base else stem)
+            for alias in node.names:
+                yield f"{base}.{alias.name}", deferred
+        else:
+            inside = isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+            yield from imports(node, package, deferred or inside)
+
+
+def room(module: str) -> str:
+    """The second part of an import path under course: "oracles" of "course.oracles.mujoco"."""
+    return module.split(".")[1] if module.count(".") else ""
+
+
+def faults(module: str, source: str, is_package: bool = False) -> list[str]:
+    """What `module` imports against the rules of the house."""
+    package = module if is_package else module.rpartition(".")[0]
+    here = room(module)
+    known = {*TOPICS, "compiled", "measure", "oracles", "simulations", "charts", "derivations"}
+    found = []
+    for name, deferred in imports(ast.parse(source), package):
+        top = name.partition(".")[0]
+        there = room(name) if top == "course" else ""
+        ours = there if there in known else ""
+
+        def refuse(reason: str, name: str = name) -> None:
+            found.append(f"{module} imports {name}: {reason}")
+
+        if top in {"tests", "drills", "solutions"}:
+            refuse("the course stands on its own")
+        if top in BIG and not (here in {"oracles", "derivations"} and deferred):
+            refuse("only an adapter in course.oracles or a claim does, inside a function")
+        if top == "torch" and not deferred:
+            refuse("it takes seconds: import it inside a function")
+        if here in TOPICS:
+            if top == "course":
+                later = ours in TOPICS and TOPICS.index(ours) > TOPICS.index(here)
+                if later or (ours and ours not in {*TOPICS, "compiled"}):
+                    refuse("a chapter knows earlier chapters and course.compiled only")
+            elif top in VIEWS | {"sympy"}:
+                refuse("a chapter has no picture and no widget")
+            elif not deferred and top not in NUMERIC | sys.stdlib_module_names:
+                refuse("a chapter needs NumPy and Numba to import, nothing else")
+        elif here == "measure":
+            if top == "course" and ours not in {"", "measure"}:
+                refuse("measuring is generic, it is handed functions")
+            elif top not in {"course", "numpy", "matplotlib"} | sys.stdlib_module_names:
+                refuse("measuring needs NumPy and matplotlib only")
+        elif here == "oracles":
+            if top == "course" and ours not in {"", "oracles", "compiled", *TOPICS}:
+                refuse("an oracle knows the chapters only")
+            elif top in VIEWS:
+                refuse("an oracle has no picture")
+        elif here == "simulations":
+            if top == "course" and ours not in {"", "simulations", "measure", "compiled", *TOPICS}:
+                refuse("a simulation knows the chapters and course.measure only")
+        elif here == "compiled":
+            if top == "course" or top not in NUMERIC | sys.stdlib_module_names:
+                refuse("it is under every chapter, so it needs Numba only")
+    return found
+
+
+@pytest.mark.parametrize("module", modules())
+def test_imports_go_one_way(module: str) -> None:
+    path = modules()[module]
+    assert faults(module, path.read_text(encoding="utf-8"), path.name == "__init__.py") == []
+
+
+@pytest.mark.parametrize(
+    ("module", "source"),
+    [
+        ("course.rigid_body.planar", "import matplotlib.pyplot"),
+        ("course.rigid_body.planar", "def f():\n    from ipywidgets import VBox"),
+        ("course.rigid_body.planar", "import scipy.optimize"),
+        ("course.rigid_body.planar", "import torch"),
+        ("course.rigid_body.planar", "def f():\n    import mujoco"),
+        ("course.rigid_body.planar", "from course import contact"),
+        ("course.rigid_body.planar", "from course.oracles import mujoco"),
+        ("course.rigid_body.planar", "from ..measure import stability"),
+        ("course.rigid_body.planar", "def f():\n    import course.charts"),
+        ("course.measure.stability", "from course import rigid_body"),
+        ("course.measure.stability", "import scipy"),
+        ("course.oracles.mujoco", "import mujoco"),
+        ("course.oracles.mujoco", "from course.simulations import canvas"),
+        ("course.simulations.rigid_body", "from course.oracles import mujoco"),
+        ("course.simulations.rigid_body", "import mujoco"),
+        ("course.compiled", "from course import rigid_body"),
+        ("course.charts.accuracy", "import drills"),
+    ],
+)
+def test_a_forbidden_import_is_found(module: str, source: str) -> None:
+    assert faults(module, source)
+
+
+@pytest.mark.parametrize(
+    ("module", "source"),
+    [
+        ("course.rigid_body.planar", "import math\nimport numba\nfrom course import compiled"),
+        ("course.rigid_body.planar", "from .quaternion import rotate"),
+        ("course.contact", "from course import rigid_body"),
+        ("course.rigid_body.problems", "def f():\n    from scipy.special import ellipj"),
+        ("course.oracles.mujoco", "def f():\n    import mujoco\nfrom course import rigid_body"),
+        ("course.measure.scene", "if TYPE_CHECKING:\n    import scipy\nimport numpy"),
+        ("course.simulations.canvas", "import anywidget\nfrom course.measure import scene"),
+    ],
+)
+def test_an_allowed_import_is_not_found(module: str, source: str) -> None:
+    assert faults(module, source) == []
+
+
+# --- The set-up -----------------------------------------------------------------------------------
+
+# Stands for Python and for the Python of the .venv that it makes; writes down what is installed.
+FAKE_PYTHON = """#!/bin/sh
+case "$*" in
+    *"version_info[:3]"*) echo "${FAKE_VERSION:-3.11.9}" ;;
+    *"version_info <"*) [ -z "$FAKE_OLD" ] ;;
+    "--version") echo "Python ${FAKE_VERSION:-3.11.9}" ;;
+    *"import venv"*) [ -z "$FAKE_NO_VENV" ] ;;
+    "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python" ;;
+    "-m pip install "*)
+        echo "$*" >> installs
+        touch .venv/half-made
+        [ -z "$FAKE_FAIL" ] || { echo "no such package" >&2; exit 1; } ;;
+esac
+"""
+
+
+class Tree:
+    """A project folder whose Python is a script."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        folder.mkdir()
+        shutil.copy(ROOT / "Makefile", folder)
+        (folder / "pyproject.toml").write_text("[project]\n")
+        (folder / "constraints.txt").write_text("numpy==2.0\n")
+        (folder / "python").write_text(FAKE_PYTHON)
+        (folder / "python").chmod(0o755)
+
+    def make(self, *arguments: str, python: str | None = "./python", **environment: str):
+        clean = {k: v for k, v in os.environ.items() if not k.startswith("MAKE") and k != "PYTHON"}
+        command = ["make", *arguments, *([f"PYTHON={python}"] if python else [])]
+        return subprocess.run(
+            command,
+            cwd=self.folder,
+            env=clean | environment,
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
+
+    @property
+    def installs(self) -> int:
+        log = self.folder / "installs"
+        return len(log.read_text().splitlines()) if log.exists() else 0
+
+    @property
+    def stamp(self) -> Path:
+        return self.folder / ".venv" / "installed"
+
+
+@pytest.fixture
+def tree(tmp_path: Path) -> Tree:
+    return Tree(tmp_path / "a tree")
+
+
+def test_a_second_set_up_does_nothing(tree: Tree) -> None:
+    first = tree.make("setup")
+    assert first.returncode == 0, first.stderr
+    assert "making .venv: there is none yet" in first.stdout
+    second = tree.make("setup")
+    assert second.returncode == 0
+    assert "up to date" in second.stdout
+    assert tree.installs == 1
+    # Without PYTHON= the .venv that is there is used, whatever `python3` is.
+    assert "up to date" in tree.make("setup", python=None).stdout
+
+
+def test_the_pins_are_used(tree: Tree) -> None:
+    tree.make("setup")
+    log = (tree.folder / "installs").read_text()
+    assert "-c constraints.txt -e .[learning,oracles,lab,test]" in log
+
+
+def test_a_failed_install_is_not_trusted(tree: Tree) -> None:
+    failed = tree.make("setup", FAKE_FAIL="1")
+    assert failed.returncode != 0
+    assert "no such package" in failed.stderr
+    assert not tree.stamp.exists()
+    (tree.folder / ".venv" / "left-over").touch()
+    again = tree.make("setup")
+    assert again.returncode == 0
+    assert "making .venv: the last install did not finish" in again.stdout
+    assert not (tree.folder / ".venv" / "left-over").exists()
+    assert tree.installs == 2
+
+
+def test_changed_pins_are_installed_and_a_failure_then_is_not_trusted(tree: Tree) -> None:
+    tree.make("setup")
+    (tree.folder / "constraints.txt").write_text("numpy==2.1\n")
+    failed = tree.make("setup", FAKE_FAIL="1")
+    assert failed.returncode != 0
+    assert "updating .venv" in failed.stdout
+    assert not tree.stamp.exists()
+    assert "did not finish" in tree.make("setup").stdout
+    (tree.folder / "constraints.txt").write_text("numpy==2.2\n")
+    assert "updating .venv" in tree.make("setup").stdout
+    assert "up to date" in tree.make("setup").stdout
+
+
+def test_a_cut_stamp_is_not_trusted(tree: Tree) -> None:
+    tree.make("setup")
+    tree.stamp.write_text("\n".join(tree.stamp.read_text().splitlines()[:2]) + "\n")
+    assert "did not finish" in tree.make("setup").stdout
+
+
+def test_a_moved_tree_gets_a_new_environment(tree: Tree) -> None:
+    tree.make("setup")
+    moved = tree.folder.rename(tree.folder.with_name("moved"))
+    tree.folder = moved
+    assert "making .venv: the one here was made in" in tree.make("setup").stdout
+    assert "up to date" in tree.make("setup").stdout
+
+
+def test_another_python_gets_a_new_environment(tree: Tree) -> None:
+    tree.make("setup")
+    other = tree.folder / "python3.12"
+    other.write_text(FAKE_PYTHON.replace("3.11.9", "3.12.1"))
+    other.chmod(0o755)
+    again = tree.make("setup", python="./python3.12")
+    assert "it has Python 3.11.9 and ./python3.12 is 3.12.1" in again.stdout
+    assert "up to date (Python 3.12.1)" in tree.make("setup", python="./python3.12").stdout
+
+
+def test_a_missing_or_old_python_leaves_what_is_there(tree: Tree) -> None:
+    tree.make("setup")
+    for python, environment, sentence in (
+        ("./nowhere", {}, "'./nowhere' was not found. The course needs Python 3.11"),
+        ("./old", {"FAKE_OLD": "1"}, "'./old' is Python 3.9.2. The course needs Python 3.11"),
+        ("./old", {"FAKE_NO_VENV": "1"}, "has no venv module"),
+    ):
+        old = tree.folder / "old"
+        old.write_text(FAKE_PYTHON.replace("3.11.9", "3.9.2"))
+        old.chmod(0o755)
+        done = tree.make("setup", python=python, **environment)
+        assert done.returncode != 0
+        assert sentence in done.stderr
+        assert tree.stamp.exists()
+
+
+def test_help_is_the_default_and_names_every_target(tree: Tree) -> None:
+    named = set(re.findall(r"^  make (\w+) ", tree.make().stdout, re.M))
+    assert {"lab", "test", "charts", "notebooks", "warm", "clean", "setup"} <= named
+    assert named == targets()
+
+
+# --- The files ------------------------------------------------------------------------------------
+
+
+def tracked() -> list[Path]:
+    """Files that git knows or would add, as far as they are there."""
+    command = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    paths = [ROOT / name for name in done.stdout.split("\0") if name]
+    return [path for path in paths if path.is_file()]
+
+
+def targets() -> set[str]:
+    """The targets of the Makefile that carry a description."""
+    return set(re.findall(r"^(\w+):.*## ", (ROOT / "Makefile").read_text(), re.M))
+
+
+def test_no_file_names_a_machine() -> None:
+    paths = re.compile(r"(?<![\w.~/-])/(?:work|tmp|home|root|Users)/\w")
+    hosts = re.compile("pypi" + r"\.org|pythonhosted" + r"\.org|download\.py" + "torch")
+    found = []
+    for path in tracked():
+        data = path.read_bytes()
+        if b"\0" in data:
+            continue
+        for number, line in enumerate(data.decode("utf-8").splitlines(), 1):
+            if '"image/' in line:  # a picture, in base 64
+                continue
+            if paths.search(line) or hosts.search(line):
+                found.append(f"{path.relative_to(ROOT)}:{number}: {line[:100]}")
+    assert found == []
+
+
+def test_no_file_is_large() -> None:
+    large = [str(path.relative_to(ROOT)) for path in tracked() if path.stat().st_size > 1.5e6]
+    assert large == []
+
+
+def test_every_dependency_is_pinned() -> None:
+    def normal(name: str) -> str:
+        return re.sub(r"[-_.]+", "-", name).lower()
+
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = [*project["dependencies"]]
+    for extra in project["optional-dependencies"].values():
+        wanted += extra
+    lines = (ROOT / "constraints.txt").read_text().splitlines()
+    assert all(re.fullmatch(r"[\w.-]+==[\w.]+", line) for line in lines)
+    pinned = {normal(line.partition("==")[0]) for line in lines}
+    assert {normal(re.split(r"[<>=!~ \[]", line)[0]) for line in wanted} <= pinned
+
+
+# --- The README -----------------------------------------------------------------------------------
+
+DOCUMENTS = ["README.md", "CONTRIBUTING.md"]
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_every_command_in_the_text_is_there(name: str) -> None:
+    text = (ROOT / name).read_text(encoding="utf-8")
+    commands = set(re.findall(r"\bmake (?:[A-Z]+=\S+ )?([a-z]+)\b(?=`|\n| +#)", text))
+    assert commands, "no command found"
+    assert commands <= targets()
+    for module in re.findall(r"python -m ([\w.]+)", text):
+        assert module in modules() or f"{module}.__main__" in modules(), module
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_every_link_in_the_text_leads_somewhere(name: str) -> None:
+    text = (ROOT / name).read_text(encoding="utf-8")
+    links = [link for link in re.findall(r"\]\(([^)#]+)\)", text) if "://" not in link]
+    assert [link for link in links if not (ROOT / link).exists()] == []
+
+
+def test_the_map_of_chapters_in_the_readme_is_the_table_of_contents() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert contents.map_of_chapters("notebooks/") in text
+
+
+def test_every_chart_is_in_the_gallery() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    charts = sorted(path.name for path in (ROOT / "docs" / "charts").glob("*.png"))
+    assert [name for name in charts if f"docs/charts/{name}" not in text] == []
