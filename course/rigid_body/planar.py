@@ -83,14 +83,16 @@ def _advance(
         corners = lowest_corners(angle, width, height)
         rx, ry, rx2, ry2 = corners
         touch = GAP_TOLERANCE * radius
+        if y + ry < -touch:
+            y = -ry
         fall = min(left * vy, 0.0) + min(coefficient * ay * left * left, 0.0)
         swing = radius * left * (abs(omega) + coefficient * abs(alpha) * left)
         if y + ry + fall - swing > touch:
             break
         if y + ry <= touch:
             vn, vn2 = vy + omega * rx, vy + omega * rx2
-            second = y + ry2 <= touch
-            speed = min(vn, vn2) if second else vn
+            flat = y + ry2 <= touch
+            speed = min(vn, vn2) if flat else vn
             if speed < -SPEED_TOLERANCE:
                 bounced = speed < -rest_speed
                 vx, vy, omega, bad = collide(vx, vy, omega, corners, box, bounced)
@@ -99,13 +101,13 @@ def _advance(
                 continue
             slow = SPEED_TOLERANCE if bounced else max(rest_speed, SPEED_TOLERANCE)
             first = vn <= slow
-            second = second and vn2 <= slow
+            second = flat and vn2 <= slow
             if (first and vn + left * (ay + alpha * rx) < 0.0) or (
                 second and vn2 + left * (ay + alpha * rx2) < 0.0
             ):
                 x, y, angle, vx, vy, omega, used, outcome = sustain(
                     x, y, angle, vx, vy, omega, ax, ay, alpha, corners, box, left, coefficient,
-                    first, second,
+                    flat, first, second,
                 )  # fmt: skip
                 if outcome != 0:
                     bounced = False
@@ -297,9 +299,13 @@ def rollout(
     Each box makes all its steps before the next one starts, so its state stays in registers.
 
     With impacts resolved, impact times are exact for the flight that the integrator's
-    coefficient c defines, and a flight with c = 1/2 is exact. Sustained contact is of first
+    coefficient c defines, and a flight with c = 1/2 is exact. A hop that is over within one
+    step shows what c does: with c = 1 the box comes back to the ground with no speed, with
+    c = 0 it does not come back within that step, so under explicit Euler hops of about g dt
+    never die out. Sustained contact is of first
     order in dt, except sliding on a face with c = 1/2, which is exact. Without resolution a
-    corner found below the ground at the end of a step is reflected there and pushed out.
+    corner found below the ground at the end of a step is reflected there and pushed out. A box
+    that starts below the ground is first lifted onto it.
 
     Args:
         state: (6, N): x, y, angle, vx, vy, omega [m, rad, m/s, rad/s].

@@ -119,6 +119,16 @@ def impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction)
 
 
 @register_jitable
+def stopping_impulse(vt, vn, rx, ry, inverse_mass, inverse_inertia):
+    """The impulse (pt, pn) that stops a corner, whatever the cone [N s]."""
+    wtt = inverse_mass + inverse_inertia * ry * ry
+    wnn = inverse_mass + inverse_inertia * rx * rx
+    wnt = -inverse_inertia * rx * ry
+    det = wnn * wtt - wnt * wnt
+    return (wnt * vn - wnn * vt) / det, (wnt * vt - wtt * vn) / det
+
+
+@register_jitable
 def newton_impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, friction):
     """Impulse by Newton's rule vn' = -e vn with friction, for comparison: it can create energy.
 
@@ -128,20 +138,15 @@ def newton_impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, fr
     """
     if vn >= 0.0:
         return 0.0, 0.0
-    wtt = inverse_mass + inverse_inertia * ry * ry
-    wnn = inverse_mass + inverse_inertia * rx * rx
-    wnt = -inverse_inertia * rx * ry
-    det = wnn * wtt - wnt * wnt
     dn = -(1.0 + restitution) * vn
-    pn = (wtt * dn + wnt * vt) / det
-    pt = -(wnt * dn + wnn * vt) / det
+    pt, pn = stopping_impulse(vt, -dn, rx, ry, inverse_mass, inverse_inertia)
     if abs(pt) <= friction * pn:
         return pt, pn
     if vt > 0.0 or (vt == 0.0 and pt < 0.0):
         k = -friction
     else:
         k = friction
-    a = wnn + wnt * k
+    a = inverse_mass + inverse_inertia * rx * (rx - ry * k)
     if a <= 0.0:  # jammed: sliding on cannot lift the corner, only sticking can
         return pt, pn
     return k * dn / a, dn / a
@@ -159,19 +164,14 @@ def one_contact(vt, vn, rx, ry, inverse_mass, inverse_inertia, friction):
     """
     if vn >= 0.0:
         return 0.0, 0.0
-    wtt = inverse_mass + inverse_inertia * ry * ry
-    wnn = inverse_mass + inverse_inertia * rx * rx
-    wnt = -inverse_inertia * rx * ry
-    det = wnn * wtt - wnt * wnt
-    pn = (wnt * vt - wtt * vn) / det
-    pt = (wnt * vn - wnn * vt) / det
+    pt, pn = stopping_impulse(vt, vn, rx, ry, inverse_mass, inverse_inertia)
     if abs(pt) <= friction * pn:
         return pt, pn
     if pn > 0.0:
         k = -friction if pt < 0.0 else friction
     else:
         k = -friction if vt > 0.0 else friction
-    pn = -vn / (wnn + wnt * k)
+    pn = -vn / (inverse_mass + inverse_inertia * rx * (rx - ry * k))
     return k * pn, pn
 
 
@@ -180,7 +180,7 @@ def two_contacts(vx, vy, omega, rx1, rx2, ry, inverse_mass, inverse_inertia, fri
     """Coulomb contact, without restitution, of a face that lies on the ground.
 
     The two corners slide alike, so friction acts as one impulse bounded by both normal ones. The
-    cases are tried in turn: apart, both corners stick, both slide, one corner carries.
+    cases are tried in turn: apart, both corners stick, both slide, one corner carries, one corner jams.
 
     Returns:
         (vx, vy, omega, active): the new velocities, and which corners carry: 0 none, 1 the
@@ -198,16 +198,21 @@ def two_contacts(vx, vy, omega, rx1, rx2, ry, inverse_mass, inverse_inertia, fri
         p1 = (moment - pn * rx2) / (rx1 - rx2)
         if p1 >= 0.0 and pn - p1 >= 0.0:
             return 0.0 if sticks else vx + inverse_mass * pt, 0.0, 0.0, 3
-    for i in (1, 2):
-        rx = rx1 if i == 1 else rx2
-        other = rx2 if i == 1 else rx1
-        pt, pn = one_contact(
-            vx - omega * ry, vy + omega * rx, rx, ry, inverse_mass, inverse_inertia, friction
-        )
+    for case in range(4):
+        first = case % 2 == 0
+        rx = rx1 if first else rx2
+        other = rx2 if first else rx1
+        vt, vn = vx - omega * ry, vy + omega * rx
+        if case < 2:
+            pt, pn = one_contact(vt, vn, rx, ry, inverse_mass, inverse_inertia, friction)
+        else:  # under large friction a corner that is leaving can jam against the other's motion
+            pt, pn = stopping_impulse(vt, vn, rx, ry, inverse_mass, inverse_inertia)
+            if abs(pt) > friction * pn:
+                continue
         new_vy = vy + inverse_mass * pn
         new_omega = omega + inverse_inertia * (rx * pn - ry * pt)
         if pn > 0.0 and new_vy + new_omega * other >= -SPEED_TOLERANCE:
-            return vx + inverse_mass * pt, new_vy, new_omega, i
+            return vx + inverse_mass * pt, new_vy, new_omega, 1 if first else 2
     return 0.0, 0.0, 0.0, -1
 
 
@@ -301,22 +306,23 @@ def _time_to_turn(turn, omega, beta):
 
 
 @register_jitable
-def time_to_face(angle, omega, beta, horizon):
+def time_to_face(angle, omega, beta, horizon, flat):
     """When a box that pivots on a corner comes down on a face: (time, angle of that face).
 
     The angle moves by omega t + beta t^2. A time beyond the horizon is given as infinity.
+    `flat` says that it lies on a face now and is about to leave it.
     """
     nearest = math.floor(angle / QUARTER_TURN + 0.5)
     first = math.inf
     target = angle
-    if abs(angle - nearest * QUARTER_TURN) <= GAP_TOLERANCE:
+    if flat:
         below = nearest - 1.0
         above = nearest + 1.0
         if omega * beta < 0.0:  # leaves its face and turns back to it
             first = -omega / beta
             target = nearest * QUARTER_TURN
     else:
-        below = math.floor(angle / QUARTER_TURN)
+        below = nearest if nearest * QUARTER_TURN < angle else nearest - 1.0
         above = below + 1.0
     for k in range(2):
         face = (below if k == 0 else above) * QUARTER_TURN
@@ -409,12 +415,12 @@ def collide_late(x, y, angle, vx, vy, omega, box):
 
 @register_jitable
 def sustain(
-    x, y, angle, vx, vy, omega, ax, ay, alpha, corners, box, left, coefficient, first, second
+    x, y, angle, vx, vy, omega, ax, ay, alpha, corners, box, left, coefficient, flat, first, second
 ):
     """Move with corners on the ground, up to the end of the step or the next event.
 
     Events are the end of sliding and the landing of a pivoting box on its face.
-    `first`, `second`: which of the lowest corners are in contact.
+    `flat`: both lowest corners touch; `first`, `second`: which of them are in contact.
 
     Returns:
         (x, y, angle, vx, vy, omega, time used, outcome), outcome 0: nothing holds the box on the
@@ -460,7 +466,7 @@ def sustain(
         new_omega = free_omega + inverse_inertia * (rx * pn - ry * pt)
     # One corner carries: the box pivots on it, until it comes down on a face.
     ax, ay, alpha = (new_x - vx) / left, (new_y - vy) / left, (new_omega - omega) / left
-    used, face = time_to_face(angle, omega, coefficient * alpha, left)
+    used, face = time_to_face(angle, omega, coefficient * alpha, left, flat)
     x = flight(x, vx, ax, min(used, left), coefficient)
     if used <= left:
         new_x, new_y, new_omega = vx + used * ax, vy + used * ay, omega + used * alpha
