@@ -180,7 +180,7 @@ def two_contacts(vx, vy, omega, rx1, rx2, ry, inverse_mass, inverse_inertia, fri
     """Coulomb contact, without restitution, of a face that lies on the ground.
 
     The two corners slide alike, so friction acts as one impulse bounded by both normal ones. The
-    cases are tried in turn: apart, both corners stick, both slide, one corner carries, one corner jams.
+    cases are tried in turn: apart, both corners stick, both slide, one carries, one jams.
 
     Returns:
         (vx, vy, omega, active): the new velocities, and which corners carry: 0 none, 1 the
