@@ -302,37 +302,56 @@ def test_spring_restitution_formula():
         assert mujoco.spring_restitution(zeta) == pytest.approx(-rate, abs=1e-3)
 
 
-@pytest.mark.parametrize("integrator", EXPLICIT_CONTACT)
-def test_corner_impact_is_newtons(integrator):
-    """One corner, no gravity: the closed form of an impulse with sliding friction or none."""
+def _corner_impact(integrator, mu, slide, **options):
+    """Separation speed of the corner, velocities, and their closed form with sliding friction."""
     mass, inertia, angle, e = 2.0, 0.05, 0.4, 0.6
     c, s = math.cos(angle), math.sin(angle)
     rx, rz = -0.1 * c + 0.2 * s, -0.1 * s - 0.2 * c  # the left lower corner
-    for mu, slide in ((0.0, 0.0), (0.2, 5.0)):
-        runner = mujoco.box_drop(
-            (0.1, 0.2),
-            mass,
-            [0, -rz + 0.0105, angle],
-            [slide, -1.0, 0.0],
-            1e-3,
-            integrator,
-            restitution=e,
-            friction=mu,
-            gravity=0.0,
-            inertia=inertia,
-        )
-        _, v = runner.run(12)
-        # The corner slides to the right all through the impact, so friction is -mu times normal.
-        spin = (rx + mu * rz) / inertia  # per unit of normal impulse; z of (rx, rz) x (-mu, 1)
-        normal = (1.0 + e) / (1.0 / mass + spin * rx)
-        expected = [slide - mu * normal / mass, -1.0 + normal / mass, spin * normal]
-        assert v == pytest.approx(expected, abs=2e-2)
+    runner = mujoco.box_drop(
+        (0.1, 0.2),
+        mass,
+        [0, -rz + 0.0105, angle],
+        [slide, -1.0, 0.0],
+        1e-3,
+        integrator,
+        restitution=e,
+        friction=mu,
+        gravity=0.0,
+        inertia=inertia,
+        **options,
+    )
+    _, v = runner.run(12)
+    # The corner slides to the right all through the impact: the impulse is N (-mu, 1).
+    spin = (rx + mu * rz) / inertia
+    normal = (1.0 + e) / (1.0 / mass + spin * rx)
+    expected = [slide - mu * normal / mass, -1.0 + normal / mass, spin * normal]
+    return v[1] + rx * v[2], v[0] - rz * v[2], v, expected
 
 
-def test_sliding_box_stops_where_coulomb_says():
-    mu, speed = 0.4, 1.5
-    for integrator in EXPLICIT_CONTACT:
-        runner = mujoco.box_drop(
+@pytest.mark.parametrize("integrator", EXPLICIT_CONTACT)
+def test_corner_impact_is_newtons(integrator):
+    """One corner, no gravity: the closed form of a rigid impulse."""
+    separation, _, v, expected = _corner_impact(integrator, 0.0, 2.0)
+    assert separation == pytest.approx(0.6, abs=1e-3)
+    assert v == pytest.approx(expected, abs=2e-3)
+
+
+def test_friction_lifts_a_sliding_corner():
+    """The convex contact model: separation is e times approach plus mu times the slip left over."""
+    separation, slip, _, _ = _corner_impact("Euler", 0.2, 5.0, friction_steps=1.0)
+    assert slip > 3.0
+    assert separation == pytest.approx(0.6 + 0.2 * slip, rel=2e-3)
+    # A gentler friction reference: nearly Coulomb's answer.
+    separation, _, v, expected = _corner_impact("Euler", 0.2, 5.0, friction_steps=3.0)
+    assert separation == pytest.approx(0.6, abs=0.1)
+    assert v == pytest.approx(expected, abs=0.3)
+
+
+@pytest.mark.parametrize("integrator", EXPLICIT_CONTACT)
+def test_sliding_box_stops_where_coulomb_says(integrator):
+    mu, speed, hops = 0.4, 1.5, {}
+    for steps in (1.0, 10.0):
+        path = mujoco.box_drop(
             (0.2, 0.05),
             1.0,
             [0, 0.05 - 1e-6, 0],
@@ -341,27 +360,35 @@ def test_sliding_box_stops_where_coulomb_says():
             integrator,
             restitution=0.0,
             friction=mu,
+            friction_steps=steps,
+        ).trajectory(1000)
+        assert path.q[0, -1] == pytest.approx(speed**2 / (2 * mu * 9.81), rel=0.01)
+        assert abs(path.v[0, -1]) < 1e-3
+        hops[steps] = path.q[1].max() - 0.05
+    assert hops[10.0] < 5e-4
+    assert hops[1.0] > 5e-3
+
+
+def test_sticking_impact_sticks_with_the_hardest_friction():
+    left = {}
+    for steps in (1.0, 10.0):
+        runner = mujoco.box_drop(
+            (0.2, 0.05),
+            1.0,
+            [0, 0.0605, 0],
+            [0.3, -1.0, 0],
+            1e-3,
+            "Euler",
+            restitution=0.8,
+            friction=1.0,
+            gravity=0.0,
+            friction_steps=steps,
         )
-        q, v = runner.run(1000)
-        assert q[0] == pytest.approx(speed**2 / (2 * mu * 9.81), rel=0.01)
-        assert abs(v[0]) < 1e-3
-
-
-def test_sticking_corner_does_not_spring_back_sideways():
-    runner = mujoco.box_drop(
-        (0.2, 0.05),
-        1.0,
-        [0, 0.0605, 0],
-        [0.01, -1.0, 0],
-        1e-3,
-        "Euler",
-        restitution=0.8,
-        friction=1.0,
-        gravity=0.0,
-    )
-    _, v = runner.run(15)
-    assert v[1] == pytest.approx(0.8, abs=1e-3)
-    assert abs(v[0] + 0.05 * v[2]) < 1e-3
+        _, v = runner.run(15)
+        assert v[1] == pytest.approx(0.8, abs=1e-3)
+        left[steps] = v[0] + 0.05 * v[2]
+    assert abs(left[1.0]) < 1e-3
+    assert left[10.0] == pytest.approx(0.9 * 0.3, rel=1e-2)
 
 
 # --- batches --------------------------------------------------------------------------------------
@@ -433,6 +460,8 @@ def test_bad_input():
         mujoco.box_drop(*box, "RK4")
     with pytest.raises(ValueError, match="contact must be"):
         mujoco.box_drop(*box, "Euler", contact="glue")
+    with pytest.raises(ValueError, match="friction_steps"):
+        mujoco.box_drop(*box, "Euler", friction_steps=0.5)
     with pytest.raises(ValueError, match="contact_steps must be larger"):
         mujoco.box_drop(*box, "discrete", contact="spring", restitution=1.0)
     with pytest.raises(ValueError, match="steps must not be negative"):

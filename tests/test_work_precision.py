@@ -118,7 +118,7 @@ def test_failures_are_on_the_chart():
         assert len(crosses) == 2
         assert all(line.get_ydata()[0] == 1.0 for line in crosses)
         texts = [t.get_text() for t in ax.texts]
-        assert any("2 failed" in t for t in texts)
+        assert any("bad: 2 of 2" in t for t in texts)
         assert any(t.startswith("tolerance") for t in texts)
         assert any(t.startswith("pick: order 2") for t in texts)
     assert any(machine() in t.get_text() for t in figure.texts)

@@ -185,8 +185,8 @@ class WorkPrecision:
 
         The coarse end (not yet asymptotic, or failed) and the fine end (rounding, or the
         reference's own uncertainty) bend the line, so the fit takes the longest run of points
-        whose local slopes agree within 0.15 of each other; among equally long ones that with the
-        smallest spread. NaN with fewer than two usable points.
+        whose local slopes agree within 0.05 of each other, or else 0.15; among equally long ones
+        that with the smallest spread. NaN with fewer than two usable points.
         """
         floor = 10.0 * self.reference_uncertainty
         usable = [p for p in self.curve(name).worked() if p.error > floor]
@@ -195,15 +195,17 @@ class WorkPrecision:
         if x.size < 2:
             return math.nan
         slopes = np.diff(y) / np.diff(x)
-        best = (0, -math.inf, 0)
-        for i in range(slopes.size):
-            for j in range(i + 1, slopes.size + 1):
-                spread = float(np.ptp(slopes[i:j]))
-                # Negative order is the noise of the rounding floor, not convergence.
-                if spread <= 0.15 and np.all(slopes[i:j] > 0.2):
-                    # With one slope alone nothing agrees with anything: prefer the finest.
-                    quality = -spread if j - i > 1 else -1.0 + 1e-3 * i
-                    best = max(best, (j - i, quality, i))
+        for allowed in (0.05, 0.15):
+            best = (0, -math.inf, 0)
+            for i in range(slopes.size):
+                for j in range(i + 1, slopes.size + 1):
+                    spread = float(np.ptp(slopes[i:j]))
+                    # A slope near zero is the noise of the rounding floor, not convergence.
+                    if spread <= allowed and np.all(slopes[i:j] > 0.2):
+                        # One slope alone agrees with nothing: prefer the finest.
+                        best = max(best, (j - i, -spread if j - i > 1 else i - slopes.size, i))
+            if best[0] > 1:
+                break
         length, _, start = best
         if length == 0:
             return math.nan
@@ -323,8 +325,10 @@ class WorkPrecision:
         left.set_ylabel(f"error [{self.error_unit}]")
         right.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.02, 0.5))
         left.set_title(self.question, loc="left", fontsize="medium")
-        figure = left.figure
-        figure.text(0.01, 0.005, self.machine, fontsize=6, color="0.4", va="bottom")
+        # Not a plain text: with the constrained layout this one gets its own space.
+        figure = left.get_figure(root=True)
+        if figure is not None:
+            figure.supxlabel(self.machine, x=0.01, ha="left", fontsize=6, color="0.4")
 
     def _plot_one(self, ax: Axes, by: str) -> None:
         ax.set_xscale("log")
@@ -363,11 +367,17 @@ class WorkPrecision:
                 transform=ax.transAxes,
                 clip_on=False,
             )
+        names = [
+            f"{curve.name}: {len(curve.points) - len(curve.worked())} of {len(curve.points)}"
+            for curve in self.curves
+            if len(curve.worked()) < len(curve.points)
+        ]
         if failed:
             ax.annotate(
-                f"x: {len(failed)} failed runs (infinite cost)",
-                (0.02, 0.97),
+                "\n".join(["x: failed, infinite cost", *names]),
+                (0.98, 0.97),
                 xycoords="axes fraction",
+                ha="right",
                 va="top",
                 fontsize=7,
             )
@@ -375,10 +385,10 @@ class WorkPrecision:
             ax.axhline(self.tolerance, color="0.3", linestyle=":", linewidth=1.2)
             ax.annotate(
                 f"tolerance {self.tolerance:g}",
-                (0.99, self.tolerance),
+                (0.01, self.tolerance),
                 xycoords=("axes fraction", "data"),
-                ha="right",
-                va="bottom",
+                ha="left",
+                va="top",
                 fontsize=7,
             )
             pick = self.pick(by=by)

@@ -338,14 +338,11 @@ def oscillator_step(
 ) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
     """One MuJoCo step of x'' = -x - 2 zeta x', as a function (x, x') -> (x, x').
 
-    With omega = 1 rad/s the step in seconds is omega * dt. The function is what the detectors of
-    `course.measure.stability` take: `amplification`, `is_stable_by_iteration`, and `limit` around
-    them.
-
-    What theory says: Euler, implicit and implicitfast step v1 = (v - h w^2 q) / (1 + 2 zeta w h),
-    q1 = q + h v1 and are stable while w h < 2 (sqrt(1 + zeta^2) + zeta): more damping, longer
-    steps. With the damper explicit the sign of zeta turns: 2 (sqrt(1 + zeta^2) - zeta). RK4 has the
-    classical region (2 sqrt(2) undamped); "discrete" has no limit.
+    The function is what the detectors of `course.measure.stability` take. In theory Euler, implicit
+    and implicitfast step v1 = (v - h w^2 q) / (1 + 2 zeta w h), q1 = q + h v1 and are stable while
+    w h < 2 (sqrt(1 + zeta^2) + zeta): more damping, longer steps. With the damper explicit the sign
+    of zeta turns: 2 (sqrt(1 + zeta^2) - zeta). RK4 has the classical region (2 sqrt(2) undamped);
+    "discrete" has no limit.
 
     Args:
         integrator: one of `INTEGRATORS`.
@@ -386,6 +383,7 @@ def box_drop(
     gravity: float = 9.81,
     contact: str = "impulse",
     contact_steps: float = 20.0,
+    friction_steps: float = 10.0,
     inertia: float | None = None,
 ) -> Runner:
     """A planar box above the ground z = 0: q = (x, z, theta), theta counter-clockwise.
@@ -406,9 +404,14 @@ def box_drop(
       the only one for RK4 and discrete: discrete takes the damper implicitly, v1 = v / (1 + b dt),
       which never turns a velocity round, and adds a damping ratio of w dt / 2 that is taken off.
 
-    In both, friction has its own reference (solreffriction) that brings the sliding velocity to
-    zero in one step; left alone it would reuse b and a sticking corner would spring back sideways.
-    Cones are elliptic: the pyramid would let Coulomb's limit depend on the direction.
+    Friction has its own reference (solreffriction), which takes 1 / `friction_steps` of the sliding
+    velocity away in a step; left alone it would reuse b, and a sticking corner would spring back
+    sideways. No choice is right for everything, since the contact model is convex: whatever slip
+    friction fails to remove below that reference comes back as a speed away from the ground,
+    friction coefficient times the slip left over. With 1 a sticking impact is exact, but one that
+    slides separates too fast, and a sliding box hops. With 10 (about MuJoCo's default of 100 / s at
+    1 ms) a sliding box stays down and stops where Coulomb says, but a one-step impact gets too
+    little friction to stick. Without friction there is no such choice to make.
 
     Args:
         half_size: half width and half height [m].
@@ -422,6 +425,7 @@ def box_drop(
         gravity: [m/s^2].
         contact: "impulse" or "spring".
         contact_steps: length of a "spring" contact in steps.
+        friction_steps: steps in which friction would stop a slip, at least 1.
         inertia: about the centre [kg m^2]; None for a uniform box.
 
     Returns:
@@ -435,8 +439,12 @@ def box_drop(
     if not (math.isfinite(friction) and friction >= 0.0):
         raise ValueError(f"friction must be finite and not negative, got {friction}")
     stiffness, damping = _contact_reference(contact, restitution, dt, integrator, contact_steps)
-    # Implicit rows divide by 1 + b dt, explicit ones multiply by 1 - b dt.
-    slide = (1e4 if integrator == "discrete" else 1.0) / dt
+    if not 1.0 <= friction_steps < math.inf:
+        raise ValueError(f"friction_steps must be at least 1 and finite, got {friction_steps}")
+    # Explicit rows multiply a slip by 1 - b dt, implicit ones divide it by 1 + b dt.
+    slide = 1.0 / (friction_steps * dt)
+    if integrator == "discrete":
+        slide = 1.0 / (max(friction_steps - 1.0, 1e-4) * dt)
     pair = (
         f'solref="{-stiffness:.17g} {-damping:.17g}" solreffriction="0 {-slide:.17g}" '
         f'solimp="{_IMPEDANCE} {_IMPEDANCE} 0.001" condim="{3 if friction else 1}" '
