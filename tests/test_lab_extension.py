@@ -62,6 +62,13 @@ properties = found["schema"]["properties"]
 print(json.dumps({name: properties[name]["default"] for name in ("fetchNews", "checkForUpdates")}))
 """
 
+PAGE = """
+import json
+from jupyterlab_server.config import get_page_config
+
+print(json.dumps({name: get_page_config([]).get(name) for name in ("buildCheck", "buildAvailable")}))
+"""
+
 
 def ask(program: str, folder: Path, config: bool, *arguments: str) -> dict:
     """Run `program`, with the course's Jupyter configuration or without, and read its answer."""
@@ -98,6 +105,12 @@ def test_lab_asks_for_no_news(config: bool, tmp_path: Path) -> None:
         assert news == {"fetchNews": "false", "checkForUpdates": False}
     else:
         assert news != {"fetchNews": "false", "checkForUpdates": False}
+
+
+def test_lab_does_not_ask_to_be_built(tmp_path: Path) -> None:
+    # A package that Open3D brings along makes Lab open a dialogue over the first notebook.
+    assert ask(PAGE, tmp_path, True) == {"buildCheck": False, "buildAvailable": False}
+    assert ask(PAGE, tmp_path, False) == {"buildCheck": None, "buildAvailable": None}
 
 
 def test_loading_twice_wraps_once() -> None:

@@ -43,22 +43,22 @@ Markdown(contents.map_of_chapters())
 #
 # <div class="alert alert-block alert-info">
 #
-# **💬 Interview question.** What an interviewer asks. Answer aloud before you open the answer.
+# **Interview question.** What an interviewer asks. Answer aloud before you open the answer.
 #
 # </div>
 # <div class="alert alert-block alert-success">
 #
-# **🎯 Interview tip.** How to say it, and what to leave out.
+# **Interview tip.** How to say it, and what to leave out.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
 #
-# **🔧 Debugging tip.** A symptom, and the first thing to look at.
+# **Debugging tip.** A symptom, and the first thing to look at.
 #
 # </div>
 # <div class="alert alert-block alert-warning">
 #
-# **🔑 Key insight.** The one sentence to keep.
+# **Key insight.** The one sentence to keep.
 #
 # </div>
 #
