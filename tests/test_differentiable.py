@@ -354,6 +354,23 @@ def test_recovers_parameters_within_their_standard_errors():
     assert 0.5 < within < 0.85
 
 
+def test_standard_errors_are_those_of_many_recordings():
+    """Near the truth the fit is linear in the noise, so 20,000 recordings cost nothing."""
+    told = information(TRUTH, THROW, TIMES, 1e-3)
+    estimator = np.linalg.pinv(jacobian(TRUTH, THROW, TIMES)[:2].reshape(-1, 3))
+    noise = np.random.default_rng(1).normal(0.0, 1e-3, (2 * len(TIMES), 20_000))
+    spread = (estimator @ noise).std(axis=1) / told.standard_errors
+    print(f"spread of 20,000 linear fits over standard error {spread}")
+    np.testing.assert_allclose(spread, 1.0, atol=0.03)
+    exact = trajectory(TRUTH, THROW, TIMES)[:2]
+    for n in range(3):
+        recorded = Recording(TIMES, exact + noise[:, n].reshape(2, -1), 1e-3)
+        found = (
+            recover(recorded, THROW, [0.5, 0.4, 1.0]).parameters - TRUTH
+        ) / told.standard_errors
+        np.testing.assert_allclose(found, estimator @ noise[:, n] / told.standard_errors, atol=0.05)
+
+
 def test_recovers_from_several_guesses_and_reports_when_it_is_trapped():
     recorded = record(TRUTH, THROW, TIMES, 1e-3, np.random.default_rng(5))
     for guess in ([0.5, 0.4, 1.0], [0.8, 0.1, 2.0], [0.4, 0.4, 0.5]):
