@@ -66,7 +66,8 @@ PAGE = """
 import json
 from jupyterlab_server.config import get_page_config
 
-print(json.dumps({name: get_page_config([]).get(name) for name in ("buildCheck", "buildAvailable")}))
+page = get_page_config([])
+print(json.dumps({name: page.get(name) for name in ("buildCheck", "buildAvailable")}))
 """
 
 
