@@ -61,12 +61,14 @@ setup: ## make .venv with the pinned packages, if it isn't there
 		echo "making $(VENV): $$why"; \
 		rm -rf $(VENV); \
 		'$(PYTHON)' -m venv $(VENV); \
+		quiet=; \
 	else \
 		echo "updating $(VENV): pyproject.toml or constraints.txt has changed"; \
 		rm -f $(STAMP); \
+		quiet=-q; \
 	fi; \
-	echo "installing the packages pinned in constraints.txt (some minutes the first time)"; \
-	$(BIN)/python -m pip install -c constraints.txt -e '.[$(EXTRAS)]'; \
+	echo "installing the packages pinned in constraints.txt (minutes the first time)"; \
+	$(BIN)/python -m pip install $$quiet -c constraints.txt -e '.[$(EXTRAS)]'; \
 	$(BIN)/python -m pip uninstall -q -y rfc3987-syntax lark; \
 	$(BIN)/python -c 'import course, jsonschema, nbformat'; \
 	{ echo "$$place"; python_of $(BIN)/python; echo "$$wanted"; } > $(STAMP); \

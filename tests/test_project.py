@@ -286,7 +286,7 @@ def test_a_second_set_up_does_nothing(tree: Tree) -> None:
 def test_the_pins_are_used(tree: Tree) -> None:
     tree.make("setup")
     log = (tree.folder / "installs").read_text()
-    assert "-c constraints.txt -e .[learning,oracles,lab,test]" in log
+    assert "install -c constraints.txt -e .[learning,oracles,lab,test]" in log
 
 
 def test_a_failed_install_is_not_trusted(tree: Tree) -> None:
