@@ -379,7 +379,8 @@ class PlanarBody:
     """One box, with its state and the force collected for the next step.
 
     Attributes:
-        mass, width, height, inertia, restitution, friction, rest_speed: see `box_parameters`.
+        mass, width, height, inertia, restitution, friction, rest_speed: see `box_parameters`. An
+            inertia that was left out is computed once; set it along with a new mass or size.
         state: (6,): x, y, angle, vx, vy, omega.
         ground: whether there is ground at y = 0.
         resolve_impacts: find impacts within a step (False: only at its end).
@@ -406,16 +407,7 @@ class PlanarBody:
     unresolved: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        parameters = self.parameters
-        self.inertia = float(parameters[3, 0])
-        self.state = np.array(self.state, dtype=float)
-        if self.state.shape != (6,) or not np.isfinite(self.state).all():
-            raise ValueError(f"state is {self.state}, allowed are 6 finite numbers")
-
-    @property
-    def parameters(self) -> Array:
-        """(7, 1), checked anew, since the attributes may be set."""
-        return box_parameters(
+        checked = box_parameters(
             self.mass,
             self.width,
             self.height,
@@ -424,6 +416,15 @@ class PlanarBody:
             friction=self.friction,
             rest_speed=self.rest_speed,
         )
+        self.inertia = float(checked[3, 0])
+        self.state = np.array(self.state, dtype=float)
+        if self.state.shape != (6,) or not np.isfinite(self.state).all():
+            raise ValueError(f"state is {self.state}, allowed are 6 finite numbers")
+
+    @property
+    def parameters(self) -> Array:
+        """(7, 1), the attributes as they are now; `step` checks them."""
+        return np.array([[getattr(self, name)] for name in PARAMETERS], dtype=float)
 
     @property
     def position(self) -> Array:
