@@ -607,6 +607,7 @@ def test_a_pivoting_box_never_turns_through_its_face() -> None:
     state = np.array([0 * tilts, half, angle, omega * ry, -omega * rx, omega])
     for _ in range(300):
         state, counts = step_boxes(state, parameters, 0.002, integrator="rk4")
+        assert ((state[2] - np.pi) * np.sign(tilts) > -1e-12).all()
         assert lowest(state, parameters).min() > -1e-9
         assert not counts[1].any()
     assert not state[3:].any()
