@@ -4,14 +4,21 @@
 function handed in as an argument defeats its cache. Here a loop is compiled for one explicit
 signature, in which functions are typed by what they take and return; so the machine code is found
 again by the next process whatever function is handed in.
+
+numba also forgets that compiled code contains the functions it calls: it looks only at the file of
+the outermost one. Here the cache lives in a folder named after the text of every source file that
+mentions numba, so editing `quaternion.py` recompiles the integrators that use it.
 """
 
 import functools
+import hashlib
 import os
+import shutil
 import sys
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -32,6 +39,34 @@ def acceleration_type(array: types.Array) -> types.FunctionType:
 def _announce(name: str) -> None:
     if os.environ.get("COURSE_QUIET") != "1":
         print(f"compiling {name} (once; the next run starts at once) ...", file=sys.stderr)
+
+
+_KEEP = 3  # folders of earlier states of the sources
+
+
+@functools.cache
+def _cache_folder() -> str:
+    """Folder for this state of the sources; older ones are removed, but for a few.
+
+    It is below NUMBA_CACHE_DIR if that is set, else below the package's own __pycache__; where
+    that can't be written, numba's default applies ("").
+    """
+    package = Path(__file__).parent
+    state = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        text = path.read_bytes()
+        if b"numba" in text:
+            state.update(f"{path.relative_to(package)} {len(text)}\n".encode() + text)
+    root = Path(os.environ.get("NUMBA_CACHE_DIR") or package / "__pycache__") / "compiled"
+    folder = root / state.hexdigest()[:16]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        os.utime(folder)
+        for old in sorted(root.iterdir(), key=lambda p: p.stat().st_mtime)[: -_KEEP - 1]:
+            shutil.rmtree(old, ignore_errors=True)
+    except OSError:
+        return ""
+    return str(folder)
 
 
 @functools.cache
@@ -56,13 +91,30 @@ def compiled(function: Callable[..., Any], signature: Any) -> Callable[..., Any]
     timer.daemon = True
     timer.start()
     start = time.thread_time()
+    folder, numba.config.CACHE_DIR = numba.config.CACHE_DIR, _cache_folder()
     try:
         result = numba.njit(signature, cache=True, error_model="numpy")(function)
     finally:
+        numba.config.CACHE_DIR = folder
         timer.cancel()
     name = f"{function.__module__}.{function.__qualname__}"
     COMPILE_SECONDS[f"{name} {signature}"] = time.thread_time() - start
     return result
+
+
+def function_argument(function: Any) -> Callable[..., Any]:
+    """A compiled function in the form that is cheapest to hand to another one.
+
+    numba looks up the address of a function argument at every call, which takes longer than a
+    short run; this form carries the address.
+
+    Args:
+        function: what `compiled` returned.
+    """
+    if numba.config.DISABLE_JIT:
+        return function
+    (result,) = function.overloads.values()
+    return types.CompileResultWAP(result)
 
 
 # Processor time of each compilation, or of loading it from the cache, in this process [s].

@@ -1,5 +1,7 @@
 """The truths that the integrators are judged by are themselves checked here."""
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -141,7 +143,7 @@ def test_bounce_times_and_heights_belong_together() -> None:
     times = problems.bounce_times(2.0, 0.8, 6)
     for t in times:
         assert problems.bounce_height(t, 2.0, 0.8) == pytest.approx(0.0, abs=1e-12)
-    for k, (left, right) in enumerate(zip(times[:-1], times[1:], strict=True), start=1):
+    for k, (left, right) in enumerate(itertools.pairwise(times), start=1):
         top = problems.bounce_height(0.5 * (left + right), 2.0, 0.8)
         assert top == pytest.approx(0.8 ** (2 * k) * 2.0, rel=1e-12)
     limit = times[0] * (1 + 0.8) / (1 - 0.8)

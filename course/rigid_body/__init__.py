@@ -19,11 +19,13 @@ from course.rigid_body.integrators import (
     simulate,
     velocity_verlet,
 )
+from course.rigid_body.planar import PlanarBody, rollout, step_boxes
 from course.rigid_body.spatial import RigidBody, advance_bodies
 
 __all__ = [
     "INTEGRATORS",
     "Integrator",
+    "PlanarBody",
     "RigidBody",
     "System",
     "Trajectory",
@@ -35,8 +37,10 @@ __all__ = [
     "retract",
     "rk4",
     "rk4_renormalised",
+    "rollout",
     "semi_implicit_euler",
     "simulate",
+    "step_boxes",
     "velocity_verlet",
     "warm",
 ]
@@ -60,4 +64,5 @@ def warm() -> dict[str, float]:
     q[3] = 1.0
     for name in ("rk4", "velocity_verlet", "semi_implicit_euler"):
         advance_bodies(q, np.zeros((6, 2)), (1.0, 2.0, 3.0), 1e-3, 1, integrator=name)
+    PlanarBody().step(1e-3)
     return dict(COMPILE_SECONDS)

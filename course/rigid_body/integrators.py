@@ -16,6 +16,7 @@ Lie-group forms Munthe-Kaas, High order Runge-Kutta methods on manifolds (1999),
 Lie-group methods (2000), sec. 2-3.
 """
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -26,7 +27,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from course.compiled import MATRIX, VECTOR, acceleration_type, compiled
+from course.compiled import MATRIX, VECTOR, acceleration_type, compiled, function_argument
 from course.rigid_body.quaternion import cross, derivative, exp, normalise, product
 
 Array = NDArray[np.float64]
@@ -382,24 +383,36 @@ def _step_type(array: types.Array) -> Any:
     return pair(array, array, acceleration_type(array), numba.float64, VECTOR)
 
 
-def compiled_step(integrator: str, array: types.Array = VECTOR) -> Step:
-    """The named integrator compiled for states of the given numba array type."""
-    return compiled(INTEGRATORS[integrator].step, _step_type(array))
+@functools.cache
+def compiled_parts(acceleration: Acceleration, integrator: str, ndim: int) -> tuple[Any, Any, Any]:
+    """What a compiled run is made of.
 
+    Args:
+        acceleration: a plain top-level function.
+        integrator: a name in INTEGRATORS.
+        ndim: 1 for one body, 2 for a batch.
 
-def _compiled_rollout(array: types.Array) -> Any:
-    record = types.Array(numba.float64, array.ndim + 1, "C")
-    signature = types.UniTuple(record, 2)(
+    Returns:
+        (rollout, step, acceleration), all compiled for states of that dimension.
+    """
+    array = VECTOR if ndim == 1 else MATRIX
+    record = types.Array(numba.float64, ndim + 1, "C")
+    step_type = _step_type(array)
+    run_type = types.UniTuple(record, 2)(
         array,
         array,
-        types.FunctionType(_step_type(array)),
+        types.FunctionType(step_type),
         acceleration_type(array),
         numba.float64,
         numba.int64,
         numba.int64,
         VECTOR,
     )
-    return compiled(rollout, signature)
+    return (
+        compiled(rollout, run_type),
+        function_argument(compiled(INTEGRATORS[integrator].step, step_type)),
+        function_argument(compiled(acceleration, acceleration_type(array).signature)),
+    )
 
 
 def simulate(
@@ -437,10 +450,9 @@ def simulate(
     records = steps // every
     with np.errstate(over="ignore", invalid="ignore"):
         if isinstance(integrator, str) and system.compile and system.q0.ndim <= 2:
-            array = VECTOR if system.q0.ndim == 1 else MATRIX
-            acceleration = compiled(system.acceleration, acceleration_type(array).signature)
-            step = compiled_step(integrator, array)
-            run = _compiled_rollout(array)
+            run, step, acceleration = compiled_parts(
+                system.acceleration, integrator, system.q0.ndim
+            )
         else:
             acceleration = system.acceleration
             step = INTEGRATORS[integrator].step if isinstance(integrator, str) else integrator

@@ -11,8 +11,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 
-from course.compiled import MATRIX, acceleration_type, compiled
-from course.rigid_body.integrators import INTEGRATORS, Array, _compiled_rollout, compiled_step
+from course.rigid_body.integrators import INTEGRATORS, Array, compiled_parts
 from course.rigid_body.quaternion import conjugate, rotate, unit_quaternion
 
 
@@ -241,9 +240,7 @@ def advance_bodies(
     if integrator not in INTEGRATORS:
         raise ValueError(f"integrator is {integrator!r}; allowed are {', '.join(INTEGRATORS)}")
     params = np.concatenate([_vector3("gravity", gravity), _vector3("inertia", inertia)])
-    step = compiled_step(integrator, MATRIX)
-    run = _compiled_rollout(MATRIX)
-    acceleration = compiled(free_flight_acceleration, acceleration_type(MATRIX).signature)
+    run, step, acceleration = compiled_parts(free_flight_acceleration, integrator, 2)
     q_new, v_new = np.empty_like(q), np.empty_like(v)
     for start in range(0, q.shape[1], BLOCK):
         part = slice(start, start + BLOCK)

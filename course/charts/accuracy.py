@@ -1,0 +1,397 @@
+"""Chapter 1, speed against accuracy: every integrator on every problem, beside MuJoCo."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from course.charts import chart, save
+from course.measure.work_precision import Method, Result, WorkPrecision, measure
+from course.oracles import mujoco as oracle
+from course.rigid_body import planar, problems
+from course.rigid_body.integrators import (
+    INTEGRATORS,
+    Array,
+    evaluations_per_step,
+    simulate,
+)
+from course.rigid_body.problems import STANDARD_GRAVITY, Problem
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a problem's chart asks, and of whom.
+
+    Attributes:
+        text: the question.
+        tolerance: the error it can bear, in the problem's unit.
+        why: where that tolerance comes from.
+        ask_mujoco: (dt, integrator) -> prepared run of the same problem.
+        positions: from MuJoCo's positions to ours.
+    """
+
+    text: str
+    tolerance: float
+    why: str
+    ask_mujoco: Callable[[float, str], oracle.Runner]
+    positions: Callable[[Array], Array] = lambda q: q
+
+
+def _top_question(problem: Problem) -> Question:
+    system = problem.system
+    i1, _, i3, weight = system.params.tolist()
+    return Question(
+        "Where does the top point after 2 s?",
+        1e-2,
+        "10 mrad, 5 mm at the tip of a 0.5 m top",
+        lambda dt, name: oracle.heavy_top((i1, i3), weight, system.q0, system.v0, dt, name),
+    )
+
+
+def questions() -> dict[str, tuple[Problem, Question]]:
+    """The smooth problems of the chapter and what is asked of each."""
+    found = problems.all_problems()
+    spring, pendulum = found["oscillator"].system, found["pendulum"].system
+    free, double = found["tumble"].system, found["double_pendulum"].system
+    omega, zeta = spring.params.tolist()
+    rows = {
+        "oscillator": Question(
+            "Where is the mass after 2.3 periods?",
+            1e-3,
+            "1 mm of an amplitude of 1 m",
+            lambda dt, name: oracle.oscillator(
+                1.0, omega**2, 2.0 * zeta * omega, 1.0, 0.0, dt, name
+            ),
+        ),
+        "pendulum": Question(
+            "Where is the pendulum after 2 s?",
+            1e-3,
+            "1 mrad: 1 mm on an arm of 1 m",
+            lambda dt, name: oracle.pendulum(
+                1.0, float(pendulum.q0[0]), 0.0, dt, name, gravity=STANDARD_GRAVITY
+            ),
+        ),
+        "tumble": Question(
+            "How is the free body turned after 20 s?",
+            1e-3,
+            "1 mrad: what a star tracker of a small satellite resolves, with a margin",
+            lambda dt, name: oracle.free_body(
+                free.params,
+                np.concatenate([np.zeros(3), free.q0]),
+                np.concatenate([np.zeros(3), free.v0]),
+                dt,
+                name,
+            ),
+            lambda q: q[3:],
+        ),
+        "heavy_top": _top_question(found["heavy_top"]),
+        "double_pendulum": Question(
+            "Where is the double pendulum after 3 s?",
+            1e-3,
+            "1 mrad: 1 mm on an arm of 1 m",
+            lambda dt, name: oracle.double_pendulum(
+                (1.0, 1.0),
+                (1.0, 1.0),
+                (double.q0[0], double.q0[1] - double.q0[0]),
+                (0.0, 0.0),
+                dt,
+                name,
+                gravity=STANDARD_GRAVITY,
+            ),
+            lambda q: np.array([q[0], q[0] + q[1]]),
+        ),
+    }
+    return {name: (found[name], question) for name, question in rows.items()}
+
+
+# Steps of a run: coarse to fine, a factor of about two apart.
+_STEPS = {
+    "oscillator": (20, 40, 80, 160, 320, 640, 1280, 2560),
+    "pendulum": (20, 40, 80, 160, 320, 640, 1280, 2560),
+    "tumble": (250, 500, 1000, 2000, 4000, 8000, 16000, 32000),
+    "heavy_top": (250, 500, 1000, 2000, 4000, 8000, 16000, 32000),
+    "double_pendulum": (50, 100, 200, 400, 800, 1600, 3200, 6400),
+}
+MUJOCO_SHOWN = ("Euler", "RK4", "implicitfast", "discrete")
+
+
+def _ours(problem: Problem, name: str, steps: tuple[int, ...]) -> Method:
+    per_step = {n: evaluations_per_step(problem.system, name, problem.duration / n) for n in steps}
+
+    def run(dt: float) -> Result:
+        n = round(problem.duration / dt)
+        end = simulate(problem.system, name, problem.duration / n, n)
+        return Result(end.q[-1], per_step[n] * n)
+
+    return Method(name, run, [problem.duration / n for n in steps])
+
+
+def _mujocos(problem: Problem, question: Question, name: str, steps: tuple[int, ...]) -> Method:
+    runner = question.ask_mujoco(problem.duration / steps[0], name)
+
+    def run(dt: float) -> Result:
+        n = round(problem.duration / dt)
+        runner.dt = problem.duration / n
+        q, _ = runner.run(n)
+        return Result(question.positions(q), runner.evaluations(n))
+
+    return Method(f"MuJoCo {name}", run, [problem.duration / n for n in steps], "oracle")
+
+
+def work_precision(
+    name: str, repeats: int = 5, steps: tuple[int, ...] | None = None
+) -> WorkPrecision:
+    """Error against cost of every integrator, ours and MuJoCo's, on one problem.
+
+    Args:
+        name: "oscillator", "pendulum", "tumble", "heavy_top" or "double_pendulum".
+        repeats: timed rounds.
+        steps: numbers of steps to try; default: a range that fits the problem.
+
+    Returns:
+        The measured curves; `with_method` puts a step function of yours beside them (see
+        `your_method`).
+    """
+    problem, question = questions()[name]
+    counts = _STEPS[name] if steps is None else steps
+    rotation = problem.system.q0.shape != problem.system.v0.shape
+    # Off the quaternion the renormalised method is plain RK4: one curve, not two.
+    methods = [
+        _ours(problem, method, counts)
+        for method in INTEGRATORS
+        if rotation or method != "rk4_renormalised"
+    ]
+    methods += [_mujocos(problem, question, method, counts) for method in MUJOCO_SHOWN]
+    truth, _ = problem.truth(problem.duration)
+    check, _ = problems.tight_reference(
+        problem.system, problem.duration, 1e-13 if problem.closed_form else 5e-14
+    )
+    return measure(
+        methods,
+        truth,
+        lambda answer, _: problem.error(answer),
+        reference_check=check,
+        tolerance=question.tolerance,
+        failed_above=1.0,
+        repeats=repeats,
+        question=question.text,
+        error_unit=problem.unit,
+    )
+
+
+def your_method(name: str, step: Callable[..., Any], label: str = "yours") -> Method:
+    """A step function of your own, ready for `WorkPrecision.with_method`.
+
+    Args:
+        name: the problem, as for `work_precision`.
+        step: (q, v, acceleration, dt, params) -> (q, v).
+        label: name on the chart.
+    """
+    problem, _ = questions()[name]
+    steps = _STEPS[name][:5]
+    per_step = evaluations_per_step(problem.system, step, problem.duration / steps[0])
+
+    def run(dt: float) -> Result:
+        n = round(problem.duration / dt)
+        end = simulate(problem.system, step, problem.duration / n, n)
+        return Result(end.q[-1], per_step * n)
+
+    return Method(label, run, [problem.duration / n for n in steps], "yours")
+
+
+# --- the box -----------------------------------------------------------------------------------
+
+BOX_START = np.array([0.0, 1.0, 0.4, 0.5, 0.0, 1.0])
+BOX_SIZE = (0.3, 0.2)
+BOX_RESTITUTION = 0.7
+BOX_DURATION = 1.0  # two impacts
+
+
+def box_work_precision(repeats: int = 5) -> WorkPrecision:
+    """Error of the bouncing box's position after 1 s against cost, beside MuJoCo.
+
+    Frictionless, so that the truth is independent of every contact solver here.
+    """
+    reference = problems.frictionless_box(BOX_DURATION, BOX_START, *BOX_SIZE, BOX_RESTITUTION)
+    parameters = planar.box_parameters(
+        1.0, *BOX_SIZE, restitution=BOX_RESTITUTION, friction=0.0, rest_speed=0.0
+    )
+    fine, _ = planar.rollout(BOX_START[:, None], parameters, 1e-3, 1000, integrator="rk4")
+    counts = (10, 20, 40, 80, 160, 320, 640, 1280, 2560, 5120)
+
+    def ours(label: str, integrator: str, resolve: bool) -> Method:
+        def run(dt: float) -> Result:
+            n = round(BOX_DURATION / dt)
+            end, _ = planar.rollout(
+                BOX_START[:, None],
+                parameters,
+                BOX_DURATION / n,
+                n,
+                integrator=integrator,
+                resolve_impacts=resolve,
+            )
+            return Result(end[:2, 0], n)
+
+        return Method(label, run, [BOX_DURATION / n for n in counts], unit="steps")
+
+    def mujocos(name: str, contact: str) -> Method:
+        runners = {
+            n: oracle.box_drop(
+                (0.5 * BOX_SIZE[0], 0.5 * BOX_SIZE[1]),
+                1.0,
+                BOX_START[:3],
+                BOX_START[3:],
+                BOX_DURATION / n,
+                name,
+                restitution=BOX_RESTITUTION,
+                friction=0.0,
+                gravity=STANDARD_GRAVITY,
+                contact=contact,
+            )
+            for n in counts
+        }
+
+        def run(dt: float) -> Result:
+            n = round(BOX_DURATION / dt)
+            q, _ = runners[n].run(n)
+            return Result(q[:2], n)
+
+        return Method(
+            f"MuJoCo {name} ({contact})", run, [BOX_DURATION / n for n in counts], "oracle", "steps"
+        )
+
+    return measure(
+        [
+            ours("exact flight, impact times", "rk4", True),
+            ours("semi-implicit, impact times", "semi_implicit_euler", True),
+            ours("exact flight, end of step", "rk4", False),
+            ours("semi-implicit, end of step", "semi_implicit_euler", False),
+            mujocos("Euler", "impulse"),
+            mujocos("implicitfast", "impulse"),
+            mujocos("discrete", "spring"),
+            mujocos("RK4", "spring"),
+        ],
+        reference[:2],
+        reference_check=fine[:2, 0],
+        tolerance=5e-3,
+        failed_above=1.0,
+        repeats=repeats,
+        question="Where is the bouncing box after 1 s?",
+        error_unit="m",
+    )
+
+
+def draw(result: WorkPrecision) -> Any:
+    """The two panels of a work-precision result as a figure."""
+    import matplotlib.pyplot as plt
+
+    figure, axes = plt.subplots(1, 2, figsize=(12, 4.6), layout="constrained")
+    result.plot(axes)
+    return figure
+
+
+def _chart(name: str, result: WorkPrecision) -> str:
+    from course.charts import FOLDER
+
+    save(name, draw(result), None)
+    result.to_json(FOLDER / f"{name}.json")
+    return result.table()
+
+
+@chart
+def work_precision_oscillator() -> str:
+    """Work-precision on the linear oscillator."""
+    return _chart("work_precision_oscillator", work_precision("oscillator"))
+
+
+@chart
+def work_precision_pendulum() -> str:
+    """Work-precision on the pendulum."""
+    return _chart("work_precision_pendulum", work_precision("pendulum"))
+
+
+@chart
+def work_precision_tumble() -> str:
+    """Work-precision on the free asymmetric body."""
+    return _chart("work_precision_tumble", work_precision("tumble"))
+
+
+@chart
+def work_precision_heavy_top() -> str:
+    """Work-precision on the heavy top."""
+    return _chart("work_precision_heavy_top", work_precision("heavy_top"))
+
+
+@chart
+def work_precision_double_pendulum() -> str:
+    """Work-precision on the double pendulum."""
+    return _chart("work_precision_double_pendulum", work_precision("double_pendulum"))
+
+
+@chart
+def work_precision_box() -> str:
+    """Work-precision on the bouncing box."""
+    return _chart("work_precision_box", box_work_precision())
+
+
+# --- the same millisecond for all ---------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table at one step: who, on what, how wrong, how fast."""
+
+    problem: str
+    method: str
+    error: float
+    unit: str
+    nanoseconds: float
+
+
+def table_at(dt: float = 1e-3, repeats: int = 5) -> list[Row]:
+    """Error and time per step of MuJoCo's integrators and ours at one step.
+
+    Args:
+        dt: step [s].
+        repeats: timed rounds, interleaved.
+
+    Returns:
+        Rows for the tumble, the top, the oscillator and the box drop.
+    """
+    rows: list[Row] = []
+    for name in ("tumble", "heavy_top", "oscillator"):
+        problem, _ = questions()[name]
+        steps = (round(problem.duration / dt),)
+        result = work_precision(name, repeats, steps)
+        for curve in result.curves:
+            (point,) = curve.points
+            rows.append(
+                Row(name, curve.name, point.error, problem.unit, point.time / steps[0] * 1e9)
+            )
+    box = box_work_precision(repeats)
+    for curve in box.curves:
+        point = min(curve.points, key=lambda p: abs(p.parameter - dt))
+        rows.append(
+            Row("box drop", curve.name, point.error, "m", point.time * point.parameter * 1e9)
+        )
+    return rows
+
+
+def format_rows(rows: list[Row]) -> str:
+    """The table as text."""
+    lines = [f"{'problem':<11} {'method':<30} {'error':>9}      {'time per step':>13}"]
+    for row in rows:
+        lines.append(
+            f"{row.problem:<11} {row.method:<30} {row.error:>9.1e} {row.unit:<4}"
+            f" {row.nanoseconds:>10.0f} ns"
+        )
+    return "\n".join(lines)
+
+
+@chart
+def table_at_one_millisecond() -> str:
+    """Who is how wrong and how fast at the same step of 1 ms."""
+    from course.measure.work_precision import machine
+
+    return f"{format_rows(table_at())}\n{machine()}"

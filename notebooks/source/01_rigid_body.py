@@ -1,0 +1,567 @@
+# %% [markdown]
+# # 1 · Rigid bodies
+#
+# *How does a rigid body move, and how do you compute it without lying about energy?*
+#
+# | | |
+# |---|---|
+# | **You will be able to** | write the equations of motion of any rigid body and say where each term comes from; represent and update orientation without singularities or drift; choose an integrator by its measured error per unit of work; predict the step at which it fails, to half a percent; read a simulation that explodes, tunnels or gains energy and name the cause |
+# | **Time** | about three hours with the experiments, ninety minutes without |
+# | **Know first** | vectors, matrices, derivatives; Python with NumPy |
+# | **Code** | `course.rigid_body`; plain functions, the ones the tests run |
+#
+# Two habits of this course: a number in the text comes from the cell above it or from a check that you
+# can run yourself (`python -m course.derivations 1` runs all of this chapter's), and a statement that is
+# often heard but false is shown together with the evidence against it.
+
+# %%
+import inspect
+
+import matplotlib.pyplot as plt
+import numpy as np
+from IPython.display import Markdown
+
+from course import rigid_body
+from course.charts import accuracy, read
+from course.derivations import answer, figure, show
+from course.rigid_body import planar, problems, quaternion
+
+
+def source(*functions):
+    """Show functions as they stand in the module."""
+    text = "\n\n".join(inspect.getsource(f) for f in functions)
+    return Markdown(f"```python\n{text}```")
+
+
+# %% [markdown]
+# ## 1 · Concept: what moves, and by which law
+#
+# ### The state
+#
+# A rigid body has six ways to move: its centre of mass goes along three axes and it turns about three.
+# Position and orientation say where it is; you also need how fast each of the six is changing, because
+# Newton's law is of second order. So the state lives in **twelve** dimensions. How many *numbers* you store is
+# a different question: it depends on how you write down an orientation.
+#
+# | orientation stored as | numbers for it | whole state | what it costs you |
+# |---|---|---|---|
+# | three Euler angles | 3 | 12 | a singularity you can reach |
+# | unit quaternion | 4 | 13 | one constraint, $\lvert q\rvert = 1$; $q$ and $-q$ are the same |
+# | rotation matrix | 9 | 18 | six constraints |
+#
+# In the plane there is one angle, and position, angle and their rates make six numbers.
+
+# %%
+show("state_is_six_quantities")
+
+# %% [markdown]
+# ### Newton and Euler
+#
+# Momentum $p = m v$ and angular momentum $L = I\omega$ (about the centre of mass) change only through
+# forces and torques:
+#
+# $$\dot p = F, \qquad \dot L = \tau .$$
+#
+# That is all the physics. The rest is a choice of where to stand. Seen from the world, the inertia tensor of
+# a turning body changes all the time. Seen from the body it is constant, but the frame turns, and the rate
+# of any vector picks up $\omega \times$ that vector. So in the **body frame**
+#
+# $$\boxed{\; m\dot v = F, \qquad I\dot\omega + \omega\times(I\omega) = \tau \;}$$
+#
+# The term $\omega\times(I\omega)$ is *not a force*. It is what a constant $L$ looks like to somebody who turns
+# with the body. It vanishes when $L$ and $\omega$ are parallel: for a sphere or a cube always, for other
+# bodies when they spin about a principal axis. Where it does not vanish, $\omega$ wanders although nothing
+# pushes: a body thrown with no torque at all keeps $L$, not $\omega$.
+
+# %%
+show("free_body_keeps_angular_velocity")
+
+# %% [markdown]
+# Spin about the middle one of three different principal axes is unstable. Linearise Euler's equations about
+# $\omega = (0, \Omega, 0)$: the two small components feed each other and grow like $e^{\sigma t}$ with
+# $\sigma = \Omega\sqrt{(I_2-I_1)(I_3-I_2)/(I_1 I_3)}$. Swap the order of the moments and the square root becomes
+# imaginary: a bounded wobble. The flip is regular, too: its period is an elliptic integral.
+
+# %%
+show("principal_axis_is_stable")
+
+# %% [markdown]
+# > **What keeps a spinning top up?** A popular answer is "the gyroscopic term". Test it: give the top three equal
+# > moments about its pivot, so that $\omega\times(I\omega)$ is exactly zero, and spin it.
+
+# %%
+show("gyroscopic_term_holds_the_top_up")
+
+# %% [markdown]
+# A top stays up because gravity's torque is *horizontal*: it can turn a large $L$ sideways but cannot tip it
+# quickly. How large $L$ must be for the upright top is a condition you should be able to write down.
+
+# %%
+show("top_condition")
+
+# %% [markdown]
+# ### Orientation without a singularity
+#
+# Three angles work until two of their axes line up. For yaw, pitch and roll (turns about $z$, $y'$, $x''$) the body's
+# angular velocity is $\omega = E(\text{pitch}, \text{roll})\,(\dot\psi, \dot\theta, \dot\phi)$, and $\det E$ is $\pm\cos\theta$. At
+# $\theta = \pm 90°$ the matrix has rank two: one direction of $\omega$ corresponds to *no* finite angle rates. The body
+# can still turn that way; the coordinates cannot follow. Below: the smallest singular value of $E$ on the way there.
+
+# %%
+pitch = np.radians([0.0, 60.0, 80.0, 89.0, 89.9, 90.0])
+for angle in pitch:
+    values = np.linalg.svd(quaternion.euler_zyx_rate_matrix(angle, 0.3), compute_uv=False)
+    rate = 1.0 / values[-1] if values[-1] > 1e-15 else np.inf
+    print(
+        f"pitch {np.degrees(angle):5.1f} deg: smallest singular value {values[-1]:.1e}, "
+        f"angle rates of up to {rate:.3g} per rad/s of body rate"
+    )
+
+# %% [markdown]
+# Unit quaternions have no such place. A turn by the angle $\alpha$ about the unit axis $n$ is
+# $q = (\cos\frac{\alpha}{2}, n\sin\frac{\alpha}{2}) = \exp(\alpha n)$. The half angle has a consequence: after a full turn
+# $q$ has become $-q$, and both describe the same orientation (the *double cover*). Compare orientations by the angle
+# between them, never by subtracting quaternions.
+#
+# The one rule for time stepping: **an orientation is updated by multiplication**,
+# $q \leftarrow q\,\exp(h\,\omega)$. Adding $h\,\dot q$ leaves the unit sphere, and scaling back afterwards repairs the length,
+# not the angle.
+
+# %%
+show("renormalising_repairs")
+
+# %% [markdown]
+# ### Six integrators on one page
+#
+# An integrator turns the law into steps of length $h$. Write $a = a(q, v)$ for the acceleration, and read
+# $q \oplus u$ as "move from $q$ by $u$": plain addition for positions, $q\,\exp(u)$ for orientations.
+#
+# | method | one step | order | evaluations | area kept | limit, undamped |
+# |---|---|:-:|:-:|:-:|:-:|
+# | explicit Euler | $q' = q\oplus hv,\;\; v' = v + ha$ | 1 | 1 | no | none: always unstable |
+# | semi-implicit Euler | $v' = v + ha,\;\; q' = q\oplus hv'$ | 1 | 1 | yes | $\omega h < 2$ |
+# | velocity Verlet | $q' = q\oplus(hv + \tfrac{h^2}{2}a),\;\; v' = v+\tfrac h2(a+a')$ | 2 | 2, or 1 if the last is kept | yes | $\omega h < 2$ |
+# | explicit midpoint | full step with the derivative half way | 2 | 2 | no | none: always unstable |
+# | implicit midpoint | the same, half way solved for | 2 | 4 and more | yes | none: always stable |
+# | RK4 (on rotations: Munthe-Kaas) | four slopes, weights $\tfrac16,\tfrac13,\tfrac13,\tfrac16$ | 4 | 4 | no | $\omega h \le 2\sqrt2$ |
+#
+# "Area kept" (symplectic) means that a patch of starting states keeps its area in the plane of $q$ and $p$. From that
+# follows, for a fixed step inside the limit, that the energy error stays bounded for exponentially long times, because the method
+# follows *a nearby* Hamiltonian exactly. It does not follow that energy is conserved, that the phase is right,
+# that the method is stable at every step, or that anything survives friction or a changing step.
+
+# %%
+show("symplectic_conserves_energy")
+
+# %%
+show("semi_implicit_is_verlet")
+
+# %% [markdown]
+# ### Why the step has a limit: the spring as test problem
+#
+# Near an equilibrium every conservative system is a set of springs $\ddot x = -\omega^2 x$, with $\omega=\sqrt{k/m}$. One step of a linear
+# method is a matrix: $(x, v)' = A(\omega h)\,(x, v)$. The simulation is stable exactly when the powers of $A$ stay bounded.
+#
+# *Explicit Euler*: $A = \begin{pmatrix}1 & h\\ -\omega^2h & 1\end{pmatrix}$, eigenvalues $1 \pm i\omega h$, so
+# $\lvert\lambda\rvert^2 = 1 + (\omega h)^2 > 1$ for **every** $h$. There is no stable step.
+#
+# *Semi-implicit Euler*: $A = \begin{pmatrix}1-\omega^2h^2 & h\\ -\omega^2h & 1\end{pmatrix}$ has determinant 1. That makes the
+# *product* of the eigenvalues one, which they satisfy as a pair on the unit circle, or as a real pair $\lambda, 1/\lambda$.
+# Which of the two is decided by the trace: the circle needs $\lvert 2-\omega^2h^2\rvert < 2$, that is $\omega h < 2$. At equality both
+# eigenvalues are $-1$ with a single eigenvector, and the state grows linearly.
+
+# %%
+show("explicit_euler_spring_limit")
+
+# %%
+show("semi_implicit_unconditional")
+
+# %% [markdown]
+# The worked number that goes with it: a contact of stiffness $10^5$ N/m under 1 kg.
+
+# %%
+show("contact_step_example")
+
+# %% [markdown]
+# ### A worked example, recomputed: a bouncing ball and its energy
+#
+# A ball of 1 kg falls 5 m onto a floor that returns all its speed ($g = 9.81$, $h = 10$ ms). For a constant force the six integrators
+# are only three: the position gains $hv + c\,h^2a$ with $c = 0$ (explicit Euler), $c = 1$ (semi-implicit Euler) or
+# $c = \tfrac12$ (all others, and exact). Per step of free fall the energy changes by $mg^2h^2(\tfrac12 - c)$: explicit Euler gains
+# $\tfrac12 mg^2h^2$, semi-implicit Euler *loses* the same amount.
+#
+# Is that loss "dissipation"? Look at the way up: the same error has the same sign at every step, rising or falling, so it
+# is an error in the *height*, of first order in $h$, and it ends when the force is no longer constant. On a spring the same method's
+# energy swings about the true value and goes nowhere.
+
+# %%
+show("semi_implicit_dissipates")
+
+# %% [markdown]
+# Then the bounce. If the rule is "found below the floor: put it on the floor and turn the velocity round", the rule itself creates
+# energy: lifting the ball by the depth $d$ adds $mgd$, while its speed stays what it was at depth $d$. After ten bounces the
+# table is more about the bounce rule than about the integrator, and RK4, which is exact in flight, is as wrong as the rule:
+
+# %%
+for name in (
+    "worked_ten_bounces_explicit",
+    "worked_ten_bounces_semi_implicit",
+    "worked_ten_bounces_rk4",
+    "worked_table_belongs_to_the_method",
+):
+    print(show(name), "\n")
+
+# %% [markdown]
+# ## 2 · Design: the loop around the equations
+#
+# A simulator does six things at six rates. The physics step is fixed; everything else happens on ticks of it. The order within a tick
+# matters: sensors are read from the state that exists, the controller answers, forces are gathered, the state moves, contacts are found,
+# and now and then a picture is drawn.
+
+# %%
+from course.rigid_body.loop import FixedStepLoop, flow_diagram  # noqa: E402
+
+loop = FixedStepLoop(
+    physics_dt="1/1000", control_period="1/500", camera_period="1/30", render_period="1/60"
+)
+print(flow_diagram(loop))
+
+# %% [markdown]
+# Three details that separate a loop that works from one that nearly does:
+#
+# * **An accumulator.** Real time arrives in uneven pieces. Add each piece to an account and take whole physics steps out of it; what is left
+#   tells how far between two states the picture lies. The physics then never sees the clock: the same inputs give the same motion, bit for bit.
+# * **Interpolation.** 1000 Hz does not divide by 60 Hz: a picture falls every $16\tfrac23$ steps. Drawing the latest state instead makes the
+#   motion judder by up to one step. Interpolating between the last two states costs one step of delay.
+# * **Counting in integers.** Adding 0.001 a few million times is not the same as multiplying:
+
+# %%
+from course.rigid_body.loop import float_clock_error  # noqa: E402
+
+print(f"error of a summed clock after one hour at 1 kHz: {float_clock_error(0.001, 3_600_000):.2e} s")
+
+# %% [markdown]
+# When the machine is slower than real time, something has to give: the loop takes at most so many steps at once and *reports* the time it
+# dropped. A loop that silently tries to catch up takes longer for each frame and never does.
+#
+# **Where the step comes from.** There is no sweet spot of so many milliseconds. The highest frequency in the model sets it: $h < 2/\omega_{\max}$
+# for the semi-implicit family, and accuracy usually asks for five to twenty times less. 10 ms is generous for a satellite and hopeless for a stiff contact.
+
+# %% [markdown]
+# ## 3 · Code: the reference functions
+#
+# Each integrator is one function over a *system*: positions on a manifold, velocities, and a function for the acceleration. If there is one
+# position more than velocities, the last four are a quaternion (MuJoCo's convention). This is all it takes to move on both kinds of space:
+
+# %%
+source(rigid_body.retract, rigid_body.semi_implicit_euler)
+
+# %% [markdown]
+# RK4 needs one more idea. Its stages are velocities at *different* orientations, and they live in different tangent spaces; `tangent_rate`
+# brings them to a common one, and a single exponential ends the step (Munthe-Kaas 1999).
+
+# %%
+source(rigid_body.rk4)
+
+# %% [markdown]
+# The judge is a problem with a closed form. A free body with three different moments turns by Jacobi's elliptic functions, its angle about the
+# fixed $L$ by an elliptic integral of the third kind. Twenty seconds at 1 ms:
+
+# %%
+tumble = problems.tumble()
+for name in ("semi_implicit_euler", "implicit_midpoint", "rk4", "rk4_renormalised"):
+    run = rigid_body.simulate(tumble.system, name, 1e-3, 20_000, every=20_000)
+    energy = [problems.tumble_energy(q, v, tumble.system.params) for q, v in zip(run.q, run.v)]
+    momentum = [
+        problems.angular_momentum(q, v, tumble.system.params) for q, v in zip(run.q, run.v)
+    ]
+    drift = np.linalg.norm(momentum[1] - momentum[0]) / np.linalg.norm(momentum[0])
+    print(
+        f"{name:<20} attitude error {tumble.error(run.q[-1]):.0e} rad,"
+        f" energy {abs(energy[1] / energy[0] - 1):.0e}, momentum {drift:.0e} (relative drift)"
+    )
+
+# %% [markdown]
+# ### A box that really tumbles
+#
+# The planar body has extent: a force at a point makes a torque, corners hit the ground at a time that is found *inside* the step, and each impact is solved with
+# friction and restitution. Restitution here is energetic (Stronge 1990): the ratio of work given back to work taken is $e^2$. With Newton's velocity
+# ratio and friction an impact can *create* energy (Kane's puzzle, 1984); this one can't.
+
+# %%
+box = planar.PlanarBody(restitution=0.7, friction=0.5)
+box.state[:] = (0.0, 1.0, 0.4, 0.5, 0.0, 1.0)
+path, total = [box.state.copy()], [box.energy()[2]]
+for _ in range(1500):
+    box.step(2e-3, integrator="rk4")
+    path.append(box.state.copy())
+    total.append(box.energy()[2])
+path = np.array(path)
+figure_, axes = plt.subplots(1, 2, figsize=(11, 3.2), layout="constrained")
+for i in range(0, 900, 25):
+    x, y, angle = path[i, :3]
+    c, s = np.cos(angle), np.sin(angle)
+    corners = np.array([[-0.15, 0.15, 0.15, -0.15, -0.15], [-0.1, -0.1, 0.1, 0.1, -0.1]])
+    _ = axes[0].plot(
+        x + c * corners[0] - s * corners[1], y + s * corners[0] + c * corners[1],
+        color=plt.cm.viridis(i / 900), linewidth=0.8,
+    )
+_ = axes[0].axhline(0, color="0.3")
+_ = axes[0].set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="one picture every 50 ms")
+_ = axes[1].plot(np.arange(len(total)) * 2e-3, total)
+_ = axes[1].set(xlabel="time [s]", ylabel="total energy [J]", title="energy falls at impacts only")
+plt.show()
+print(f"impacts: {box.impacts}, steps not resolved: {box.unresolved}")
+print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1][1]:.6f} m")
+
+# %% [markdown]
+# ## 4 · The simulation: a bouncing box
+#
+# Move gravity, restitution, friction and the step; choose the integrator; watch the three energies beside the box. The presets each show one failure.
+# Things to find: which integrators make the *same* motion in flight, and why; what changes when impact times are not resolved; what the
+# box does at rest when the rest threshold is off.
+
+# %%
+from course.simulations.rigid_body import simulation  # noqa: E402
+
+simulation()
+
+# %% [markdown]
+# ## 5 · Speed against accuracy
+#
+# "RK4 costs four times as much" is a statement about one step. Nobody wants a step; one wants an answer within a tolerance. A **work-precision diagram**
+# puts the error on one axis and the cost on the other, for every method and many step sizes; the best method for your tolerance is the one furthest to the left at its
+# height. Methods run interleaved in one process, medians of several rounds; a method that failed is a mark at the top, not a gap.
+
+# %%
+result = accuracy.work_precision("double_pendulum", repeats=3)
+_ = accuracy.draw(result)
+plt.show()
+for curve in result.curves:
+    print(f"{curve.name:<22} observed order {result.observed_order(curve.name):.1f}")
+
+# %% [markdown]
+# MuJoCo's integrators are curves in the same picture. On smooth systems they are our methods: its `Euler` lies on semi-implicit Euler, its `RK4` on RK4, in error to several digits; its
+# `implicitfast` and `discrete` are of first order as well. What differs is the time per step, because MuJoCo's is a step of a general engine. Put a step function of your own on the chart with one call:
+
+
+# %%
+def my_step(q, v, acceleration, dt, params):
+    """Change me: a step of your own. This one is semi-implicit Euler."""
+    v = v + dt * acceleration(q, v, params)
+    return q + dt * v, v
+
+
+mine = result.with_method(accuracy.your_method("double_pendulum", my_step))
+print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
+
+# %% [markdown]
+# The same chart for the free tumble, with a tolerance of 1 mrad after 20 s. The two RK4s differ only in how they handle the quaternion.
+#
+# ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
+#
+# And for the bouncing box, where the error is made at the impacts:
+#
+# ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
+
+# %%
+print(read("table_at_one_millisecond"))
+
+# %% [markdown]
+# **Where MuJoCo and the course differ, and why.** (1) `implicitfast` and `discrete` treat the gyroscopic torque of a free body implicitly: energy can't grow, but
+# a tumble is damped at second order per step, and its attitude is *less* accurate than with `Euler`. (2) MuJoCo has no coefficient of restitution; a contact is a spring and damper inside a convex problem, so a bounce
+# takes time and depth, and restitution has to be tuned. (3) No integrator of MuJoCo looks for the time of impact inside a step: the error at a contact is of first order, RK4 or not.
+#
+# ### Many bodies at once
+#
+# Training needs thousands of copies. The same source, compiled for whole batches, beside `mujoco.batch`, one core each:
+#
+# ![Bodies per second against the number of bodies](../docs/charts/throughput.png)
+
+# %%
+print(read("throughput"))
+
+# %% [markdown]
+# Read this with care: it compares *a planar box* with *a general engine that was asked about a planar box*. The gain is what you get for modelling no more than the scene needs, and it is lost the moment the scene needs a second body in contact with the first.
+#
+# ### The smallest model that answers the question
+#
+# Speed begins before the integrator: with what you leave out. A **scene** states its question, the tolerance the answer needs, and what is left out together with the error of leaving it out, measured against a model that has it.
+
+# %%
+print(read("scene_bouncing_box"))
+
+# %% [markdown]
+# **What to pick.** For contact-rich robots at 1 kHz: semi-implicit Euler or Verlet, because the contacts set the step and the contact error is of first order anyway. For smooth, long motion (orbits, free flight, flexible joints): RK4, which is cheaper at every tolerance that matters. For stiff springs that you don't need to resolve: an implicit method, and accept its damping. For long runs whose statistics matter: a symplectic one with a fixed step.
+
+# %%
+show("rk4_costs_four_times")
+
+# %% [markdown]
+# ## 6 · Where it fails
+#
+# ### The limit, measured
+#
+# Bisection on the step, until the oscillator's growth per step is one; the theory is a line in the table. MuJoCo's own integrators are measured in the same way, as black boxes.
+
+# %%
+print(read("stability_limits"))
+
+# %% [markdown]
+# ![Stability maps](../docs/charts/stability_maps.png)
+#
+# Semi-implicit Euler with explicit damping has a limit that *shrinks* with damping. MuJoCo's `Euler` takes joint damping implicitly, and its limit does not. No integrator but `discrete` takes the spring itself implicitly:
+#
+# ![The stiff spring in MuJoCo](../docs/charts/mujoco_stiff_spring.png)
+#
+# ### Energy over a million steps
+#
+# ![Energy error over a million steps](../docs/charts/long_run_energy.png)
+#
+# Bounded is what "symplectic" buys. Here is where it is not enough: two steps, each far inside the limit, in alternation. The product of two area-preserving maps preserves area, and can still stretch one direction without end:
+#
+# ![Alternating steps](../docs/charts/symplectic_not_enough.png)
+#
+# ### Impacts
+#
+# RK4 is of fourth order only while the motion is smooth. A pendulum that hits an elastic wall at its lowest point has a closed form (it is the mirrored free pendulum), so the order can be measured:
+#
+# ![Order with and without events](../docs/charts/events_order.png)
+#
+# ![Tunnelling](../docs/charts/tunnelling.png)
+
+# %%
+for name in ("long_run_energy", "symplectic_not_enough", "events_order", "tunnelling", "chatter", "quaternion_drift"):
+    print(f"--- {name}\n{read(name)}\n")
+
+# %% [markdown]
+# ### Debugging table
+#
+# <div class="alert alert-block alert-danger">
+#
+# **Debugging tip.** *The simulation explodes.* Print the highest frequency in the model, $\omega_{\max}=\sqrt{k/m}$ of the stiffest spring or contact, and compare $h$ with $2/\omega_{\max}$. Halving the step tells you whether it is the step; it cures nothing if the integrator is explicit Euler, which is unstable at every step.
+#
+# </div>
+# <div class="alert alert-block alert-danger">
+#
+# **Debugging tip.** *Objects pass through each other.* Compare the distance travelled per step with the thickness. An integrator of any order does not help: the collision was never looked at. Sweep the motion (continuous detection), or find the impact time.
+#
+# </div>
+# <div class="alert alert-block alert-danger">
+#
+# **Debugging tip.** *Energy grows and nothing pushes.* Log kinetic and potential energy separately, without contacts first. Growth by the factor $1+(\omega h)^2$ per step is explicit Euler; a jump at every impact is the bounce rule; slow growth of a tumbling body is an explicit gyroscopic term or an added quaternion.
+#
+# </div>
+#
+# | symptom | cause | test | fix |
+# |---|---|---|---|
+# | positions go to infinity within a few steps | $h$ beyond the limit of the stiffest spring | $\omega_{\max}h$ against the table above | smaller step, implicit method, softer contact |
+# | amplitude grows slowly at *every* step size | explicit Euler or explicit midpoint | energy ratio per step against $1+(\omega h)^2$ | swap the two lines: semi-implicit Euler |
+# | energy fine in flight, wrong after bounces | bounce rule at the end of the step | drop with $e=1$, compare apex heights | resolve the impact time |
+# | box jitters on the floor for ever | no rest threshold: ever smaller bounces | count impacts per second | rest threshold, or contact at velocity level |
+# | fast object passes a thin wall | $vh$ larger than the thickness | print $vh/d$ | continuous detection, or smaller step |
+# | orientation drifts, matrix no longer orthogonal | quaternion was added, not multiplied | $\lvert q\rvert-1$ over time | $q\exp(h\omega)$ |
+# | a jump of $2\pi$, or a controller that turns the long way | $q$ compared with $-q$ | dot product of the two | take the shorter of the two |
+# | satellite speeds up without torque | gyroscopic term explicit at a large step | kinetic energy over time | RK4, implicit midpoint, smaller step |
+# | joints creep with no command | gravity on and no motor holds it; or a soft constraint, not the integrator | switch gravity off; halve $h$ | compensate gravity; stiffen the constraint |
+#
+# ## 7 · Exercises
+#
+# The graded exercises of this chapter come with the autograder. These formulas are checked now, symbolically: any equivalent form is right, and a wrong one gets numbers at which it differs. Change the texts.
+
+# %%
+answer("semi_implicit_limit", "2*sqrt(m/k)")
+
+# %%
+answer("semi_implicit_limit", "sqrt(m/k)")
+
+# %% [markdown]
+# Others to try: `explicit_energy_factor` (energy after one step over energy before, in $\omega$ and $h$), `rk4_limit`, `top_condition`.
+#
+# **Silent-bug hunt.** This code runs, gives plausible pictures and is wrong in one place. Which symptom of the table does it have? (The answer comes with the graded exercise; the experiment is yours.)
+#
+# ```python
+# q = quaternion.product(quaternion.exp(dt * omega_body), q)
+# ```
+#
+# ## 8 · Frontier: differentiable simulation
+#
+# If every step is differentiable, so is the whole simulation: one backward pass gives the gradient of any loss with respect to all parameters, at the cost of a few forward runs, however many parameters there are. That turns "which friction makes the simulator match the recording?" into descent.
+#
+# | engine | runs on | what it is known for |
+# |---|---|---|
+# | Brax (Freeman et al. 2021) | JAX | rigid bodies on accelerators, for reinforcement learning |
+# | DiffTaichi (Hu et al. 2020) | Taichi | gradients by source transformation of simulation kernels; time-of-impact correction |
+# | Warp (Macklin 2022) | CUDA through Python | kernels in Python with reverse-mode gradients |
+# | MuJoCo MJX (2023) | JAX | MuJoCo's models and contact on accelerators |
+# | Dojo (Howell et al. 2022) | Julia | hard contact solved by an interior point method; smoothed gradients from its central path, by the implicit function theorem |
+#
+# A small one runs here. A block is thrown, bounces, slides and is pushed; we record it with 1 mm of noise and ask for restitution, friction and mass.
+
+# %%
+from course.rigid_body import differentiable  # noqa: E402
+
+# %%
+differentiable_demo = True
+
+# %% [markdown]
+# ## 9 · Interview
+#
+# <div class="alert alert-block alert-info">
+#
+# **Interview question.** *Your simulated arm's joints drift slowly although no torque is commanded. What is the most likely cause, and how do you find out?*
+#
+# </div>
+#
+# <details><summary>An answer</summary>
+#
+# No commanded torque is not no torque: gravity acts, and without compensation an arm sags. So first switch gravity off. If the drift stops, it was that: compensate, or command a hold. If it goes on, look for a nonzero initial velocity and no damping (a free joint keeps moving; that is Newton, not a bug). If energy *grows*, it is the integrator: compare with half the step, and with another method; explicit Euler grows at any step. If the drift is proportional to load and does not depend on the step, it is a soft constraint: a joint limit, weld or contact that creeps under force. Only after that suspect rounding, which at double precision is a million times too small to see in an hour. Say the order: physics, model, integrator, arithmetic; and one experiment for each.
+#
+# *Follow-ups.* What does the energy plot look like in each case? Which of these would MuJoCo's `implicitfast` hide? How would you write a regression test for it?
+#
+# </details>
+#
+# <div class="alert alert-block alert-success">
+#
+# **Interview tip.** Asked about integrators, give three numbers for each: order, cost per step, stability limit; then say what your scene needs. "Semi-implicit Euler: first order, one evaluation, $\omega h<2$, no energy drift at a fixed step. RK4: fourth order, four evaluations, $\omega h<2.83$, loses $(\omega h)^6/72$ of the energy per step. With contacts at 1 kHz both make a first-order error at the impact, so I take the cheap one; for a satellite I take the other."
+#
+# </div>
+#
+# More questions, each with the follow-up that usually comes:
+#
+# <details><summary>Why does swapping two lines of explicit Euler change so much?</summary>
+#
+# The map becomes a composition of two shears, each of which preserves area, so its determinant is one and growth is impossible below $\omega h=2$. *Follow-up: is its energy exact?* No: it swings with relative size about $\omega h/2$; a modified energy is exact. *And beyond 2?* Real eigenvalues $\lambda$ and $1/\lambda$: it explodes, with determinant one.
+#
+# </details>
+#
+# <details><summary>How do you represent orientation, and how do you integrate it?</summary>
+#
+# Unit quaternion, multiplied by the exponential of the body rate; for high order a Lie-group Runge-Kutta method. *Follow-up: why not renormalise after RK4?* It keeps fourth order too; the constant is a little worse, and lower-order methods lose accuracy in the angle. *Follow-up: $q$ and $-q$?* Same orientation: flip the sign before comparing or averaging.
+#
+# </details>
+#
+# <details><summary>You halve the step and the result changes by half. By a sixteenth. Not at all. What does each tell you?</summary>
+#
+# First order: a first-order method, or a contact found at the end of the step. Sixteenth: fourth order, smooth motion. Not at all: the error is not the integrator's; look at the model or the tolerance of a solver. *Follow-up: it changes erratically.* Chaotic or discontinuous: look at when contacts happen.
+#
+# </details>
+#
+# <details><summary>Is a symplectic integrator enough for a simulator with contacts and friction?</summary>
+#
+# Its theorem needs a smooth Hamiltonian and a fixed step; contacts and friction have neither. One uses semi-implicit Euler for its cheap stability and because velocity-level contact solvers fit its structure.
+#
+# </details>
+#
+# ### Checkpoint
+#
+# The gate opens when all three are right.
+
+# %%
+gate = {
+    "semi_implicit_limit": "2/omega",
+    "explicit_energy_factor": "",
+    "rk4_limit": "",
+}
+right = [name for name, text in gate.items() if text and answer(name, text).correct]
+print(f"{len(right)} of {len(gate)} right:", "gate cleared" if len(right) == len(gate) else "closed")

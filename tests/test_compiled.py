@@ -1,0 +1,109 @@
+"""Compiled code is found again by the next process, and not when a source it contains changed."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+MODULE = """
+from numba import float64
+from numba.extending import register_jitable
+from course.compiled import compiled
+
+from {package}.inner import inner
+
+def outer(x):
+    return 2.0 * inner(x)
+
+f = compiled(outer, float64(float64))
+print(f(3.0), sum(f.stats.cache_hits.values()), sum(f.stats.cache_misses.values()))
+"""
+INNER = """
+from numba.extending import register_jitable
+
+@register_jitable
+def inner(x):
+    return x + {number}
+"""
+
+
+def run(package: Path, cache: Path, extra: dict[str, str] | None = None) -> list[float]:
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "COURSE_QUIET": "1"} | (extra or {})
+    environment["PYTHONPATH"] = str(package.parent)
+    result = subprocess.run(
+        [sys.executable, "-m", "course.outer"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=package.parent,
+    )
+    return [float(word) for word in result.stdout.split()]
+
+
+def copy_of_the_package(tmp_path: Path) -> Path:
+    """A package named course that holds the real compiled.py and two small modules."""
+    source = Path(__file__).parents[1] / "course" / "compiled.py"
+    package = tmp_path / "course"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "compiled.py").write_text(source.read_text())
+    (package / "outer.py").write_text(MODULE.format(package="course"))
+    (package / "inner.py").write_text(INNER.format(number="1.0"))
+    return package
+
+
+def test_cache_is_used_by_the_next_process_and_dropped_when_a_callee_changes(tmp_path) -> None:
+    package, cache = copy_of_the_package(tmp_path), tmp_path / "cache"
+    assert run(package, cache) == [8.0, 0, 1]
+    assert run(package, cache) == [8.0, 1, 0]
+    # Only the inner module changes; numba alone would go on with the old machine code.
+    (package / "inner.py").write_text(INNER.format(number="5.0"))
+    assert run(package, cache) == [16.0, 0, 1]
+    assert len(list((cache / "compiled").iterdir())) == 2
+
+
+def test_old_caches_are_removed(tmp_path) -> None:
+    package, cache = copy_of_the_package(tmp_path), tmp_path / "cache"
+    for number in range(6):
+        (package / "inner.py").write_text(INNER.format(number=float(number)))
+        assert run(package, cache)[0] == 2.0 * (3.0 + number)
+    assert len(list((cache / "compiled").iterdir())) <= 4
+
+
+def test_without_compilation_the_function_itself_comes_back() -> None:
+    code = (
+        "from course.compiled import compiled, function_argument; from numba import float64\n"
+        "def f(x): return x\n"
+        "print(compiled(f, float64(float64)) is f, function_argument(f) is f)"
+    )
+    environment = os.environ | {"NUMBA_DISABLE_JIT": "1"}
+    out = subprocess.run(
+        [sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True
+    )
+    assert out.stdout.split() == ["True", "True"]
+
+
+def test_a_compilation_announces_itself_unless_told_not_to(tmp_path) -> None:
+    """Slow compilations print one line; the threshold is lowered so that this one is slow."""
+    package = copy_of_the_package(tmp_path)
+    text = (package / "compiled.py").read_text()
+    (package / "compiled.py").write_text(
+        text.replace("_ANNOUNCE_AFTER = 0.5", "_ANNOUNCE_AFTER = 0")
+    )
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "c"), "PYTHONPATH": str(tmp_path)}
+    environment.pop("COURSE_QUIET", None)
+    command = [sys.executable, "-m", "course.outer"]
+    loud = subprocess.run(
+        command, env=environment, capture_output=True, text=True, check=True, cwd=tmp_path
+    )
+    assert "compiling outer (once" in loud.stderr
+    quiet = subprocess.run(
+        command,
+        env=environment | {"COURSE_QUIET": "1", "NUMBA_CACHE_DIR": str(tmp_path / "d")},
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=tmp_path,
+    )
+    assert quiet.stderr == ""
