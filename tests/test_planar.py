@@ -599,7 +599,7 @@ def test_a_box_on_its_corner_falls_like_a_pendulum_and_comes_to_rest() -> None:
 
 def test_a_pivoting_box_never_turns_through_its_face() -> None:
     tilts = np.concatenate([np.geomspace(1e-13, 1e-3, 60), -np.geomspace(1e-13, 1e-3, 60)])
-    parameters = box_parameters(width=1.9, height=0.17, friction=1.0)
+    parameters = box_parameters(width=1.9, height=0.17, friction=1.0, restitution=0.0)
     angle = np.pi + tilts
     half = 0.95 * np.abs(np.sin(angle)) + 0.085 * np.abs(np.cos(angle))
     omega = -np.sign(tilts) * 2e-3
