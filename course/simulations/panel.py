@@ -81,13 +81,13 @@ class Model:
 def numbers_html(numbers: Mapping[str, str]) -> str:
     """The numbers as a row of cells, name above value."""
     cells = "".join(
-        '<div style="min-width:88px"><div style="font-size:11px;color:#767676">'
+        '<div style="min-width:72px"><div style="font-size:11px;color:#767676">'
         f'{html.escape(name)}</div><div style="font-variant-numeric:tabular-nums">'
         f"{html.escape(value)}</div></div>"
         for name, value in numbers.items()
     )
     return (
-        '<div class="course-numbers" style="display:flex;flex-wrap:wrap;gap:6px 18px;'
+        '<div class="course-numbers" style="display:flex;flex-wrap:wrap;gap:6px 14px;'
         f'font-size:14px;line-height:1.35;padding:2px 8px">{cells}</div>'
     )
 

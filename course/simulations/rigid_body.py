@@ -277,7 +277,7 @@ def numbers(state: State, controls: Controls) -> dict[str, str]:
     }
 
 
-_WINDOW = (0.0, 9.0, 0.0, 5.0)  # 100 pixels for one unit
+_WINDOW = (0.0, 9.0, 0.0, 5.0)  # in units of its own, not metres
 _SCENE = (0.62, 5.42, 0.62, 4.62)
 _METRES = 0.8  # per unit of the window, before zooming out
 
@@ -333,7 +333,7 @@ def _scene(state: State, controls: Controls) -> list[Item]:
     x, y = _SCENE[1] - 2.55, _SCENE[3] - 0.12
     for words, colour, dash, low in (
         ("path with these settings, 3 s", BLUE, (), 0.0),
-        ("same box computed well", INK, (5.0, 4.0), 0.2),
+        ("the same box computed finely", INK, (5.0, 4.0), 0.2),
     ):
         sample = np.array([[x, x + 0.3], [y - low, y - low]])
         items += [
@@ -405,6 +405,7 @@ def frame(state: State, controls: Controls) -> Frame:
             *_strip(state, controls, top),
             Line(np.array([[5.72, 5.72], [0.2, 4.85]]), FAINT, 1.0),
         ),
+        width=760.0,
         label=f"{TITLE}: {said}",
     )
 

@@ -1,0 +1,32 @@
+"""The browser test runs where there is a browser, and says so where there is none."""
+
+import importlib.util
+import os
+import shutil
+from pathlib import Path
+
+
+def chromium() -> str | None:
+    """The path of a Chromium, from COURSE_CHROMIUM or the usual names."""
+    names = [os.environ.get("COURSE_CHROMIUM", ""), "chromium", "chromium-browser", "google-chrome"]
+    return next((path for name in names if name and (path := shutil.which(name))), None)
+
+
+def why_no_browser() -> str:
+    """What the browser test lacks, or nothing."""
+    if importlib.util.find_spec("playwright") is None:
+        return "the package playwright is not installed"
+    return "" if chromium() else "Chromium not found"
+
+
+def pytest_ignore_collect(collection_path: Path) -> bool | None:
+    required = os.environ.get("COURSE_REQUIRE_BROWSER") == "1"
+    if collection_path.name == "test_browser.py" and why_no_browser() and not required:
+        return True
+    return None
+
+
+def pytest_terminal_summary(terminalreporter) -> None:
+    reason = why_no_browser()
+    if reason and os.environ.get("COURSE_REQUIRE_BROWSER") != "1":
+        terminalreporter.write_line(f"browser test did NOT run: {reason}", yellow=True, bold=True)
