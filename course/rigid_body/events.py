@@ -193,7 +193,7 @@ def bouncing_pendulum(
     amplitude: float = 2.0,
     length: float = 1.0,
     gravity: float = STANDARD_GRAVITY,
-    duration: float = 2.0,
+    duration: float = 2.5,
 ) -> Problem:
     """A pendulum that hits an elastic wall where it hangs straight down.
 
@@ -204,7 +204,7 @@ def bouncing_pendulum(
         amplitude: initial angle from hanging [rad], between 0 and pi.
         length: [m].
         gravity: [m/s^2].
-        duration: length of the run [s].
+        duration: length of the run [s]; the default ends well between two impacts.
 
     Raises:
         ValueError: amplitude out of its range.
