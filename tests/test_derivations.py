@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -42,12 +43,12 @@ def test_some_claims_fail_and_some_hold():
 def _register(**changes):
     """A true record about 2 + 2, with some entries changed."""
     registry: dict[str, Claim] = {}
-    record = {
+    record: dict[str, Any] = {
         "verdict": Verdict.FALSE,
         "corrected": "2 + 2 is 4.",
         "figures": {"sum": (4.0, 1e-9)},
     }
-    finding = {
+    finding: dict[str, Any] = {
         "figures": {"sum": 2 + 2},
         "statement": "Added.",
         "holds": 2 + 2 == 5,

@@ -193,8 +193,7 @@ def _arm(gravity_compensation: float, timestep: float, integrator: str = "Euler"
         </worldbody></mujoco>"""
     )
     data = mujoco.MjData(model)
-    for _ in range(round(10 / timestep)):
-        mujoco.mj_step(model, data)
+    mujoco.mj_step(model, data, round(10 / timestep))
     return float(abs(data.qpos[0]))
 
 

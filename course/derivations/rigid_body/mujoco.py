@@ -71,8 +71,7 @@ def _tumble(integrator: str, timestep: float, seconds: float) -> tuple[float, fl
     problem = problems.tumble(duration=seconds)
     model, data = _model(_TUMBLE, timestep, integrator, 'gravity="0 0 0"')
     data.qpos[3:], data.qvel[3:] = problem.system.q0, problem.system.v0
-    for _ in range(round(seconds / timestep)):
-        mujoco.mj_step(model, data)
+    mujoco.mj_step(model, data, round(seconds / timestep))
     params = problem.system.params
     start = problems.tumble_energy(problem.system.q0, problem.system.v0, params)
     now = problems.tumble_energy(problem.system.q0, data.qvel[3:].copy(), params)
@@ -250,8 +249,7 @@ def _mujoco_discrete_has_a_limit() -> Finding:
     grows = _grows("discrete", 1000.0, steps=1000)
     model, data = _spring("discrete", 0.1, 1.0)
     data.qpos[0] = 1.0
-    for _ in range(100):
-        mujoco.mj_step(model, data)
+    mujoco.mj_step(model, data, 100)
     kept = float(data.qpos[0] ** 2 + data.qvel[0] ** 2)
     implicit_euler = (1 / (1 + 0.1**2)) ** 100
     return Finding(
@@ -381,7 +379,7 @@ def _mujoco_free_spin_energy() -> Finding:
     corrected="The contact force is not smooth where contact begins, so a drop is followed to "
     "about "
     "first order in the step, as with Euler.",
-    figures={"order": (1.130848, 0.1)},
+    figures={"order": (1.068591, 0.1)},
 )
 def _mujoco_rk4_contact_order() -> Finding:
     import mujoco
@@ -394,20 +392,19 @@ def _mujoco_rk4_contact_order() -> Finding:
             0.4 / steps, "RK4",
         )  # fmt: skip
         ends = []
-        for drop in np.linspace(0.1, 0.3, 25):
+        for drop in np.linspace(0.1, 0.3, 30):
             mujoco.mj_resetData(model, data)
             data.qpos[0] = drop
-            for _ in range(steps):
-                mujoco.mj_step(model, data)
+            mujoco.mj_step(model, data, steps)
             ends.append(data.qpos[0])
         return np.array(ends)
 
-    reference = heights(12_800)
-    coarse, fine = (float(np.abs(heights(n) - reference).mean()) for n in (100, 800))
-    order = float(np.log2(coarse / fine) / 3)
+    reference = heights(3200)
+    coarse, fine = (float(np.abs(heights(n) - reference).mean()) for n in (100, 400))
+    order = float(np.log2(coarse / fine) / 2)
     return Finding(
         {"order": order},
-        f"A ball dropped from 25 heights: mean error {coarse:.1e} m at 4 ms, {fine:.1e} m at "
+        f"A ball dropped from 30 heights: mean error {coarse:.1e} m at 4 ms, {fine:.1e} m at "
         "0.5 ms.",
         holds=order > 3.5,
         corrected=0.5 < order < 2.0,
@@ -419,20 +416,21 @@ def _mujoco_rk4_contact_order() -> Finding:
     1,
     "Stiff contacts in MuJoCo need a small step.",
     verdict=Verdict.CONDITIONAL,
-    condition="the refsafe flag is off",
+    condition="the refsafe flag is off, or stiffness and damping are given as numbers",
     corrected="By default MuJoCo keeps the contact's time constant at two steps or more, so asking "
-    "for a stiffer one changes nothing. With the flag off, half a step explodes.",
+    "for a stiffer one changes nothing. With the flag off half a step of time constant explodes; "
+    "and stiffness and damping given directly, as a negative solref, are taken as they are.",
     figures={"depth_asked_1_ms_um": (17.48191, 1e-3), "depth_asked_4_ms_um": (17.48191, 1e-3)},
 )
 def _mujoco_contact_stiffness_limit() -> Finding:
     import mujoco
 
-    def deviation(time_constant: float, safe: str) -> tuple[float, float]:
+    def deviation(solref: str, safe: str) -> tuple[float, float]:
         """(mean depth at rest, range of the height at rest) over the last of two seconds [m]."""
         model, data = _model(
-            f'<geom type="plane" size="1 1 1" solref="{time_constant} 1"/><body pos="0 0 .15">'
+            f'<geom type="plane" size="1 1 1" solref="{solref}"/><body pos="0 0 .15">'
             '<joint type="slide" axis="0 0 1"/>'
-            f'<geom size=".1" mass="1" solref="{time_constant} 1"/></body>',
+            f'<geom size=".1" mass="1" solref="{solref}"/></body>',
             0.002, "Euler", "", f'refsafe="{safe}"',
         )  # fmt: skip
         heights = []
@@ -442,13 +440,14 @@ def _mujoco_contact_stiffness_limit() -> Finding:
                 heights.append(data.qpos[0] + 0.05)
         return -float(np.mean(heights)), float(np.ptp(heights))
 
-    (asked, still), (clamped, _) = deviation(0.001, "enable"), deviation(0.004, "enable")
-    _, loose = deviation(0.001, "disable")
+    (asked, still), (clamped, _) = deviation("0.001 1", "enable"), deviation("0.004 1", "enable")
+    loose, direct = deviation("0.001 1", "disable")[1], deviation("-1e6 -2000", "enable")[1]
     return Finding(
         {"depth_asked_1_ms_um": 1e6 * asked, "depth_asked_4_ms_um": 1e6 * clamped},
-        f"A ball at rest, 2 ms: it moves by {still:.0e} m with the flag on, by {loose:.1g} m off.",
+        f"A ball at rest, 2 ms: with the flag on it moves by {still:.0e} m, with the flag off by "
+        f"{loose:.1g} m, with 1 MN/m and 2 kN s/m asked for directly by {direct:.1g} m.",
         holds=still > 1e-3,
-        holds_if=loose > 1e-3,
+        holds_if=loose > 1e-3 and direct > 1e-3,
         corrected=abs(asked / clamped - 1) < 1e-6,
     )
 

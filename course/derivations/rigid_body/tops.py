@@ -242,6 +242,8 @@ def _free_body_keeps_angular_velocity() -> Finding:
         slips={
             "omega^2*(I2-I1)*(I3-I2)/(I1*I3)": "That is the square of the rate.",
             "omega*sqrt((I2-I1)*(I3-I2))/I2": "Euler's equations 1 and 3 divide by I1 and I3.",
+            "omega*sqrt((I2-I1)*(I3-I1)/(I2*I3))": "That belongs to a spin about axis 1, and "
+            "there it is a frequency, not a growth.",
         },
     ),
     source="Landau and Lifshitz, Mechanics, sec. 37",
