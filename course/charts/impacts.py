@@ -17,7 +17,7 @@ from course.rigid_body.integrators import Array, explicit_euler
 BLUE, ORANGE, GREEN, PINK, SKY, YELLOW, GREY, _ = PALETTE
 
 
-# --- RK4 with events handled and not ---------------------------------------------------------------
+# --- RK4 with events handled and not -------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,8 @@ def events_order() -> str:
         )
         lines.append(
             f"{item.integrator:<16} {'handled' if item.handled else 'late':<8}"
-            f" order {item.order:5.2f}   error at {item.dt[-1] * 1e3:.1f} ms: {item.error[-1]:.1e} rad"
+            f" order {item.order:5.2f}"
+            f"   error at {item.dt[-1] * 1e3:.1f} ms: {item.error[-1]:.1e} rad"
         )
     ax.set(
         xlabel="step [ms]",
@@ -120,7 +121,7 @@ def events_order() -> str:
     return "\n".join(lines)
 
 
-# --- tunnelling ------------------------------------------------------------------------------------
+# --- tunnelling ----------------------------------------------------------------------------------
 
 
 def miss_probability(travel: float | Array, thickness: float) -> Array:
@@ -240,7 +241,7 @@ def penetration_speed(
         thickness, radius, dt, one_step: as for `mujoco_wall`.
         phases: how many to try, evenly spread from one sample on the surface to the next.
     """
-    spread = np.linspace(0.001, 0.999, phases)
+    spread = np.asarray(np.linspace(0.001, 0.999, phases), dtype=np.float64)
     touch = 0.5 * thickness + radius
 
     def stopped(speed: float) -> bool:
@@ -340,17 +341,19 @@ def tunnelling() -> str:
     )
     theory = miss_probability(ratios, 1.0)
     lines = [
-        f"checked once a step: worst deviation from 1 - d/(v dt) {np.max(np.abs(checked - theory)):.3f}"
-        " over 20000 phases",
+        "checked once a step: worst deviation from 1 - d/(v dt) "
+        f"{np.max(np.abs(checked - theory)):.3f} over 20000 phases",
         f"MuJoCo, one-step contact: worst deviation from 1 - (d/2 + r)/(v dt) "
         f"{np.max(np.abs(stiff - theory)):.3f} over 400 phases",
         f"impact as an event: {np.max(swept):.0%} get through",
-        f"MuJoCo, default contact: sinks in by {soft_contact_depth() * 1e3:.2f} ms times the speed (theory)",
+        f"MuJoCo, default contact: sinks in by {soft_contact_depth() * 1e3:.2f} ms times the speed"
+        " (theory)",
     ]
     for wall in walls:
         reach = 0.5 * wall[0] + wall[1]
         lines.append(
-            f"  d/2 + r = {reach * 1e3:4.1f} mm: theory {reach / soft_contact_depth():.2f} m/s, measured "
+            f"  d/2 + r = {reach * 1e3:4.1f} mm: theory {reach / soft_contact_depth():.2f} m/s,"
+            " measured "
             + ", ".join(
                 f"{v:.2f} at {h * 1e3:g} ms" for h, v in zip(steps, soft[wall], strict=True)
             )
@@ -362,7 +365,7 @@ def tunnelling() -> str:
     return "\n".join(lines)
 
 
-# --- chatter ---------------------------------------------------------------------------------------
+# --- chatter -------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -517,8 +520,12 @@ def chatter() -> str:
 
     figure = plt.figure(figsize=(13, 4.8), layout="constrained")
     one, two, three = figure.subplots(1, 3, width_ratios=[1.0, 1.0, 1.3])
+    figure.suptitle(
+        "A box lies still if impacts are found in the step and slow ones do not bounce; "
+        "else it chatters"
+    )
     labels = [
-        row.name.replace("semi_implicit_euler, ", "ours, ").replace(", rest", ",\nrest")
+        row.name.replace("_", "-").replace("-euler", "").replace(", rest", ",\nrest")
         for row in rows
     ]
     labels = [label + " m/s" if "rest speed" in label else label for label in labels]
@@ -576,6 +583,7 @@ def chatter() -> str:
     lines.append(
         f"bouncing ball, e = {restitution}: all bounces over at {end:.4f} s; "
         f"{np.max(np.abs(ours - theory))} impacts off the theory until 1 us before the end; "
-        f"in all {total} with rest speed 0, {total_cut} with 0.01 m/s"
+        f"past it {total} with rest speed 0 (stopped by its limit of 1000), "
+        f"{total_cut} with 0.01 m/s"
     )
     return "\n".join(lines)

@@ -171,7 +171,7 @@ def simulate_with_events(
         q, v, hits = advance(q, v, step, system.acceleration, dt, system.params, gap, reset)
         qs[i + 1], vs[i + 1] = q, v
         total += hits
-    return Trajectory(dt * np.arange(steps + 1), qs, vs), total
+    return Trajectory(np.arange(steps + 1, dtype=np.float64) * dt, qs, vs), total
 
 
 # --- a pendulum between itself and a wall --------------------------------------------------------
