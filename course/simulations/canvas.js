@@ -117,13 +117,40 @@ function paint(canvas, frame) {
   return true;
 }
 
+// The numbers below the picture: name above value.
+function print(list, entries) {
+  if (list.children.length !== entries.length) {
+    list.replaceChildren(
+      ...entries.map(() => {
+        const cell = document.createElement("div");
+        const [name, value] = [document.createElement("dt"), document.createElement("dd")];
+        cell.style.cssText = "flex:0 0 112px";
+        name.style.cssText = "font-size:11px;font-weight:normal;opacity:0.7;margin:0;padding:0";
+        value.style.cssText = "font-size:14px;font-variant-numeric:tabular-nums;margin:0;padding:0";
+        cell.append(name, value);
+        return cell;
+      }),
+    );
+  }
+  entries.forEach((entry, k) =>
+    entry.forEach((words, part) => {
+      const place = list.children[k].children[part];
+      if (place.textContent !== words) place.textContent = words;
+    }),
+  );
+}
+
 function render({ model, el }) {
   const canvas = document.createElement("canvas");
   canvas.className = "course-canvas";
   canvas.setAttribute("role", "img");
   canvas.style.display = "block";
   canvas.style.width = "100%";
-  el.append(canvas);
+  const numbers = document.createElement("dl");
+  numbers.className = "course-numbers";
+  numbers.style.cssText =
+    "display:flex;flex-wrap:wrap;gap:6px 10px;margin:4px 8px 8px;padding:0;line-height:1.35";
+  el.append(canvas, numbers);
 
   let frame = null;
   let requested = false;
@@ -143,7 +170,9 @@ function render({ model, el }) {
       move = null;
     }
     if (frame && paint(canvas, frame) && frame.id !== Number(canvas.dataset.frame)) {
-      canvas.setAttribute("aria-label", frame.label);
+      const said = frame.numbers.map(([name, value]) => `${name} ${value}`);
+      canvas.setAttribute("aria-label", [frame.label, ...said].join(", "));
+      print(numbers, frame.numbers);
       canvas.dataset.frame = frame.id;
       model.send({ type: "drawn", id: frame.id });
     }

@@ -31,6 +31,9 @@ INK, GREY, FAINT = "#222222", "#767676", "#dddddd"
 # Farther away than this a point is drawn here: canvas coordinates are single precision.
 _FAR = 1e7
 
+# Frames that may be on their way at a time: one drawn by the browser while the next one travels.
+_IN_FLIGHT = 2
+
 # A picture that the browser has not confirmed for this long is given up [s].
 _PATIENCE = 0.5
 
@@ -220,7 +223,9 @@ class Frame:
         window: edges of the picture in world units.
         items: drawn in this order.
         width: pixels across for which line widths and letters are given.
-        label: what the picture shows, in words and numbers, for those who cannot see it.
+        label: what the picture shows, in words; together with the numbers it is what those who
+            cannot see the picture are told.
+        numbers: printed below the picture, by name.
         background: colour.
     """
 
@@ -228,6 +233,7 @@ class Frame:
     items: tuple[Item, ...]
     width: float = 900.0
     label: str = ""
+    numbers: Mapping[str, str] = field(default_factory=dict)
     background: str = "#ffffff"
 
     def __post_init__(self) -> None:
@@ -238,6 +244,11 @@ class Frame:
             )
         if not (math.isfinite(self.width) and self.width > 0.0):
             raise ValueError(f"width is {self.width}, allowed is a positive number of pixels")
+
+    @property
+    def text(self) -> str:
+        """The label and the numbers, a line each."""
+        return "\n".join([self.label, *(f"  {k}: {v}" for k, v in self.numbers.items())])
 
 
 def ticks(low: float, high: float, count: int) -> list[float]:
@@ -333,6 +344,7 @@ def encode(frame: Frame) -> tuple[dict[str, Any], bytes]:
         "window": [float(edge) for edge in frame.window],
         "width": frame.width,
         "label": frame.label,
+        "numbers": list(frame.numbers.items()),
         "background": frame.background,
         "items": items,
     }
@@ -450,15 +462,15 @@ class _Traffic:
     views: int = 0
     sent_at: float = -math.inf
     drawn_at: float = -math.inf
-    waiting: bool = field(default=False)  # a newer frame waits until the last one is drawn
+    waiting: bool = field(default=False)  # a newer frame waits for one to be drawn
 
 
 class Canvas(anywidget.AnyWidget):
     """Shows frames in the browser: `show(frame)` as often as one likes.
 
-    One frame is on its way at a time. A frame that comes while the browser is still busy with the
-    last one waits; a newer one takes its place. So the newest frame is always shown, and a slow
-    browser slows down nobody.
+    Two frames at most are on their way. One that comes while the browser is still busy with those
+    waits, and a newer one takes its place. So the newest frame is always shown in the end, and a
+    slow browser slows down nobody.
     """
 
     _esm = pathlib.Path(__file__).with_suffix(".js")
@@ -493,14 +505,14 @@ class Canvas(anywidget.AnyWidget):
         return t.views > 0 and not busy
 
     def show(self, frame: Frame) -> None:
-        """Make this the picture; it is sent as soon as the browser has drawn the one before."""
+        """Make this the picture; it is sent as soon as the browser keeps up with those before."""
         with self._lock:
             self._frame = frame
             traffic = self._traffic
             if traffic.views == 0:
                 return
-            in_flight = traffic.sent > traffic.drawn
-            if in_flight and time.monotonic() - traffic.sent_at < _PATIENCE:
+            full = traffic.sent - traffic.drawn >= _IN_FLIGHT
+            if full and time.monotonic() - traffic.sent_at < _PATIENCE:
                 traffic.dropped += traffic.waiting
                 traffic.waiting = True
             else:
@@ -542,7 +554,7 @@ class Canvas(anywidget.AnyWidget):
                 if isinstance(number, int) and traffic.drawn < number <= traffic.sent:
                     traffic.drawn = number
                     traffic.drawn_at = time.monotonic()
-                    if traffic.waiting and traffic.drawn == traffic.sent:
+                    if traffic.waiting and traffic.sent - traffic.drawn < _IN_FLIGHT:
                         self._transmit()
         elif kind in ("down", "move", "up"):
             x, y = content.get("x"), content.get("y")
@@ -555,18 +567,18 @@ class Canvas(anywidget.AnyWidget):
                 key_callback(Key(content["key"]))
 
     def __repr__(self) -> str:
-        return f"Canvas: {self._frame.label}"
+        return self._frame.text
 
     def _repr_mimebundle_(self, **_options: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        return bundle(self, self._frame, repr(self))
+        return bundle(self, self._frame)
 
 
-def bundle(widget: Any, frame: Frame, text: str) -> tuple[dict[str, Any], dict[str, Any]]:
+def bundle(widget: Any, frame: Frame) -> tuple[dict[str, Any], dict[str, Any]]:
     """What a notebook keeps of a widget: the widget, its last picture, and its numbers as text."""
     import base64
 
     data: dict[str, Any] = {
-        "text/plain": text,
+        "text/plain": frame.text,
         "image/png": base64.b64encode(to_png(frame)).decode("ascii"),
         "application/vnd.jupyter.widget-view+json": {
             "version_major": 2,

@@ -1,7 +1,7 @@
 """The panel of a simulation: its picture, its controls, its numbers, and play, step and reset.
 
 A simulation is a `Model`: what can be set and within which limits, and pure functions from
-(state, controls) to the next state, to a `Frame`, to numbers. `Panel` is the view of any model.
+(state, controls) to the next state and to a `Frame`. `Panel` is the view of any model.
 """
 
 import asyncio
@@ -17,7 +17,6 @@ import ipywidgets
 from course.simulations.canvas import Canvas, Pointer, bundle
 
 _PICTURES_PER_SECOND = 40.0
-_NUMBERS_PER_SECOND = 8.0
 # After a pause of the kernel the simulation goes on from where it was, it does not catch up [s].
 _LONGEST_ADVANCE = 0.1
 
@@ -60,8 +59,7 @@ class Model:
         presets: by name; the first one is what the panel starts with.
         initial: controls -> state.
         advance: (state, controls, seconds) -> state.
-        frame: (state, controls) -> Frame.
-        numbers: (state, controls) -> what to print, by name.
+        frame: (state, controls) -> Frame, the picture and the numbers.
         drag: (controls, state, pointer) -> controls, if things can be moved in the picture.
     """
 
@@ -74,22 +72,7 @@ class Model:
     initial: Callable[[Any], Any]
     advance: Callable[[Any, Any, float], Any]
     frame: Callable[[Any, Any], Any]
-    numbers: Callable[[Any, Any], dict[str, str]]
     drag: Callable[[Any, Any, Pointer], Any] | None = field(default=None)
-
-
-def numbers_html(numbers: Mapping[str, str]) -> str:
-    """The numbers as a row of cells, name above value."""
-    cells = "".join(
-        '<div style="min-width:72px"><div style="font-size:11px;color:#767676">'
-        f'{html.escape(name)}</div><div style="font-variant-numeric:tabular-nums">'
-        f"{html.escape(value)}</div></div>"
-        for name, value in numbers.items()
-    )
-    return (
-        '<div class="course-numbers" style="display:flex;flex-wrap:wrap;gap:6px 14px;'
-        f'font-size:14px;line-height:1.35;padding:2px 8px">{cells}</div>'
-    )
 
 
 class Panel(ipywidgets.VBox):
@@ -107,7 +90,6 @@ class Panel(ipywidgets.VBox):
         self._lock = threading.RLock()
         self._setting = False
         self._task: asyncio.Task[None] | None = None
-        self._numbers_at = 0.0
         self.canvas = Canvas(model.frame(self.state, self.controls))
         self.canvas.on_key([" ", "r", "R"], lambda key: self._key(key.key))
         if model.drag is not None:
@@ -117,7 +99,6 @@ class Panel(ipywidgets.VBox):
             options=list(model.presets), description="Preset", **_style("330px")
         )
         self._note = ipywidgets.HTML()
-        self._numbers = ipywidgets.HTML()
         self._play = ipywidgets.Button(
             description="Play", icon="play", button_style="primary", layout={"width": "104px"}
         )
@@ -138,7 +119,6 @@ class Panel(ipywidgets.VBox):
                     [self.canvas, side],
                     layout={"display": "flex", "flex_flow": "row wrap", "width": "100%"},
                 ),
-                self._numbers,
             ]
         )
         self.add_class("course-simulation")
@@ -256,11 +236,8 @@ class Panel(ipywidgets.VBox):
         else:
             self.play()
 
-    def _show(self, numbers: bool = True) -> None:
+    def _show(self) -> None:
         self.canvas.show(self.model.frame(self.state, self.controls))
-        if numbers:
-            self._numbers.value = numbers_html(self.model.numbers(self.state, self.controls))
-            self._numbers_at = time.monotonic()
 
     def _show_note(self) -> None:
         note = self.model.presets[self._preset.value].note
@@ -281,14 +258,13 @@ class Panel(ipywidgets.VBox):
                     return
                 if self.canvas.watched:
                     self.state = self.model.advance(self.state, self.controls, passed)
-                    self._show(numbers=now - self._numbers_at > 1.0 / _NUMBERS_PER_SECOND)
+                    self._show()
 
     def __repr__(self) -> str:
-        numbers = self.model.numbers(self.state, self.controls)
-        return f"{self.model.title}\n" + "\n".join(f"  {k}: {v}" for k, v in numbers.items())
+        return self.canvas.frame.text
 
     def _repr_mimebundle_(self, **_options: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        return bundle(self, self.canvas.frame, repr(self))
+        return bundle(self, self.canvas.frame)
 
 
 def _style(width: str) -> dict[str, Any]:
