@@ -150,7 +150,17 @@ class Outcome:
 
 # Filled by `claim`; read it through `claims`, which loads the chapters first.
 CLAIMS: dict[str, Claim] = {}
-_MODULES = ("rigid_body", "contact")
+# In the order in which the chapters make them.
+_MODULES = (
+    "rigid_body.rotation",
+    "rigid_body.tops",
+    "rigid_body.energy",
+    "rigid_body.flight",
+    "rigid_body.methods",
+    "rigid_body.loop",
+    "rigid_body.mujoco",
+    "contact",
+)
 
 
 def claim(

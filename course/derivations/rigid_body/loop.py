@@ -168,7 +168,7 @@ def _halving_dt_finds_the_culprit() -> Finding:
     return Finding(
         {
             "semi_implicit_10_ms": before,
-            "semi_implicit_5_ms": round(after, 9),
+            "semi_implicit_5_ms": round(after, 9) + 0.0,
             "explicit_10_ms": explicit[0],
             "explicit_5_ms": explicit[1],
             "explicit_0_1_ms": explicit[2],
