@@ -197,7 +197,7 @@ def stability_limits() -> str:
     import matplotlib.pyplot as plt
 
     found = limits((0.0, 0.1, 0.25, 0.5, 1.0, 1.5))
-    dense = np.linspace(0.0, 1.6, 321)
+    dense = np.linspace(0.0, 1.6, 129)
     curves: dict[str, Callable[[float], float]] = {
         name: functools.partial(theoretical_limit, name) for name in NAMES
     }

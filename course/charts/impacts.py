@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from course.charts import chart, save
 from course.measure.stability import limit
@@ -197,7 +198,7 @@ def mujoco_wall(
 
 
 def mujoco_through(
-    thickness: float, radius: float, speed: float, dt: float, phases: Array, one_step: bool
+    thickness: float, radius: float, speed: float, dt: float, phases: ArrayLike, one_step: bool
 ) -> float:
     """Share of the phases in which MuJoCo's ball comes out on the far side of the wall.
 
@@ -209,11 +210,12 @@ def mujoco_through(
     touch = 0.5 * thickness + radius
     steps = 4 + math.ceil(5.0 * touch / (speed * dt)) + (0 if one_step else math.ceil(0.2 / dt))
     through = 0
-    for phase in phases:
+    shares = np.asarray(phases, dtype=float)
+    for phase in shares:
         runner.q0[0] = -touch - speed * dt * (1.0 + phase)
         q, _ = runner.run(steps)
         through += bool(q[0] > 0.0)
-    return through / len(phases)
+    return through / shares.size
 
 
 # MuJoCo's default contact: solref = (0.02 s, 1), solimp = (0.9, 0.95, 1 mm).
@@ -241,7 +243,7 @@ def penetration_speed(
         thickness, radius, dt, one_step: as for `mujoco_wall`.
         phases: how many to try, evenly spread from one sample on the surface to the next.
     """
-    spread = np.asarray(np.linspace(0.001, 0.999, phases), dtype=np.float64)
+    spread = np.linspace(0.001, 0.999, phases)
     touch = 0.5 * thickness + radius
 
     def stopped(speed: float) -> bool:
@@ -525,7 +527,10 @@ def chatter() -> str:
         "else it chatters"
     )
     labels = [
-        row.name.replace("_", "-").replace("-euler", "").replace(", rest", ",\nrest")
+        row.name.replace("_", "-")
+        .replace("-euler", "")
+        .replace("-verlet", " Verlet")
+        .replace(", rest", ",\nrest")
         for row in rows
     ]
     labels = [label + " m/s" if "rest speed" in label else label for label in labels]
