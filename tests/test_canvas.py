@@ -3,6 +3,7 @@
 import struct
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -177,12 +178,20 @@ def test_png_is_the_same_each_time_and_draws_every_kind():
         assert (image(Frame(WINDOW, (item,), width=300.0)) != 1.0).any(), item
 
 
+def test_png_has_the_numbers_below_the_picture():
+    frame = Frame(WINDOW, (), width=300.0, numbers={"time": "1 s", "energy": "2 J", "h": "3 m"})
+    picture = image(frame)
+    assert (picture[:150] == 1.0).all()
+    assert picture.shape[0] > 150 + 60  # two rows of them
+    assert (picture[150:194] != 1.0).any() and (picture[194:] != 1.0).any()
+
+
 class Browser:
     """Stands for the browser: keeps what is sent, answers when asked to."""
 
     def __init__(self, canvas):
         self.canvas = canvas
-        self.frames = []
+        self.frames: list[Any] = []
         canvas.send = lambda content, buffers=None: self.frames.append(content)
 
     def says(self, **content):
@@ -242,7 +251,7 @@ def test_a_browser_that_never_answers_does_not_stop_the_pictures(monkeypatch):
 def test_pointer_and_keys_reach_the_callbacks():
     canvas = Canvas(numbered(0))
     browser = Browser(canvas)
-    seen = []
+    seen: list[Any] = []
     browser.says(type="down", x=1.0, y=2.0)
     assert not canvas._pointer
     canvas.on_pointer(seen.append)
@@ -270,7 +279,7 @@ def test_pointer_and_keys_reach_the_callbacks():
 )
 def test_messages_that_make_no_sense_are_ignored(content):
     canvas = Canvas(numbered(0))
-    seen = []
+    seen: list[Any] = []
     canvas.on_pointer(seen.append)
     canvas.on_key(["r"], seen.append)
     canvas._handle_custom_msg(content, [])

@@ -367,6 +367,7 @@ def test_closing_ends_the_task():
         made = simulation()
         made.play()
         task = made._task
+        assert task is not None
         made.close()
         await asyncio.sleep(0.05)
         return task.done()

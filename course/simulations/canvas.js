@@ -123,10 +123,10 @@ function print(list, entries) {
     list.replaceChildren(
       ...entries.map(() => {
         const cell = document.createElement("div");
-        const [name, value] = [document.createElement("dt"), document.createElement("dd")];
+        const [name, value] = [document.createElement("div"), document.createElement("div")];
         cell.style.cssText = "flex:0 0 112px";
-        name.style.cssText = "font-size:11px;font-weight:normal;opacity:0.7;margin:0;padding:0";
-        value.style.cssText = "font-size:14px;font-variant-numeric:tabular-nums;margin:0;padding:0";
+        name.style.cssText = "font-size:11px;opacity:0.7;white-space:nowrap";
+        value.style.cssText = "font-size:14px;font-variant-numeric:tabular-nums;white-space:nowrap";
         cell.append(name, value);
         return cell;
       }),
@@ -146,10 +146,10 @@ function render({ model, el }) {
   canvas.setAttribute("role", "img");
   canvas.style.display = "block";
   canvas.style.width = "100%";
-  const numbers = document.createElement("dl");
+  const numbers = document.createElement("div");
   numbers.className = "course-numbers";
   numbers.style.cssText =
-    "display:flex;flex-wrap:wrap;gap:6px 10px;margin:4px 8px 8px;padding:0;line-height:1.35";
+    "display:flex;flex-wrap:wrap;gap:6px 10px;margin:4px 8px 8px;line-height:1.35";
   el.append(canvas, numbers);
 
   let frame = null;

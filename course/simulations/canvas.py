@@ -28,8 +28,14 @@ Array = NDArray[np.float64]
 BLUE, ORANGE, GREEN, RED, PURPLE = "#0072b2", "#d55e00", "#00815a", "#c1272d", "#8a4f9e"
 INK, GREY, FAINT = "#222222", "#767676", "#dddddd"
 
+# What an item is given may be lists or tuples; what it keeps is an array of its own.
+Coordinates = Any
+
 # Farther away than this a point is drawn here: canvas coordinates are single precision.
 _FAR = 1e7
+
+# Room for one number below the picture, wide and high [pixels].
+_CELL = (122.0, 44.0)
 
 # Frames that may be on their way at a time: one drawn by the browser while the next one travels.
 _IN_FLIGHT = 2
@@ -62,7 +68,7 @@ class Line:
     `width` in pixels, `dash` pixels on and off in turn.
     """
 
-    points: Array
+    points: Coordinates
     colour: str = INK
     width: float = 1.5
     dash: tuple[float, ...] = ()
@@ -76,7 +82,7 @@ class Line:
 class Polygon:
     """A closed polygon with corners (2, N), filled and outlined; no edge if `edge` is empty."""
 
-    points: Array
+    points: Coordinates
     fill: str = FAINT
     edge: str = ""
     width: float = 1.5
@@ -90,7 +96,7 @@ class Polygon:
 class Disc:
     """Discs of one radius (world units) at the centres (2,) or (2, N)."""
 
-    centre: Array
+    centre: Coordinates
     radius: float
     fill: str = BLUE
     edge: str = ""
@@ -110,8 +116,8 @@ class Disc:
 class Arrow:
     """An arrow from tail (2,) to tip (2,) with a head of `head` pixels."""
 
-    tail: Array
-    tip: Array
+    tail: Coordinates
+    tip: Coordinates
     colour: str = INK
     width: float = 2.0
     head: float = 9.0
@@ -126,7 +132,7 @@ class Arrow:
 class Text:
     """Words at a point (2,), moved by `offset` pixels (right, up) and turned by `turn` degrees."""
 
-    position: Array
+    position: Coordinates
     text: str
     colour: str = INK
     size: float = 12.0
@@ -418,16 +424,28 @@ def draw(frame: Frame, axes: Any) -> None:
 
 
 def to_png(frame: Frame, sharpness: float = 1.5) -> bytes:
-    """A frame as a PNG, `sharpness` dots for each of its pixels; the same frame, the same bytes."""
+    """A frame and its numbers as a PNG, `sharpness` dots for each pixel of the frame.
+
+    The same frame gives the same bytes.
+    """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     xmin, xmax, ymin, ymax = frame.window
-    height = frame.width * (ymax - ymin) / (xmax - xmin)
-    figure = Figure(figsize=(frame.width / 100.0, height / 100.0), dpi=100.0 * sharpness)
+    width = frame.width
+    picture = width * (ymax - ymin) / (xmax - xmin)
+    columns = max(1, int((width - 16.0) // _CELL[0]))
+    height = picture + _CELL[1] * math.ceil(len(frame.numbers) / columns)
+    figure = Figure(figsize=(width / 100.0, height / 100.0), dpi=100.0 * sharpness)
     FigureCanvasAgg(figure)
     figure.set_facecolor(frame.background)
-    draw(frame, figure.add_axes((0.0, 0.0, 1.0, 1.0)))
+    draw(frame, figure.add_axes((0.0, 1.0 - picture / height, 1.0, picture / height)))
+    for k, (name, value) in enumerate(frame.numbers.items()):
+        x = (8.0 + _CELL[0] * (k % columns)) / width
+        top = height - picture - _CELL[1] * (k // columns)
+        for words, below, colour, size in ((name, 2.0, GREY, 11.0), (value, 17.0, INK, 14.0)):
+            figure.text(x, (top - below) / height, words, color=colour, va="top",
+                        fontsize=0.68 * size, parse_math=False)  # fmt: skip
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", metadata={"Software": None})
     return buffer.getvalue()
