@@ -315,7 +315,7 @@ def exercise(page: Any, canvas: Any) -> tuple[float, float, float, float]:
 
 
 def test_chapter_1_in_the_browser(tmp_path, capsys):
-    assert not why_no_browser(), f"COURSE_REQUIRE_BROWSER is 1, but {why_no_browser()}"
+    assert not why_no_browser(), f"the browser test cannot run: {why_no_browser()}"
     available = importlib.util.find_spec(EXTENSION) is not None
     compare = os.environ.get("COURSE_COMPARE_NAGLE") == "1"
     for extension in [False, True] if available and compare else [available]:
