@@ -5,6 +5,7 @@ beside it, and returns the text of its key figures, which is kept as `docs/chart
 """
 
 import functools
+import importlib
 import json
 import os
 import tempfile
@@ -36,6 +37,12 @@ def chart(function: Chart) -> Chart:
 
     CHARTS[function.__name__] = build
     return build
+
+
+def load() -> None:
+    """Import every module of this folder, so that all charts are registered."""
+    for path in sorted(Path(__file__).parent.glob("[a-z]*.py")):
+        importlib.import_module(f"course.charts.{path.stem}")
 
 
 def read(name: str) -> str:

@@ -5,8 +5,9 @@ import time
 
 import click
 
-from course.charts import CHARTS, FOLDER
+from course.charts import CHARTS, FOLDER, load
 
+load()
 
 @click.command()
 @click.argument("names", nargs=-1, type=click.Choice(sorted(CHARTS)))

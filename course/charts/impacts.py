@@ -523,8 +523,8 @@ def chatter() -> str:
     figure = plt.figure(figsize=(13, 4.8), layout="constrained")
     one, two, three = figure.subplots(1, 3, width_ratios=[1.0, 1.0, 1.3])
     figure.suptitle(
-        "A box lies still if impacts are found in the step and slow ones do not bounce; "
-        "else it chatters"
+        "Springs, impacts at the end of the step, and semi-implicit flight without a rest speed: "
+        "all three chatter"
     )
     labels = [
         row.name.replace("_", "-")

@@ -1,5 +1,6 @@
 """Chapter 1: how many bodies a core can step, beside `mujoco.batch`, at the same accuracy."""
 
+import itertools
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
@@ -57,6 +58,7 @@ BOX = (0.3, 0.2)
 BOX_TOLERANCE = 5e-3  # m, a fortieth of the box's height: which way it falls is right, a grasp is
 BODY_TOLERANCE = 1e-3  # rad
 INERTIA = (1.0, 2.0, 2.5)
+OURS = "rk4_renormalised"
 DURATION = 1.0  # s
 _STEPS = (1.0, 0.5, 0.25, 0.1, 0.05, 0.02, 0.01, 0.005, 0.002, 0.001, 5e-4, 2e-4, 1e-4, 5e-5)
 
@@ -81,16 +83,13 @@ def body_states(n: int, seed: int = 7) -> tuple[Array, Array]:
 
 
 def _coarsest(errors: Callable[[float], float], tolerance: float) -> tuple[float, float]:
-    """The largest step of the list from which on every finer one meets the tolerance too."""
-    best: tuple[float, float] | None = None
-    for dt in reversed(_STEPS):
-        error = errors(dt)
-        if not error <= tolerance:
-            break
-        best = (dt, error)
-    if best is None:
-        raise ValueError(f"tolerance is {tolerance}; no step down to {_STEPS[-1]} s meets it")
-    return best
+    """The largest step of the list that meets the tolerance, as does the next finer one."""
+    found = errors(_STEPS[0])
+    for dt, finer in itertools.pairwise(_STEPS):
+        error, found = found, errors(finer)
+        if error <= tolerance and found <= tolerance:
+            return dt, error
+    raise ValueError(f"tolerance is {tolerance}; no step down to {_STEPS[-1]} s meets it")
 
 
 def box_contenders(samples: int = 24) -> list[Contender]:
@@ -207,10 +206,8 @@ def body_contenders(samples: int = 24) -> list[Contender]:
 
         return prepare
 
-    found = []
-    for name in ("rk4", "velocity_verlet", "semi_implicit_euler"):
-        dt, error = _coarsest(ours_error(name), BODY_TOLERANCE)
-        found.append(Contender(f"course {name}", dt, error, ours(name, dt), True))
+    dt, error = _coarsest(ours_error(OURS), BODY_TOLERANCE)
+    found = [Contender(f"course {OURS}", dt, error, ours(OURS, dt), True)]
     for name in ("RK4", "Euler", "implicitfast"):
         dt, error = _coarsest(mujoco_error(name), BODY_TOLERANCE)
         found.append(Contender(f"mujoco.batch {name}", dt, error, mujocos(name, dt), False))
@@ -306,6 +303,13 @@ def _limit_text(rates: list[Rate], name: str, bytes_per_body: int) -> str:
     )
 
 
+def _at_rest(samples: int = 1000) -> float:
+    """Share of the boxes of a run that lie still at its end, where the kernel skips them."""
+    rough = planar.box_parameters(1.0, *BOX, restitution=0.5, friction=0.5)
+    end, _ = planar.rollout(box_states(samples), rough, 1e-3, round(DURATION / 1e-3))
+    return float(np.mean(np.all(end[3:] == 0.0, axis=0)))
+
+
 def _table(rates: list[Rate]) -> str:
     lines = [f"{'who':<30} {'N':>7} {'dt':>8} {'error':>9} {'body-steps/s':>13} {'sim s / s':>10}"]
     lines += [
@@ -376,7 +380,8 @@ def throughput() -> str:
         [
             _table(boxes),
             f"boxes: {step:.0f} times the body-steps of mujoco.batch at its own step; "
-            f"{own:.0f} times the simulated time at each one's own step",
+            f"{own:.0f} times the simulated time at each one's own step "
+            f"({100 * _at_rest():.0f} % of the boxes lie still at the end of a run)",
             _limit_text(boxes, "course", 2 * 6 * 8),
             _table(bodies),
             f"bodies: {ours} against {theirs}, each at its own step for 1 mrad: {same:.0f} times "

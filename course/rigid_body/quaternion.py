@@ -16,6 +16,7 @@ Source for the formulas: Sola, Quaternion kinematics for the error-state Kalman 
 unless a function names another one.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -243,25 +244,25 @@ def normalise(q: Array) -> Array:
 _SERIES_BELOW = 1.0
 
 
+# Taylor coefficients of sin(x) / x and of cos(x) in x^2, from the second one on.
+_S = tuple((-1.0) ** k / math.factorial(2 * k + 1) for k in range(1, 9))
+_C = tuple((-1.0) ** k / math.factorial(2 * k) for k in range(1, 10))
+
+
 @register_jitable
 def _sine_series(s):
     """sin(x) / x for s = x^2 up to 0.75: Taylor's terms to s^8 leave less than 1e-17."""
-    t = 1.0 - s / 272.0
-    t = 1.0 - s / 210.0 * t
-    t = 1.0 - s / 156.0 * t
-    t = 1.0 - s / 110.0 * t
-    return 1.0 - s / 6.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0 * t)))
+    # One expression: compiled, it is one pass over a batch with nothing stored in between.
+    s1, s2, s3, s4, s5, s6, s7, s8 = _S
+    return 1.0 + s * (s1 + s * (s2 + s * (s3 + s * (s4 + s * (s5 + s * (s6 + s * (s7 + s * s8)))))))
 
 
 @register_jitable
 def _cosine_series(s):
-    """cos(x) for s = x^2 up to 0.75: Taylor's terms to s^9 leave less than 1e-19."""
-    t = 1.0 - s / 306.0
-    t = 1.0 - s / 240.0 * t
-    t = 1.0 - s / 182.0 * t
-    t = 1.0 - s / 132.0 * t
-    t = 1.0 - s / 90.0 * t
-    return 1.0 - s / 2.0 * (1.0 - s / 12.0 * (1.0 - s / 30.0 * (1.0 - s / 56.0 * t)))
+    """cos(x) for s = x^2 up to 0.75: Taylor's terms to s^9 leave less than 1e-17."""
+    c1, c2, c3, c4, c5, c6, c7, c8, c9 = _C
+    tail = c5 + s * (c6 + s * (c7 + s * (c8 + s * c9)))
+    return 1.0 + s * (c1 + s * (c2 + s * (c3 + s * (c4 + s * tail))))
 
 
 @register_jitable

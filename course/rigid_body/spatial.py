@@ -206,7 +206,7 @@ def _vector3(name: str, value: ArrayLike) -> Array:
 
 # Bodies per block: small enough that its rows stay in cache while many steps go by, large enough
 # that the few allocations of a step are shared by many bodies.
-BLOCK = 256
+BLOCK = 512
 
 
 def advance_bodies(
@@ -216,7 +216,7 @@ def advance_bodies(
     dt: float,
     steps: int,
     gravity: ArrayLike = (0.0, 0.0, -9.80665),
-    integrator: str = "rk4",
+    integrator: str = "rk4_renormalised",
 ) -> tuple[Array, Array]:
     """Many equal bodies in free flight, advanced together by the compiled integrator.
 
@@ -227,7 +227,8 @@ def advance_bodies(
         dt: step [s].
         steps: number of steps.
         gravity: world frame, shape (3,) [m/s^2].
-        integrator: a name in INTEGRATORS.
+        integrator: a name in INTEGRATORS. The default is of fourth order too, and in a batch less
+            than half as dear as `rk4`, whose exponentials cost more than all the rest.
 
     Returns:
         The new (q, v); the inputs are left as they were.

@@ -171,7 +171,7 @@ show("semi_implicit_is_verlet")
 # eigenvalues are $-1$ with a single eigenvector, and the state grows linearly.
 
 # %%
-show("explicit_euler_spring_limit")
+show("explicit_undamped_limit")
 
 # %%
 show("semi_implicit_unconditional")
@@ -180,7 +180,7 @@ show("semi_implicit_unconditional")
 # The worked number that goes with it: a contact of stiffness $10^5$ N/m under 1 kg.
 
 # %%
-show("contact_step_example")
+show("contact_limit_explicit")
 
 # %% [markdown]
 # ### A worked example, recomputed: a bouncing ball and its energy
@@ -219,12 +219,25 @@ for name in (
 # and now and then a picture is drawn.
 
 # %%
-from course.rigid_body.loop import FixedStepLoop, flow_diagram  # noqa: E402
+from course.rigid_body.loop import FixedStepLoop, Phases, flow_diagram, trace_table
 
-loop = FixedStepLoop(
-    physics_dt="1/1000", control_period="1/500", camera_period="1/30", render_period="1/60"
-)
+spring = problems.oscillator().system
+
+
+def integrate(state, force, dt):
+    return rigid_body.semi_implicit_euler(*state, spring.acceleration, dt, spring.params)
+
+
+loop = FixedStepLoop((spring.q0, spring.v0), Phases(integrate=integrate), record=True)
 print(flow_diagram(loop))
+
+# %% [markdown]
+# Five milliseconds of that loop, event by event. `age` is how old the state is that the event works with: a controller that reads, computes and
+# acts within a tick still acts on what *was*, and the picture shows one step ago.
+
+# %%
+_ = loop.advance(0.005)
+print(trace_table(loop.trace))
 
 # %% [markdown]
 # Three details that separate a loop that works from one that nearly does:
@@ -236,7 +249,7 @@ print(flow_diagram(loop))
 # * **Counting in integers.** Adding 0.001 a few million times is not the same as multiplying:
 
 # %%
-from course.rigid_body.loop import float_clock_error  # noqa: E402
+from course.rigid_body.loop import float_clock_error
 
 print(f"error of a summed clock after one hour at 1 kHz: {float_clock_error(0.001, 3_600_000):.2e} s")
 
@@ -257,8 +270,9 @@ print(f"error of a summed clock after one hour at 1 kHz: {float_clock_error(0.00
 source(rigid_body.retract, rigid_body.semi_implicit_euler)
 
 # %% [markdown]
-# RK4 needs one more idea. Its stages are velocities at *different* orientations, and they live in different tangent spaces; `tangent_rate`
-# brings them to a common one, and a single exponential ends the step (Munthe-Kaas 1999).
+# RK4 needs one more idea. Its four velocities belong to *different* orientations, and turns do not commute: averaging them as vectors leaves second order. Two
+# brackets (cross products of the stages' velocities) make up for it, and one exponential ends the step (Munthe-Kaas and Owren 1999). In a vector space the brackets are zero and the
+# method is the one you know.
 
 # %%
 source(rigid_body.rk4)
@@ -322,7 +336,7 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # box does at rest when the rest threshold is off.
 
 # %%
-from course.simulations.rigid_body import simulation  # noqa: E402
+from course.simulations.rigid_body import simulation
 
 simulation()
 
@@ -368,8 +382,8 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 print(read("table_at_one_millisecond"))
 
 # %% [markdown]
-# **Where MuJoCo and the course differ, and why.** (1) `implicitfast` and `discrete` treat the gyroscopic torque of a free body implicitly: energy can't grow, but
-# a tumble is damped at second order per step, and its attitude is *less* accurate than with `Euler`. (2) MuJoCo has no coefficient of restitution; a contact is a spring and damper inside a convex problem, so a bounce
+# **Where MuJoCo and the course differ, and why.** (1) `implicitfast` and `discrete` treat the gyroscopic torque of a free body implicitly: its energy can't grow, but
+# a tumble is damped, and the attitude is still of first order, about as far off as with `Euler`. (2) MuJoCo has no coefficient of restitution; a contact is a spring and damper inside a convex problem, so a bounce
 # takes time and depth, and restitution has to be tuned. (3) No integrator of MuJoCo looks for the time of impact inside a step: the error at a contact is of first order, RK4 or not.
 #
 # ### Many bodies at once
@@ -496,13 +510,49 @@ answer("semi_implicit_limit", "sqrt(m/k)")
 # | MuJoCo MJX (2023) | JAX | MuJoCo's models and contact on accelerators |
 # | Dojo (Howell et al. 2022) | Julia | hard contact solved by an interior point method; smoothed gradients from its central path, by the implicit function theorem |
 #
-# A small one runs here. A block is thrown, bounces, slides and is pushed; we record it with 1 mm of noise and ask for restitution, friction and mass.
+# A small one runs here, with PyTorch's reverse mode on the equations of a block that is thrown, bounces, slides, and is pushed; the impact times are roots, so
+# their derivatives are right. We record it with 1 mm of noise and ask for restitution, friction and mass.
 
 # %%
-from course.rigid_body import differentiable  # noqa: E402
+from course.rigid_body.differentiable import (
+    Scene,
+    drop_gradients,
+    information,
+    naive_drop_gradients,
+    record,
+    recover,
+)
+
+scene = Scene((0.0, 0.5), (2.0, 0.0), push=((1.2, 1.5, 8.0),))
+times = np.linspace(0.0, 2.0, 101)
+truth = (0.6, 0.25, 1.3)
+recorded = record(truth, scene, times, noise=1e-3, generator=np.random.default_rng(0))
+print(recover(recorded, scene, guess=(0.4, 0.4, 1.0)))
+
+# %% [markdown]
+# **Recordings that say nothing.** A gradient can only find what the motion depends on. A vertical drop carries no information about friction or mass, and a block that
+# sticks tells only a *bound* on the friction, however long you record it and however good the optimiser is. The singular values of the Jacobian say so
+# before you start:
 
 # %%
-differentiable_demo = True
+for label, poor in (
+    ("a vertical drop", Scene((0.0, 0.5))),
+    ("a block that sticks under a push", Scene((0.0, 0.0), push=((0.2, 1.0, 2.0),))),
+):
+    print(f"--- {label}\n{information(truth, poor, times)}\n")
+
+# %% [markdown]
+# **Gradients through an impact.** As a function of time, the derivative of the height with respect to the drop height jumps at the impact, from 1 to $-e$. A fixed-step
+# simulation that looks for penetration at the end of each step gets the height right and this gradient *wrong*, at every step size, because the number of
+# steps before the impact does not depend smoothly on anything (Hu et al. 2020 correct it by the time of impact; Suh et al. 2022 show what it does to policy gradients).
+
+# %%
+exact = drop_gradients(1.0, 0.7, 0.8)
+print("derivative of the height at 0.8 s with respect to the drop height of 1 m")
+print(f"event resolved, by autograd: {exact.by_height:+.4f}")
+for dt in (1e-2, 1e-3):
+    naive = naive_drop_gradients(1.0, 0.7, dt, 0.8)
+    print(f"fixed steps of {1e3 * dt:4.0f} ms:      {naive.by_height:+.4f}")
 
 # %% [markdown]
 # ## 9 · Interview
