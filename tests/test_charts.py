@@ -68,6 +68,7 @@ def test_the_box_is_exact_with_impact_times_and_first_order_without() -> None:
         if curve.style == "oracle":
             assert min(p.error for p in curve.points) > 1e-6, curve.name
     pick = result.pick(by="count")
+    assert pick is not None
     assert pick.name == "exact flight, impact times" and pick.point.count == 10
 
 

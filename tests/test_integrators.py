@@ -52,9 +52,15 @@ def test_tumble_agrees_with_the_closed_form_for_twenty_seconds() -> None:
     run = simulate(tumble.system, "rk4", 1e-3, 20_000, every=1000)
     errors = [tumble.error(q, t) for q, t in zip(run.q, run.t, strict=True)]
     assert max(errors) < 1e-9
-    energy = [problems.tumble_energy(q, v, tumble.system.params) for q, v in zip(run.q, run.v, strict=False)]
+    energy = [
+        problems.tumble_energy(q, v, tumble.system.params)
+        for q, v in zip(run.q, run.v, strict=False)
+    ]
     assert np.ptp(energy) < 1e-12 * energy[0]
-    momentum = [problems.angular_momentum(q, v, tumble.system.params) for q, v in zip(run.q, run.v, strict=False)]
+    momentum = [
+        problems.angular_momentum(q, v, tumble.system.params)
+        for q, v in zip(run.q, run.v, strict=False)
+    ]
     assert np.max(np.abs(momentum - momentum[0])) < 1e-11 * np.linalg.norm(momentum[0])
 
 

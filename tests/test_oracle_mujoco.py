@@ -97,6 +97,16 @@ def test_trajectory_and_run_agree():
     assert (runner.evaluations(100), mujoco.EVALUATIONS_PER_STEP["Euler"]) == (400, 1)
 
 
+def test_a_second_run_is_the_first():
+    """Nothing is left over from the last run, the contact solver's warm start included."""
+    runner = mujoco.box_drop((0.1, 0.1), 1.0, [0, 0.099, 0.1], [1, 0, 2], 1e-3, "Euler")
+    first = runner.run(150)
+    runner.run(33)
+    second = runner.run(150)
+    assert np.array_equal(first[0], second[0])
+    assert np.array_equal(first[1], second[1])
+
+
 # --- closed forms ---------------------------------------------------------------------------------
 
 

@@ -61,16 +61,19 @@ def test_tumble_keeps_energy_and_momentum_at_any_time(w1, w3, t, moments) -> Non
     energy = [problems.tumble_energy(q, v, params) for q, v in (start, end)]
     momentum = [problems.angular_momentum(q, v, params) for q, v in (start, end)]
     assert energy[1] == pytest.approx(energy[0], rel=1e-11)
-    np.testing.assert_allclose(momentum[1], momentum[0], atol=1e-10 * np.linalg.norm(momentum[0]))
+    size = float(np.linalg.norm(momentum[0]))
+    np.testing.assert_allclose(momentum[1], momentum[0], atol=1e-10 * size)
     np.testing.assert_allclose(momentum[0][:2], 0.0, atol=1e-12)
 
 
 def test_top_reference_is_checked_by_its_closed_height_and_by_halving() -> None:
-    data = {"inertia": (0.02, 0.004), "weight": 1.0, "tilt": 0.5, "spin": 80.0}
-    top = problems.heavy_top(**data)
+    inertia, weight, tilt, spin = (0.02, 0.004), 1.0, 0.5, 80.0
+    top = problems.heavy_top(inertia, weight, tilt, spin)
     for t in np.linspace(0.1, 2.0, 7):
         height = problems.top_height(top.truth(t)[0])
-        assert height == pytest.approx(problems.top_height_truth(t, **data), abs=2e-12)
+        assert height == pytest.approx(
+            problems.top_height_truth(t, inertia, weight, tilt, spin), abs=2e-12
+        )
     assert_checked_by_halving(top, 80_000)
 
 

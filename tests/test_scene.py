@@ -36,7 +36,7 @@ def _ball(height, tolerance):
 
 def test_air_may_be_left_out_of_a_short_fall_only():
     assert _ball(1.0, 0.01).check() == []
-    (finding,) = _ball(60.0, 0.01).check()
+    (finding,) = _ball(20.0, 0.01).check()
     assert finding.startswith("models too little: leaving out air drag")
     # To first order drag delays a fall by t h / (6 L).
     scene = _ball(1.0, 0.01)

@@ -97,6 +97,7 @@ def test_failures_stay_as_failures():
     points = chart.curve("bad").points
     assert [bool(p.failure) for p in points] == [True, True, True, False]
     assert all(p.cost(by) == math.inf for p in points[:3] for by in ("time", "count"))
+    assert all(p.error == math.inf for p in points[:3])
     assert "not finite" in points[0].failure
     assert "above" in points[1].failure
     assert "lost" in points[2].failure

@@ -9,6 +9,7 @@ from course.charts import CHARTS, FOLDER, load
 
 load()
 
+
 @click.command()
 @click.argument("names", nargs=-1, type=click.Choice(sorted(CHARTS)))
 def main(names: tuple[str, ...]) -> None:

@@ -446,7 +446,8 @@ def simulate(
             step = INTEGRATORS[integrator].step if isinstance(integrator, str) else integrator
             run = rollout
         q, v = run(system.q0, system.v0, step, acceleration, dt, records, every, system.params)
-    return Trajectory(dt * every * np.arange(records + 1), q, v)
+    times = dt * every * np.arange(records + 1, dtype=np.float64)
+    return Trajectory(times, q, v)
 
 
 def evaluations_per_step(

@@ -84,9 +84,11 @@ def inertia_tensor(value: ArrayLike) -> Array:
     if tensor.shape == (3,):
         tensor = np.diag(tensor)
     if tensor.shape != (3, 3) or not np.all(np.isfinite(tensor)):
-        raise ValueError(f"inertia is {value}; allowed are 3 moments or a 3 x 3 tensor of numbers")
+        raise ValueError(
+            f"inertia is {tensor.tolist()}; allowed are 3 moments or a 3 x 3 tensor of numbers"
+        )
     if not np.allclose(tensor, tensor.T, rtol=1e-9, atol=1e-12 * np.abs(tensor).max()):
-        raise ValueError(f"inertia is {value}; an inertia tensor is symmetric")
+        raise ValueError(f"inertia is {tensor.tolist()}; an inertia tensor is symmetric")
     low, middle, high = np.linalg.eigvalsh(tensor)
     if low <= 0.0 or low + middle < high * (1.0 - 1e-9):
         raise ValueError(
@@ -188,7 +190,9 @@ class RigidBody:
     def energy(self, gravity: ArrayLike = (0.0, 0.0, -9.80665)) -> tuple[float, float, float]:
         """Kinetic, potential (zero at the world's origin) and total energy [J]."""
         spin = self.v[3:]
-        kinetic = 0.5 * self.mass * self.v[:3] @ self.v[:3] + 0.5 * spin @ (self.inertia @ spin)
+        kinetic = 0.5 * self.mass * self.v[:3] @ self.v[:3] + 0.5 * spin @ (
+            np.asarray(self.inertia) @ spin
+        )
         potential = -self.mass * _vector3("gravity", gravity) @ self.q[:3]
         return float(kinetic), float(potential), float(kinetic + potential)
 
@@ -200,7 +204,7 @@ class RigidBody:
 def _vector3(name: str, value: ArrayLike) -> Array:
     vector = np.asarray(value, dtype=np.float64)
     if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise ValueError(f"{name} is {value}; it must be three finite numbers")
+        raise ValueError(f"{name} is {vector.tolist()}; it must be three finite numbers")
     return vector
 
 

@@ -23,7 +23,7 @@ from IPython.display import Markdown
 
 from course import rigid_body
 from course.charts import accuracy, read
-from course.derivations import answer, figure, show
+from course.derivations import answer, show
 from course.rigid_body import planar, problems, quaternion
 
 
@@ -251,7 +251,9 @@ print(trace_table(loop.trace))
 # %%
 from course.rigid_body.loop import float_clock_error
 
-print(f"error of a summed clock after one hour at 1 kHz: {float_clock_error(0.001, 3_600_000):.2e} s")
+print(
+    f"error of a summed clock after one hour at 1 kHz: {float_clock_error(0.001, 3_600_000):.2e} s"
+)
 
 # %% [markdown]
 # When the machine is slower than real time, something has to give: the loop takes at most so many steps at once and *reports* the time it
@@ -285,10 +287,9 @@ source(rigid_body.rk4)
 tumble = problems.tumble()
 for name in ("semi_implicit_euler", "implicit_midpoint", "rk4", "rk4_renormalised"):
     run = rigid_body.simulate(tumble.system, name, 1e-3, 20_000, every=20_000)
-    energy = [problems.tumble_energy(q, v, tumble.system.params) for q, v in zip(run.q, run.v)]
-    momentum = [
-        problems.angular_momentum(q, v, tumble.system.params) for q, v in zip(run.q, run.v)
-    ]
+    ends = [(run.q[i], run.v[i], tumble.system.params) for i in (0, -1)]
+    energy = [problems.tumble_energy(*end) for end in ends]
+    momentum = [problems.angular_momentum(*end) for end in ends]
     drift = np.linalg.norm(momentum[1] - momentum[0]) / np.linalg.norm(momentum[0])
     print(
         f"{name:<20} attitude error {tumble.error(run.q[-1]):.0e} rad,"
@@ -317,8 +318,10 @@ for i in range(0, 900, 25):
     c, s = np.cos(angle), np.sin(angle)
     corners = np.array([[-0.15, 0.15, 0.15, -0.15, -0.15], [-0.1, -0.1, 0.1, 0.1, -0.1]])
     _ = axes[0].plot(
-        x + c * corners[0] - s * corners[1], y + s * corners[0] + c * corners[1],
-        color=plt.cm.viridis(i / 900), linewidth=0.8,
+        x + c * corners[0] - s * corners[1],
+        y + s * corners[0] + c * corners[1],
+        color=plt.cm.viridis(i / 900),
+        linewidth=0.8,
     )
 _ = axes[0].axhline(0, color="0.3")
 _ = axes[0].set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="one picture every 50 ms")
@@ -445,7 +448,14 @@ print(read("stability_limits"))
 # ![Tunnelling](../docs/charts/tunnelling.png)
 
 # %%
-for name in ("long_run_energy", "symplectic_not_enough", "events_order", "tunnelling", "chatter", "quaternion_drift"):
+for name in (
+    "long_run_energy",
+    "symplectic_not_enough",
+    "events_order",
+    "tunnelling",
+    "chatter",
+    "quaternion_drift",
+):
     print(f"--- {name}\n{read(name)}\n")
 
 # %% [markdown]
@@ -614,4 +624,6 @@ gate = {
     "rk4_limit": "",
 }
 right = [name for name, text in gate.items() if text and answer(name, text).correct]
-print(f"{len(right)} of {len(gate)} right:", "gate cleared" if len(right) == len(gate) else "closed")
+print(
+    f"{len(right)} of {len(gate)} right:", "gate cleared" if len(right) == len(gate) else "closed"
+)
