@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import ipywidgets
-import traitlets
 
 from course.simulations.canvas import Canvas, Pointer, bundle
 
@@ -74,12 +73,6 @@ class Model:
     advance: Callable[[Any, Any, float], Any]
     frame: Callable[[Any, Any], Any]
     drag: Callable[[Any, Any, Pointer], Any] | None = field(default=None)
-
-
-class _Slider(ipywidgets.FloatSlider):
-    """A slider whose value the kernel does not send back: a third less traffic in a drag."""
-
-    value = traitlets.CFloat(0.0, help="Float value").tag(sync=True, echo_update=False)
 
 
 class Panel(ipywidgets.VBox):
@@ -204,7 +197,7 @@ class Panel(ipywidgets.VBox):
         inputs: dict[str, Any] = {}
         for name, slider in self.model.sliders.items():
             label = f"{slider.label} [{slider.unit}]" if slider.unit else slider.label
-            inputs[name] = _Slider(
+            inputs[name] = ipywidgets.FloatSlider(
                 value=getattr(self.controls, name), min=slider.low, max=slider.high,
                 step=slider.step, readout_format=slider.form, description=label,
                 **_style("330px"),
