@@ -319,7 +319,7 @@ def tunnelling() -> str:
     right.set(
         xlabel="step [ms]",
         ylabel="speed that gets through in some phase [m/s]",
-        title="MuJoCo's default contact lets through what a smaller step won't stop",
+        title="MuJoCo's default contact: a smaller step does not help",
     )
     right.set_xticks([0.2, 0.5, 1, 2, 5], ["0.2", "0.5", "1", "2", "5"])
     right.minorticks_off()
