@@ -330,7 +330,11 @@ def test_from_matrix_of_exact_half_turns():
         ((1, 1, 1), (1, 0, 0, 0)),
     ):
         np.testing.assert_array_equal(quat.from_matrix(np.diag(diagonal).astype(float)), q)
-    # All four candidates tie: two of them must not cancel.
+    # Ties between candidates, two (quarter turns) and four: they must not cancel.
+    for quarter in ([1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]):
+        half = math.sqrt(0.5) * np.array([1.0, *quarter])
+        R = np.rint(quat.to_matrix(half))
+        np.testing.assert_allclose(quat.from_matrix(R), half, rtol=0, atol=2e-16)
     for signs in np.ndindex(2, 2, 2):
         tied = np.array([0.5, *(0.5 - np.array(signs))])
         np.testing.assert_array_equal(quat.from_matrix(quat.to_matrix(tied)), tied)
