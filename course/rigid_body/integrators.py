@@ -200,6 +200,17 @@ def implicit_midpoint(q, v, acceleration, dt, params):
     return retract(q, dt * w), 2.0 * w - v
 
 
+# RK4's two forms of sum, as functions so that each is compiled once and not at every place.
+@register_jitable
+def _along(x, h, rate):
+    return x + h * rate
+
+
+@register_jitable
+def _mean(k1, k2, k3, k4):
+    return (k1 + 2.0 * (k2 + k3) + k4) / 6.0
+
+
 @register_jitable
 def rk4(q, v, acceleration, dt, params):
     """One step of the classical fourth-order method; on rotations its Munthe-Kaas form.
@@ -214,15 +225,15 @@ def rk4(q, v, acceleration, dt, params):
     """
     half = 0.5 * dt
     a1 = acceleration(q, v, params)
-    v2 = v + half * a1
+    v2 = _along(v, half, a1)
     a2 = acceleration(retract(q, half * v), v2, params)
-    v3 = v + half * a2
-    a3 = acceleration(retract(q, half * v2 + 0.125 * dt * dt * bracket(q, v, v2)), v3, params)
-    v4 = v + dt * a3
+    v3 = _along(v, half, a2)
+    turn = _along(half * v2, 0.125 * dt * dt, bracket(q, v, v2))
+    a3 = acceleration(retract(q, turn), v3, params)
+    v4 = _along(v, dt, a3)
     a4 = acceleration(retract(q, dt * v3), v4, params)
-    sixth = dt / 6.0
-    turn = sixth * (v + 2.0 * (v2 + v3) + v4) + half * sixth * bracket(q, v, v4)
-    return retract(q, turn), v + sixth * (a1 + 2.0 * (a2 + a3) + a4)
+    turn = _along(dt * _mean(v, v2, v3, v4), dt * dt / 12.0, bracket(q, v, v4))
+    return retract(q, turn), _along(v, dt, _mean(a1, a2, a3, a4))
 
 
 @register_jitable
@@ -249,24 +260,23 @@ def rk4_renormalised(q, v, acceleration, dt, params):
     half = 0.5 * dt
     k1 = _coordinate_rate(q, v)
     a1 = acceleration(q, v, params)
-    q2 = q + half * k1
-    v2 = v + half * a1
+    q2 = _along(q, half, k1)
+    v2 = _along(v, half, a1)
     k2 = _coordinate_rate(q2, v2)
     a2 = acceleration(q2, v2, params)
-    q3 = q + half * k2
-    v3 = v + half * a2
+    q3 = _along(q, half, k2)
+    v3 = _along(v, half, a2)
     k3 = _coordinate_rate(q3, v3)
     a3 = acceleration(q3, v3, params)
-    q4 = q + dt * k3
-    v4 = v + dt * a3
+    q4 = _along(q, dt, k3)
+    v4 = _along(v, dt, a3)
     k4 = _coordinate_rate(q4, v4)
     a4 = acceleration(q4, v4, params)
-    sixth = dt / 6.0
-    q = q + sixth * (k1 + 2.0 * (k2 + k3) + k4)
+    q = _along(q, dt, _mean(k1, k2, k3, k4))
     if q.shape[0] != v.shape[0]:
         n = v.shape[0] - 3
         q[n:] = normalise(q[n:])
-    return q, v + sixth * (a1 + 2.0 * (a2 + a3) + a4)
+    return q, _along(v, dt, _mean(a1, a2, a3, a4))
 
 
 @dataclass(frozen=True)
@@ -352,6 +362,13 @@ class Trajectory:
     v: Array
 
 
+def advance(q, v, step, acceleration, dt, steps, params):
+    """The state after `steps` steps."""
+    for _ in range(steps):
+        q, v = step(q, v, acceleration, dt, params)
+    return q, v
+
+
 def rollout(q, v, step, acceleration, dt, records, every, params):
     """`records` times `every` steps; states before the first and after each `every` steps."""
     qs = np.empty((records + 1,) + q.shape)
@@ -381,23 +398,18 @@ def compiled_parts(acceleration: Acceleration, integrator: str, ndim: int) -> tu
         ndim: 1 for one body, 2 for a batch.
 
     Returns:
-        (rollout, step, acceleration), all compiled for states of that dimension.
+        (run, step, acceleration), all compiled for states of that dimension; run is `rollout` for
+        one body and `advance` for a batch, whose states one seldom wants to keep.
     """
     array = VECTOR if ndim == 1 else MATRIX
-    record = types.Array(numba.float64, ndim + 1, "C")
     step_type = _step_type(array)
-    run_type = types.UniTuple(record, 2)(
-        array,
-        array,
-        types.FunctionType(step_type),
-        acceleration_type(array),
-        numba.float64,
-        numba.int64,
-        numba.int64,
-        VECTOR,
-    )
+    first = (array, array, types.FunctionType(step_type), acceleration_type(array), numba.float64)
+    if ndim == 1:
+        run = compiled(rollout, types.UniTuple(MATRIX, 2)(*first, numba.int64, numba.int64, VECTOR))
+    else:
+        run = compiled(advance, types.UniTuple(array, 2)(*first, numba.int64, VECTOR))
     return (
-        compiled(rollout, run_type),
+        run,
         function_argument(compiled(INTEGRATORS[integrator].step, step_type)),
         function_argument(compiled(acceleration, acceleration_type(array).signature)),
     )
@@ -436,15 +448,14 @@ def simulate(
     if every < 1 or steps % every:
         raise ValueError(f"every is {every!r}; it must divide steps = {steps}")
     records = steps // every
+    # Only a single body is compiled here: `spatial.advance_bodies` is for batches.
+    use_compiled = isinstance(integrator, str) and system.compile and system.q0.ndim == 1
     with np.errstate(over="ignore", invalid="ignore"):
-        if isinstance(integrator, str) and system.compile and system.q0.ndim <= 2:
-            run, step, acceleration = compiled_parts(
-                system.acceleration, integrator, system.q0.ndim
-            )
+        if use_compiled:
+            run, step, acceleration = compiled_parts(system.acceleration, str(integrator), 1)
         else:
-            acceleration = system.acceleration
+            run, acceleration = rollout, system.acceleration
             step = INTEGRATORS[integrator].step if isinstance(integrator, str) else integrator
-            run = rollout
         q, v = run(system.q0, system.v0, step, acceleration, dt, records, every, system.params)
     times = dt * every * np.arange(records + 1, dtype=np.float64)
     return Trajectory(times, q, v)

@@ -279,7 +279,7 @@ def exp(rotvec: Array) -> Array:
     """
     result = np.empty((4,) + rotvec.shape[1:])
     square = 0.25 * (rotvec[0] * rotvec[0] + rotvec[1] * rotvec[1] + rotvec[2] * rotvec[2])
-    if np.max(np.abs(rotvec)) < _SERIES_BELOW:
+    if np.all(np.abs(rotvec) < _SERIES_BELOW):
         # A step of an integrator: both series end below rounding, and in a batch they run
         # through the processor's vector units, which the library's sine and cosine do not.
         scale = 0.5 * _sine_series(square)

@@ -210,7 +210,7 @@ def _vector3(name: str, value: ArrayLike) -> Array:
 
 # Bodies per block: small enough that its rows stay in cache while many steps go by, large enough
 # that the few allocations of a step are shared by many bodies.
-BLOCK = 512
+BLOCK = 1024
 
 
 def advance_bodies(
@@ -249,10 +249,13 @@ def advance_bodies(
     q_new, v_new = np.empty_like(q), np.empty_like(v)
     for start in range(0, q.shape[1], BLOCK):
         part = slice(start, start + BLOCK)
-        qs, vs = run(
+        q_new[:, part], v_new[:, part] = run(
             np.ascontiguousarray(q[:, part]),
             np.ascontiguousarray(v[:, part]),
-            step, acceleration, dt, 1, steps, params,
-        )  # fmt: skip
-        q_new[:, part], v_new[:, part] = qs[-1], vs[-1]
+            step,
+            acceleration,
+            dt,
+            steps,
+            params,
+        )
     return q_new, v_new
