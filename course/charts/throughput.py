@@ -17,8 +17,9 @@ from course.rigid_body.problems import STANDARD_GRAVITY
 from course.rigid_body.spatial import advance_bodies
 
 SIZES = (1, 10, 100, 1000, 10_000, 100_000)
-# MuJoCo takes 100,000 bodies too, but one sample would then last seconds; its rate is flat by then.
-MUJOCO_SIZES = (1, 10, 100, 1000, 10_000)
+# A whole run of so many boxes would take MuJoCo minutes: from here on a run is a few steps of boxes
+# that are caught at all moments of their runs.
+MIXED_FROM = 100_000
 
 
 @dataclass(frozen=True)
@@ -30,14 +31,12 @@ class Contender:
         dt: step [s], the largest tried that meets the tolerance.
         error: its largest error at that step.
         prepare: N -> function that takes so many steps of all N bodies.
-        ours: whether it is the course's.
     """
 
     name: str
     dt: float
     error: float
     prepare: Callable[[int], Callable[[int], Any]]
-    ours: bool
 
 
 @dataclass(frozen=True)
@@ -72,6 +71,17 @@ def box_states(n: int, seed: int = 7) -> Array:
     state[2] = rng.uniform(0.0, 2.0 * np.pi, n)
     state[3:5] = rng.normal(0.0, 0.5, (2, n))
     state[5] = rng.normal(0.0, 1.5, n)
+    return state
+
+
+def mixed_states(n: int, groups: int = 20) -> Array:
+    """The boxes of `box_states` at moments spread evenly over their run, shape (6, n)."""
+    state = box_states(n)
+    rough = planar.box_parameters(1.0, *BOX, restitution=0.5, friction=0.5)
+    for i in range(groups):
+        part = slice(i, n, groups)
+        steps = round((i + 0.5) / groups * DURATION / 1e-3)
+        state[:, part], _ = planar.rollout(state[:, part], rough, 1e-3, steps, integrator="rk4")
     return state
 
 
@@ -129,14 +139,14 @@ def box_contenders(samples: int = 24) -> list[Contender]:
 
     def ours(dt: float) -> Callable[[int], Callable[[int], Any]]:
         def prepare(n: int) -> Callable[[int], Any]:
-            states = box_states(n)
+            states = box_states(n) if n < MIXED_FROM else mixed_states(n)
             return lambda steps: planar.rollout(states, rough, dt, steps, integrator="rk4")
 
         return prepare
 
     def mujocos(dt: float) -> Callable[[int], Callable[[int], Any]]:
         def prepare(n: int) -> Callable[[int], Any]:
-            states = box_states(n)
+            states = box_states(n) if n < MIXED_FROM else mixed_states(n)
             runner = oracle.batch_boxes(
                 half, 1.0, states[:3], states[3:], dt, "Euler",
                 restitution=restitution, friction=0.5, gravity=STANDARD_GRAVITY,
@@ -153,9 +163,9 @@ def box_contenders(samples: int = 24) -> list[Contender]:
     dt_mujoco, error_mujoco = _coarsest(mujoco_error, BOX_TOLERANCE)
     dt_ours, error_ours = _coarsest(ours_error, BOX_TOLERANCE)
     return [
-        Contender("course", dt_mujoco, ours_error(dt_mujoco), ours(dt_mujoco), True),
-        Contender("mujoco.batch", dt_mujoco, error_mujoco, mujocos(dt_mujoco), False),
-        Contender("course, its own step", dt_ours, error_ours, ours(dt_ours), True),
+        Contender("course", dt_mujoco, ours_error(dt_mujoco), ours(dt_mujoco)),
+        Contender("mujoco.batch", dt_mujoco, error_mujoco, mujocos(dt_mujoco)),
+        Contender("course, its own step", dt_ours, error_ours, ours(dt_ours)),
     ]
 
 
@@ -207,10 +217,10 @@ def body_contenders(samples: int = 24) -> list[Contender]:
         return prepare
 
     dt, error = _coarsest(ours_error(OURS), BODY_TOLERANCE)
-    found = [Contender(f"course {OURS}", dt, error, ours(OURS, dt), True)]
+    found = [Contender(f"course {OURS}", dt, error, ours(OURS, dt))]
     for name in ("RK4", "Euler", "implicitfast"):
         dt, error = _coarsest(mujoco_error(name), BODY_TOLERANCE)
-        found.append(Contender(f"mujoco.batch {name}", dt, error, mujocos(name, dt), False))
+        found.append(Contender(f"mujoco.batch {name}", dt, error, mujocos(name, dt)))
     return found
 
 
@@ -228,16 +238,16 @@ def measure_rates(
         sizes: numbers of bodies.
         repeats: rounds; each runs every contender once.
         sample: least time of one sample [s].
-        horizon: simulated time of a run [s], which sets the mix of flight and contact; default:
-            as many steps as a sample takes.
+        horizon: simulated time of a run [s], which sets the mix of flight and contact; default,
+            and for batches from MIXED_FROM on: as many steps as a sample takes.
     """
     rates = []
     for n in sizes:
-        running = [c for c in contenders if c.ours or n <= max(MUJOCO_SIZES)]
+        whole = horizon if n < MIXED_FROM else None
         jobs = []
-        for contender in running:
+        for contender in contenders:
             run = contender.prepare(n)
-            steps = 1 if horizon is None else max(1, round(horizon / contender.dt))
+            steps = 1 if whole is None else max(1, round(whole / contender.dt))
             run(steps)
             loops = 1
             while True:
@@ -247,7 +257,7 @@ def measure_rates(
                 took = time.perf_counter() - start
                 if took >= sample:
                     break
-                if horizon is None:
+                if whole is None:
                     steps *= 2
                 else:
                     loops *= 2
@@ -345,7 +355,7 @@ def _draw(panels: list[tuple[str, list[Rate], bool]]) -> Any:
         ax.set(xscale="log", yscale="log", title=title, xlabel="number of bodies N")
         ax.set_ylabel("body-steps per second" if per_step else "simulated body-seconds per second")
         ax.grid(True, which="major", alpha=0.3)
-        ax.legend(fontsize="small")
+        ax.legend(fontsize="small", loc="center right")
     figure.supxlabel(machine() + "; one core", fontsize="x-small", color="0.4")
     return figure
 

@@ -330,6 +330,11 @@ class WorkPrecision:
         if figure is not None:
             figure.supxlabel(self.machine, x=0.01, ha="left", fontsize=6, color="0.4")
 
+    @staticmethod
+    def _legend(curve: Curve) -> str:
+        failed = len(curve.points) - len(curve.worked())
+        return f"{curve.name} (x: {failed} of {len(curve.points)} failed)" if failed else curve.name
+
     def _plot_one(self, ax: Axes, by: str) -> None:
         ax.set_xscale("log")
         ax.set_yscale("log")
@@ -343,7 +348,7 @@ class WorkPrecision:
                 x,
                 [p.error for p in good],
                 color=colour,
-                label=curve.name,
+                label=self._legend(curve),
                 linestyle="--" if curve.style == "oracle" else "-",
                 linewidth=3.0 if curve.style == "yours" else 1.4,
                 marker=_MARKERS[i % len(_MARKERS)],
@@ -366,20 +371,6 @@ class WorkPrecision:
                 color=colour,
                 transform=ax.transAxes,
                 clip_on=False,
-            )
-        names = [
-            f"{curve.name}: {len(curve.points) - len(curve.worked())} of {len(curve.points)}"
-            for curve in self.curves
-            if len(curve.worked()) < len(curve.points)
-        ]
-        if failed:
-            ax.annotate(
-                "\n".join(["x: failed, infinite cost", *names]),
-                (0.98, 0.97),
-                xycoords="axes fraction",
-                ha="right",
-                va="top",
-                fontsize=7,
             )
         if self.tolerance is not None:
             ax.axhline(self.tolerance, color="0.3", linestyle=":", linewidth=1.2)

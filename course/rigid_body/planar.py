@@ -19,6 +19,7 @@ first, then the next. A face that lands with the smallest tilt lands corner by c
 of no tilt this is not the flat landing: for rigid bodies that landing is truly discontinuous.
 """
 
+import functools
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -209,6 +210,12 @@ _SIGNATURE = types.int64(
 )  # fmt: skip
 
 
+@functools.cache
+def _kernel() -> Any:
+    """`_step_boxes` compiled; looked up once, since looking it up costs as much as a short run."""
+    return compiled(_step_boxes, _SIGNATURE)
+
+
 def _checked(name: str, value: Any, allowed: str, low: float, high: float = np.inf) -> Array:
     """The value as an array of floats, if all of it is finite and within [low, high]."""
     array = np.asarray(value, dtype=float)
@@ -352,7 +359,7 @@ def rollout(
     gx, gy = _gravity(gravity)
     coefficient = _coefficient(integrator)
     counts = np.empty((2, n), dtype=np.int64)
-    bad = compiled(_step_boxes, _SIGNATURE)(
+    bad = _kernel()(
         out, counts, state, parameters, force, gx, gy, float(dt), steps, coefficient,
         resolve_impacts, ground, max_events,
     )  # fmt: skip
