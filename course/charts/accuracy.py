@@ -382,9 +382,11 @@ def format_rows(rows: list[Row]) -> str:
     """The table as text."""
     lines = [f"{'problem':<11} {'method':<30} {'error':>9}      {'time per step':>13}"]
     for row in rows:
+        head = f"{row.problem:<11} {row.method:<30}"
         lines.append(
-            f"{row.problem:<11} {row.method:<30} {row.error:>9.1e} {row.unit:<4}"
-            f" {row.nanoseconds:>10.0f} ns"
+            f"{head} {row.error:>9.1e} {row.unit:<4} {row.nanoseconds:>10.0f} ns"
+            if np.isfinite(row.error)
+            else f"{head} failed: off by more than 1 {row.unit}"
         )
     return "\n".join(lines)
 

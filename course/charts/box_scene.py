@@ -9,7 +9,7 @@ import numpy as np
 from course.charts import chart
 from course.measure.scene import LeftOut, Modelled, Scene, Tolerance
 from course.oracles import mujoco as oracle
-from course.oracles.mujoco_box import spatial_box
+from course.oracles.mujoco_box import add_air, spatial_box
 from course.rigid_body import planar
 from course.rigid_body.problems import STANDARD_GRAVITY
 
@@ -54,13 +54,13 @@ def ours(start: np.ndarray = START, dt: float = 1e-3, **changes: float) -> float
     return apex(np.array(heights))
 
 
-def _mujocos_plane(change: Callable[[Any], None] | None = None, **options: Any) -> float:
+def _mujocos_plane(air: bool = False, **options: Any) -> float:
     runner = oracle.box_drop(
         (0.5 * SIZE[0], 0.5 * SIZE[2]), MASS, START[:3], START[3:], FINE, "Euler",
         restitution=RESTITUTION, friction=FRICTION, gravity=STANDARD_GRAVITY, **options,
     )  # fmt: skip
-    if change is not None:
-        change(runner.model)
+    if air:
+        add_air(runner)
     path = runner.trajectory(round(DURATION / FINE), every=25)
     return apex(path.q[1])
 
@@ -82,16 +82,6 @@ def _mujocos_space(tilt: float, depth: float) -> float:
     )  # fmt: skip
     path = runner.trajectory(round(DURATION / FINE), every=25)
     return apex(path.q[2])
-
-
-def _air(model: Any) -> None:
-    """Air at 20 degrees C as MuJoCo's inertia-based fluid model takes it."""
-    import mujoco
-
-    # The adapter switches passive forces off where a scene has none.
-    model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
-    model.opt.density = 1.204
-    model.opt.viscosity = 1.82e-5
 
 
 def _costs() -> tuple[float, float, float]:
@@ -150,7 +140,7 @@ def bouncing_box() -> Scene:
             ),
             LeftOut(
                 "air",
-                lambda: abs(_mujocos_plane(_air) - rigid),
+                lambda: abs(_mujocos_plane(air=True) - rigid),
                 "m",
                 flat / cost,
                 "MuJoCo, planar, air at 20 deg C",

@@ -73,3 +73,13 @@ def spatial_box(
     spin = quaternion.rotate(quaternion.conjugate(q), np.array([0.0, -omega, 0.0]))
     q0 = np.concatenate([[x, 0.0, z], q])
     return Runner(xml, q0, np.concatenate([[vx, 0.0, vz], spin]), integrator)
+
+
+def add_air(runner: Runner) -> None:
+    """Put a scene into air of 20 degrees C, as MuJoCo's inertia-based fluid model takes it."""
+    import mujoco
+
+    # The adapter switches passive forces off where a scene has none.
+    runner.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_DAMPER)
+    runner.model.opt.density = 1.204
+    runner.model.opt.viscosity = 1.82e-5
