@@ -197,6 +197,21 @@ def test_a_learners_function_runs_on_a_problem() -> None:
     np.testing.assert_allclose(ours.q, theirs.q, rtol=1e-12)
 
 
+def test_a_step_that_works_in_place_leaves_the_system_alone() -> None:
+    system = PROBLEMS["pendulum"].system
+
+    def in_place(q, v, acceleration, dt, params):
+        v += dt * acceleration(q, v, params)
+        q += dt * v
+        return q, v
+
+    before = system.q0.copy()
+    assert evaluations_per_step(system, in_place, 1e-2) == 1
+    runs = [simulate(system, in_place, 1e-2, 100).q[-1] for _ in range(2)]
+    assert np.array_equal(system.q0, before) and np.array_equal(*runs)
+    np.testing.assert_allclose(runs[0], simulate(system, "semi_implicit_euler", 1e-2, 100).q[-1])
+
+
 def test_implicit_midpoint_says_when_it_has_not_converged() -> None:
     def dry_friction(q, v, params):
         return -100.0 * np.sign(v)  # within this step no mid velocity satisfies the equation

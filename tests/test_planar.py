@@ -128,8 +128,7 @@ def test_flight_is_the_integrator_itself(name: str) -> None:
     dt, a, alpha = 0.01, np.array([0.7, -G - 0.3]), 2.5
     body = box(0.2, 5, 0.4, 1, 2, -3)
     body.apply_force([0.7, -0.3])
-    assert body.inertia is not None
-    body.apply_force([0, 1], body.position + np.array([alpha * body.inertia, 0]))
+    body.apply_force([0, 1], body.position + np.array([alpha * body.moment, 0]))
     body.apply_force([0, -1])
     q, v = body.state[:3].copy(), body.state[3:].copy()
     body.step(dt, integrator=name)
@@ -687,3 +686,17 @@ def test_bad_arguments_are_named() -> None:
     with pytest.raises(ValueError, match="box 2"):
         step_boxes(many(3, 0), bad, 0.01)
     assert planar.PARAMETERS[4] == "restitution"
+
+
+def test_attributes_may_be_set_and_are_checked() -> None:
+    body = box(0, 5, 0, 0, 0, 0)
+    before = body.moment
+    body.mass *= 10.0
+    assert body.moment == pytest.approx(10.0 * before)
+    written: Any = [0, 5, 0, 0, 0, 0]  # a list, as a reader might write it
+    body.state = written
+    body.step(1e-3)
+    assert body.state.shape == (6,)
+    body.state = np.zeros(5)
+    with pytest.raises(ValueError, match="state is"):
+        body.step(1e-3)

@@ -119,6 +119,13 @@ def test_wrong_bodies_are_named(arguments: dict, word: str) -> None:
         RigidBody(**({"mass": 1.0, "inertia": (1.0, 1.0, 1.0)} | arguments))
 
 
+def test_an_orientation_that_was_set_wrongly_is_refused() -> None:
+    body = RigidBody(1.0, (1.0, 1.0, 1.0))
+    body.q[3:] = (2.0, 0.0, 0.0, 0.0)
+    with pytest.raises(ValueError, match="quaternion"):
+        body.step(0.1)
+
+
 def test_wrong_calls_are_named() -> None:
     body = RigidBody(1.0, (1.0, 1.0, 1.0))
     with pytest.raises(ValueError, match="dt is 0"):

@@ -305,7 +305,7 @@ def _limit_text(rates: list[Rate], name: str, bytes_per_body: int) -> str:
     bandwidth = memory_bandwidth()
     best = max(r.steps_per_second for r in rates if r.name == name)
     share = best * bytes_per_body / bandwidth
-    kind = "arithmetic" if share < 0.5 else "memory"
+    kind = "arithmetic and latency, not by memory" if share < 0.5 else "memory bandwidth"
     return (
         f"{name}: {best:.3g} body-steps/s; with the state read and written at every step that is "
         f"{best * bytes_per_body / 1e9:.2f} GB/s of the {bandwidth / 1e9:.1f} GB/s a copy reaches "

@@ -55,7 +55,7 @@ class Formula:
         also: further names a learner may use -> their meaning as an expression in `symbols`.
         left: names that may stand alone on one side of a relation, as in `dt < ...`.
         relation: "=" for a value, "<" for an upper limit (then `dt < ...` is right and
-            `dt > ...` is wrong).
+            `dt > ...` is wrong), ">" for a lower one.
         tolerance: relative; 0 asks for the exact form, more admits a rounded number.
         slips: plausible wrong answer -> what went wrong, told to those who give it.
     """
@@ -68,6 +68,16 @@ class Formula:
     relation: str = "="
     tolerance: float = 0.0
     slips: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        # The step is written h in formulas and dt in code; both are understood.
+        for name, other in (("h", "dt"), ("dt", "h")):
+            if name in self.symbols and other not in (*self.symbols, *self.also):
+                object.__setattr__(self, "also", {**self.also, other: name})
+
+    def asked(self) -> str:
+        """The question and the symbols, for an answer that was not right."""
+        return f"Asked: {self.question} In terms of {', '.join(self.symbols) or 'numbers'}."
 
 
 @dataclass(frozen=True)
@@ -487,8 +497,11 @@ def _strip_relation(formula: Formula, text: str) -> str:
         sign = sign.translate(str.maketrans("<>", "><"))
     else:
         raise _Unreadable(f"one side must be a single name (here: {allowed})")
-    if formula.relation == "<" and sign.startswith(">"):
-        raise _Unreadable("it is an upper limit, and you wrote a lower one: turn the sign round")
+    if formula.relation in "<>" and sign[0] in "<>" and sign[0] != formula.relation:
+        kind, other = ("upper", "lower") if formula.relation == "<" else ("lower", "upper")
+        raise _Unreadable(
+            f"it is an {kind} limit, and you wrote the {other} one: turn the sign round"
+        )
     if formula.relation == "=" and sign != "=":
         raise _Unreadable("it is a value, not a limit: write it with =, or only the right side")
     return rest
@@ -522,7 +535,7 @@ def answer_formula(formula: Formula, text: str) -> Answer:
             raise _Unreadable(f"it has {len(text)} characters; at most {MAX_LENGTH} are read")
         theirs = _read(_strip_relation(formula, text), names)
     except _Unreadable as problem:
-        return Answer(False, f"I can't read that: {problem}.")
+        return Answer(False, f"I can't read that: {problem}. {formula.asked()}")
     difference = _difference(formula, theirs)
     if difference is None:
         how = "SymPy proves the two equal" if _proved(formula, theirs) else "checked at 45 points"
@@ -534,6 +547,8 @@ def answer_formula(formula: Formula, text: str) -> Answer:
         if _same(formula, theirs, slip):
             message = f"{message} {explanation}"
             break
+    else:
+        message = f"{message} {formula.asked()}"
     return Answer(False, message, found)
 
 

@@ -492,6 +492,7 @@ def _explicit_midpoint_limit() -> Finding:
         relation="<",
         slips={
             "2/omega": "That is semi-implicit Euler.",
+            "2*sqrt(2)": "That is omega dt; asked is dt itself.",
             "8/omega": "Four evaluations do not give four times the step.",
             "2.785/omega": "That is the limit on the real axis, for pure decay.",
             "sqrt(2)/omega": "A factor 2 is missing: 1 - u^6/72 + u^8/576 = 1 at u^2 = 8.",

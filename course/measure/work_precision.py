@@ -375,7 +375,7 @@ class WorkPrecision:
         if self.tolerance is not None:
             ax.axhline(self.tolerance, color="0.3", linestyle=":", linewidth=1.2)
             ax.annotate(
-                f"tolerance {self.tolerance:g}",
+                f"tolerance {self.tolerance:g} {self.error_unit}",
                 (0.01, self.tolerance),
                 xycoords=("axes fraction", "data"),
                 ha="left",

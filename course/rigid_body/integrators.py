@@ -158,7 +158,8 @@ def implicit_midpoint(q, v, acceleration, dt, params):
 
     Solves w = v + dt/2 a(q (+) dt/2 w, w) for the mid velocity w by a simplified Newton
     iteration, then q1 = q (+) dt w and v1 = 2 w - v. It keeps quadratic invariants, so the
-    kinetic energy and the momentum of a torque-free body are kept to rounding
+    kinetic energy of a torque-free body and the size of its angular momentum are kept to
+    rounding; the direction of the latter in space is not, only to second order
     (Hairer, Lubich, Wanner 2006, sec. IV.2). The linear system I - dt/2 da/dv - dt^2/4 da/dq is
     eliminated without pivoting: for damped or gyroscopic forces its symmetric part is positive.
 
@@ -347,7 +348,7 @@ class System:
 
     def __post_init__(self) -> None:
         for field in ("params", "q0", "v0"):
-            value = np.ascontiguousarray(getattr(self, field), dtype=np.float64)
+            value = np.array(getattr(self, field), dtype=np.float64, order="C")
             if not np.all(np.isfinite(value)):
                 raise ValueError(f"{field} is {value}; every number must be finite")
             object.__setattr__(self, field, value)
@@ -469,7 +470,9 @@ def simulate(
         else:
             run, acceleration = rollout, system.acceleration
             step = INTEGRATORS[integrator].step if isinstance(integrator, str) else integrator
-        q, v = run(system.q0, system.v0, step, acceleration, dt, records, every, system.params)
+        # A copy of the start: a step of the reader's may work in place.
+        q0, v0 = system.q0.copy(), system.v0.copy()
+        q, v = run(q0, v0, step, acceleration, dt, records, every, system.params)
     times = dt * every * np.arange(records + 1, dtype=np.float64)
     return Trajectory(times, q, v)
 
@@ -496,7 +499,7 @@ def evaluations_per_step(
         return system.acceleration(q, v, params)
 
     step = INTEGRATORS[integrator].step if isinstance(integrator, str) else integrator
-    q, v = system.q0, system.v0
+    q, v = system.q0.copy(), system.v0.copy()
     with np.errstate(over="ignore", invalid="ignore"):
         for _ in range(steps):
             q, v = step(q, v, counting, dt, system.params)

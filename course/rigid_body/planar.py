@@ -381,13 +381,20 @@ def step_boxes(
     return rollout(state, parameters, dt, 1, **options)
 
 
+def _checked_state(state: ArrayLike) -> Array:
+    found = np.asarray(state, dtype=float)
+    if found.shape != (6,) or not np.isfinite(found).all():
+        raise ValueError(f"state is {state!r}, allowed are 6 finite numbers")
+    return found
+
+
 @dataclass
 class PlanarBody:
     """One box, with its state and the force collected for the next step.
 
     Attributes:
-        mass, width, height, inertia, restitution, friction, rest_speed: see `box_parameters`. An
-            inertia that was left out is computed once; set it along with a new mass or size.
+        mass, width, height, inertia, restitution, friction, rest_speed: see `box_parameters`.
+            Without an inertia of its own the box is uniform, also after its mass has changed.
         state: (6,): x, y, angle, vx, vy, omega.
         ground: whether there is ground at y = 0.
         resolve_impacts: find impacts within a step (False: only at its end).
@@ -414,7 +421,7 @@ class PlanarBody:
     unresolved: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
-        checked = box_parameters(
+        box_parameters(
             self.mass,
             self.width,
             self.height,
@@ -423,15 +430,20 @@ class PlanarBody:
             friction=self.friction,
             rest_speed=self.rest_speed,
         )
-        self.inertia = float(checked[3, 0])
-        self.state = np.array(self.state, dtype=float)
-        if self.state.shape != (6,) or not np.isfinite(self.state).all():
-            raise ValueError(f"state is {self.state}, allowed are 6 finite numbers")
+        self.state = _checked_state(self.state).copy()
+
+    @property
+    def moment(self) -> float:
+        """Moment of inertia about the centre of mass [kg m^2]."""
+        if self.inertia is not None:
+            return self.inertia
+        return self.mass * (self.width**2 + self.height**2) / 12.0
 
     @property
     def parameters(self) -> Array:
         """(7, 1), the attributes as they are now; `step` checks them."""
-        return np.array([[getattr(self, name)] for name in PARAMETERS], dtype=float)
+        names = ("moment" if name == "inertia" else name for name in PARAMETERS)
+        return np.array([[getattr(self, name)] for name in names], dtype=float)
 
     @property
     def position(self) -> Array:
@@ -493,7 +505,7 @@ class PlanarBody:
             ValueError: an argument, or an attribute set since, is out of its range.
         """
         state, counts = rollout(
-            self.state.reshape(6, 1),
+            _checked_state(self.state).reshape(6, 1),
             self.parameters,
             dt,
             1,

@@ -174,6 +174,7 @@ class RigidBody:
             raise ValueError(f"dt is {dt!r}; it must be a positive number of seconds")
         if integrator not in INTEGRATORS:
             raise ValueError(f"integrator is {integrator!r}; allowed are {', '.join(INTEGRATORS)}")
+        unit_quaternion(self.q[3:])  # it may have been set since
         tensor = np.asarray(self.inertia)
         params = np.concatenate(
             [

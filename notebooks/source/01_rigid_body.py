@@ -79,8 +79,8 @@ show("free_body_keeps_angular_velocity")
 # %% [markdown]
 # Spin about the middle one of three different principal axes is unstable. Linearise Euler's equations about
 # $\omega = (0, \Omega, 0)$: the two small components feed each other and grow like $e^{\sigma t}$ with
-# $\sigma = \Omega\sqrt{(I_2-I_1)(I_3-I_2)/(I_1 I_3)}$. Swap the order of the moments and the square root becomes
-# imaginary: a bounded wobble. The flip is regular, too: its period is an elliptic integral.
+# $\sigma = \Omega\sqrt{(I_2-I_1)(I_3-I_2)/(I_1 I_3)}$. If $I_2$ is the largest or the smallest of the
+# three, the product under the root is negative: $\sigma$ is imaginary, a bounded wobble. The flip is regular, too: its period is an elliptic integral.
 
 # %%
 show("principal_axis_is_stable")
@@ -100,6 +100,9 @@ show("gyroscopic_term_holds_the_top_up")
 show("top_condition")
 
 # %% [markdown]
+# Two facts to have ready. Moments of inertia are not three free numbers: each is at most the sum of the other two, because it is made of squared distances; robot descriptions in circulation violate it, and
+# `course.rigid_body.RigidBody` refuses them. And moments move: about a point at distance $d$ from the centre of mass, $m d^2$ is added.
+#
 # ### Orientation without a singularity
 #
 # Three angles work until two of their axes line up. For yaw, pitch and roll (turns about $z$, $y'$, $x''$) the body's
@@ -124,9 +127,10 @@ for angle in pitch:
 # $q$ has become $-q$, and both describe the same orientation (the *double cover*). Compare orientations by the angle
 # between them, never by subtracting quaternions.
 #
-# The one rule for time stepping: **an orientation is updated by multiplication**,
-# $q \leftarrow q\,\exp(h\,\omega)$. Adding $h\,\dot q$ leaves the unit sphere, and scaling back afterwards repairs the length,
-# not the angle.
+# The rule for time stepping: **an orientation is updated by multiplication**,
+# $q \leftarrow q\,\exp(h\,\omega)$. (Here $q = (w, x, y, z)$ takes body coordinates to world coordinates and $\omega$ is in the body frame; that is why
+# exp stands on the right.) Adding $h\,\dot q$ leaves the unit sphere, and in a low-order step scaling back afterwards repairs the length,
+# not the angle. At fourth order it does no harm; section 6 measures both.
 
 # %%
 show("renormalising_repairs")
@@ -141,14 +145,17 @@ show("renormalising_repairs")
 # |---|---|:-:|:-:|:-:|:-:|
 # | explicit Euler | $q' = q\oplus hv,\;\; v' = v + ha$ | 1 | 1 | no | none: always unstable |
 # | semi-implicit Euler | $v' = v + ha,\;\; q' = q\oplus hv'$ | 1 | 1 | yes | $\omega h < 2$ |
-# | velocity Verlet | $q' = q\oplus(hv + \tfrac{h^2}{2}a),\;\; v' = v+\tfrac h2(a+a')$ | 2 | 2, or 1 if the last is kept | yes | $\omega h < 2$ |
+# | velocity Verlet | $q' = q\oplus(hv + \tfrac{h^2}{2}a),\;\; v' = v+\tfrac h2(a+a')$ | 2 | 2; 1 if forces depend on $q$ alone and the last is kept | yes | $\omega h < 2$ |
 # | explicit midpoint | full step with the derivative half way | 2 | 2 | no | none: always unstable |
 # | implicit midpoint | the same, half way solved for | 2 | 4 and more | yes | none: always stable |
 # | RK4 (on rotations: Munthe-Kaas) | four slopes, weights $\tfrac16,\tfrac13,\tfrac13,\tfrac16$ | 4 | 4 | no | $\omega h \le 2\sqrt2$ |
 #
-# "Area kept" (symplectic) means that a patch of starting states keeps its area in the plane of $q$ and $p$. From that
-# follows, for a fixed step inside the limit, that the energy error stays bounded for exponentially long times, because the method
-# follows *a nearby* Hamiltonian exactly. It does not follow that energy is conserved, that the phase is right,
+# "Area kept" (symplectic) means that a patch of starting states keeps its area in the plane of position $q$ and momentum $p$, for forces that depend on $q$ alone and constant masses. From that
+# follows, for a smooth system and a fixed step well inside the limit, that the energy error stays bounded for times exponential in $1/h$, because the method
+# follows a *nearby* energy function up to an exponentially small error (on the oscillator exactly). In angles and rates, an arm's Coriolis terms and a body's $\omega\times(I\omega)$ depend on the
+# velocity: there *no* method of this table is symplectic, and semi-implicit Euler's energy drifts steadily on a double pendulum (claim `semi_implicit_arm_energy`) and on a tumble. Symplectic methods for those work with momenta
+# (splitting, RATTLE, discrete Moser-Veselov). Where $a$ depends on the velocity too, Verlet takes $a' = a(q', v + ha)$. A seventh function, `rk4_renormalised`, adds the
+# quaternion's rate and rescales; it is there to be compared. It does not follow that energy is conserved, that the phase is right,
 # that the method is stable at every step, or that anything survives friction or a changing step.
 
 # %%
@@ -160,7 +167,7 @@ show("semi_implicit_is_verlet")
 # %% [markdown]
 # ### Why the step has a limit: the spring as test problem
 #
-# Near an equilibrium every conservative system is a set of springs $\ddot x = -\omega^2 x$, with $\omega=\sqrt{k/m}$. One step of a linear
+# Near a stable equilibrium every conservative system without gyroscopic forces is a set of springs $\ddot x = -\omega^2 x$, with $\omega=\sqrt{k/m}$. One step of a linear
 # method is a matrix: $(x, v)' = A(\omega h)\,(x, v)$. The simulation is stable exactly when the powers of $A$ stay bounded.
 #
 # *Explicit Euler*: $A = \begin{pmatrix}1 & h\\ -\omega^2h & 1\end{pmatrix}$, eigenvalues $1 \pm i\omega h$, so
@@ -192,7 +199,7 @@ show("contact_limit_explicit")
 # $\tfrac12 mg^2h^2$, semi-implicit Euler *loses* the same amount.
 #
 # Is that loss "dissipation"? Look at the way up: the same error has the same sign at every step, rising or falling, so it
-# is an error in the *height*, of first order in $h$, and it ends when the force is no longer constant. On a spring the same method's
+# is exactly $\tfrac12 mgh$ times the change of velocity since the start, and it is undone when the velocity is turned back. On a spring the same method's
 # energy swings about the true value and goes nowhere.
 
 # %%
@@ -219,7 +226,7 @@ for name in (
 # %% [markdown]
 # ## 2 · Design: the loop around the equations
 #
-# A simulator does six things at six rates. The physics step is fixed; everything else happens on ticks of it. The order within a tick
+# A simulator does six things, here at four different rates. The physics step is fixed; everything else happens on ticks of it. The order within a tick
 # matters: sensors are read from the state that exists, the controller answers, forces are gathered, the state moves, contacts are found,
 # and now and then a picture is drawn.
 
@@ -237,14 +244,17 @@ loop = FixedStepLoop((spring.q0, spring.v0), Phases(integrate=integrate), record
 print(flow_diagram(loop))
 
 # %% [markdown]
-# Five milliseconds of that loop, event by event. `age` is how old the state is that the event works with: a controller that reads, computes and
-# acts within a tick still acts on what *was*, and the picture shows one step ago.
+# The first two milliseconds of that loop and its second picture, event by event. `age` is the time since the state that the event works with, for `apply forces` since the
+# measurement behind the command: 1 ms in every second step, because the command is held. The picture at 16.667 ms is one step old.
 
 # %%
-_ = loop.advance(0.005)
-print(trace_table(loop.trace))
+_ = loop.advance(0.018)
+rows = trace_table(loop.trace).splitlines()
+print("\n".join([*rows[:13], "       ...", *(row for row in rows if "render" in row)]))
 
 # %% [markdown]
+# MuJoCo's `mj_step` looks for contacts at the *start* of the step and integrates last, so after it the positions of bodies, the sensors and the contacts belong to the state before the integration.
+#
 # Three details that separate a loop that works from one that nearly does:
 #
 # * **An accumulator.** Real time arrives in uneven pieces. Add each piece to an account and take whole physics steps out of it; what is left
@@ -265,7 +275,7 @@ print(
 # dropped. A loop that silently tries to catch up takes longer for each frame and never does.
 #
 # **Where the step comes from.** There is no sweet spot of so many milliseconds. The highest frequency in the model sets it: $h < 2/\omega_{\max}$
-# for the semi-implicit family, and accuracy usually asks for five to twenty times less. 10 ms is generous for a satellite and hopeless for a stiff contact.
+# for the semi-implicit family, and accuracy usually asks for much less: read it off the charts of section 5. 10 ms is generous for a satellite and hopeless for a stiff contact.
 
 # %% [markdown]
 # ## 3 · Code: the reference functions
@@ -321,18 +331,20 @@ for _ in range(1500):
     total.append(box.energy()[2])
 path = np.array(path)
 figure_, axes = plt.subplots(1, 2, figsize=(11, 3.2), layout="constrained")
-for i in range(0, 900, 25):
+for i in range(0, 1500, 25):
     x, y, angle = path[i, :3]
     c, s = np.cos(angle), np.sin(angle)
     corners = np.array([[-0.15, 0.15, 0.15, -0.15, -0.15], [-0.1, -0.1, 0.1, 0.1, -0.1]])
     _ = axes[0].plot(
         x + c * corners[0] - s * corners[1],
         y + s * corners[0] + c * corners[1],
-        color=plt.cm.viridis(i / 900),
+        color=plt.cm.viridis(i / 1500),
         linewidth=0.8,
     )
 _ = axes[0].axhline(0, color="0.3")
-_ = axes[0].set(aspect="equal", xlabel="x [m]", ylabel="y [m]", title="one picture every 50 ms")
+_ = axes[0].set(
+    aspect="equal", xlabel="x [m]", ylabel="y [m]", title="every 50 ms for 3 s, dark to bright"
+)
 _ = axes[1].plot(np.arange(len(total)) * 2e-3, total)
 _ = axes[1].set(xlabel="time [s]", ylabel="total energy [J]", title="energy falls at impacts only")
 plt.show()
@@ -366,18 +378,20 @@ for curve in result.curves:
     print(f"{curve.name:<22} observed order {result.observed_order(curve.name):.1f}")
 
 # %% [markdown]
-# MuJoCo's integrators are curves in the same picture. On smooth systems they are our methods: its `Euler` lies on semi-implicit Euler, its `RK4` on RK4, in error to several digits; its
-# `implicitfast` and `discrete` are of first order as well. What differs is the time per step, because MuJoCo's is a step of a general engine. Put a step function of your own on the chart with one call:
+# The circle marks the cheapest run within the tolerance. MuJoCo's integrators are curves in the same picture. In plain coordinates they are our methods: its `Euler` lies on semi-implicit Euler, its `RK4` on RK4, in error to several digits; on rotations its `RK4` is another fourth-order method with a
+# slightly smaller constant (since version 4; before, it was of second order there, says its changelog). Its `implicitfast` and `discrete` are of first order. What differs is the time per step, because MuJoCo's is a step of a general engine. Put a step function of your own on the chart with one call. It runs as plain Python, so compare it in the left panel:
 
 
 # %%
 def my_step(q, v, acceleration, dt, params):
     """Change me: a step of your own. This one is semi-implicit Euler."""
     v = v + dt * acceleration(q, v, params)
-    return q + dt * v, v
+    return rigid_body.retract(q, dt * v), v
 
 
 mine = result.with_method(accuracy.your_method("double_pendulum", my_step))
+_ = accuracy.draw(mine)
+plt.show()
 print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 
 # %% [markdown]
@@ -385,7 +399,8 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 #
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
-# And for the bouncing box, where the error is made at the impacts:
+# For the bouncing box there are two first-order errors, the flight of semi-implicit Euler and impacts placed at the end of a step. Exact flight helps only together with
+# impact times, and impact times only together with exact flight:
 #
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 
@@ -393,13 +408,13 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 print(read("table_at_one_millisecond"))
 
 # %% [markdown]
-# **Where MuJoCo and the course differ, and why.** (1) `implicitfast` and `discrete` treat the gyroscopic torque of a free body implicitly: its energy can't grow, but
-# a tumble is damped, and the attitude is still of first order, about as far off as with `Euler`. (2) MuJoCo has no coefficient of restitution; a contact is a spring and damper inside a convex problem, so a bounce
-# takes time and depth, and restitution has to be tuned. (3) No integrator of MuJoCo looks for the time of impact inside a step: the error at a contact is of first order, RK4 or not.
+# **Where MuJoCo and the course differ, and why.** (1) `implicitfast` and `discrete` treat the gyroscopic torque of a free body with nothing jointed to it implicitly: its energy can't grow, but
+# a tumble is damped, and the attitude is still of first order, about as far off as with `Euler`. (2) MuJoCo has no coefficient of restitution, but two ways to one. "impulse" in the table: a contact damper of $(1+e)/h$ and no stiffness turns $v$ into $-ev$ in one step (Euler and the two implicit ones; nothing pushes a sunken body out). "spring": a spring and damper, for every integrator, which
+# takes time and depth and must be tuned; compare rows of the same kind only. (3) No integrator of MuJoCo cuts the step at the impact; its `speculative` flag (off by default) finds the time of impact to prevent tunnelling, not to place the impact. The error at a contact is of first order, RK4 or not.
 #
 # ### Many bodies at once
 #
-# Training needs thousands of copies. The same source, compiled for whole batches, beside `mujoco.batch`, one core each:
+# Training needs thousands of copies. (Most of it runs on GPUs today, in MuJoCo Warp, MJX or Isaac; they are not measured here.) The same source, compiled for whole batches, beside `mujoco.batch`, one core each:
 #
 # ![Bodies per second against the number of bodies](../docs/charts/throughput.png)
 
@@ -407,7 +422,7 @@ print(read("table_at_one_millisecond"))
 print(read("throughput"))
 
 # %% [markdown]
-# Read this with care: it compares *a planar box* with *a general engine that was asked about a planar box*. The gain is what you get for modelling no more than the scene needs, and it is lost the moment the scene needs a second body in contact with the first.
+# Read this with care: it compares *a planar box* with *a general engine that was asked about a planar box*. The accuracy was judged without friction through the first impacts, the rate measured with friction over 1 s. The gain is what you get for modelling no more than the scene needs, and it is lost the moment the scene needs a second body in contact with the first. The second table is free bodies: for one body the two are about equal, because one call from Python costs as much as the run; the gain comes with the batch.
 #
 # ### The smallest model that answers the question
 #
@@ -417,7 +432,7 @@ print(read("throughput"))
 print(read("scene_bouncing_box"))
 
 # %% [markdown]
-# **What to pick.** For contact-rich robots at 1 kHz: semi-implicit Euler or Verlet, because the contacts set the step and the contact error is of first order anyway. For smooth, long motion (orbits, free flight, flexible joints): RK4, which is cheaper at every tolerance that matters. For stiff springs that you don't need to resolve: an implicit method, and accept its damping. For long runs whose statistics matter: a symplectic one with a fixed step.
+# **What to pick.** For contact-rich robots at 1 kHz: the semi-implicit family (in MuJoCo `implicitfast`, which also takes the damping of actuators and tendons implicitly), because the contacts set the step and the contact error is of first order anyway. For smooth motion over up to some hundred periods (free flight, flexible joints): RK4, the cheapest at its tolerance on four of the five smooth problems here (on the pendulum at 1 mrad it is Verlet). For stiff springs that you don't need to resolve: an implicit method that damps (implicit Euler, which is what MuJoCo's `discrete` does to a spring); implicit midpoint stays stable too, but lets the unresolved spring ring. For long runs whose statistics matter: a symplectic one with a fixed step.
 
 # %%
 show("rk4_costs_four_times")
@@ -427,7 +442,8 @@ show("rk4_costs_four_times")
 #
 # ### The limit, measured
 #
-# Bisection on the step, until the oscillator's growth per step is one; the theory is a line in the table. MuJoCo's own integrators are measured in the same way, as black boxes.
+# Now with a damper: $\ddot x = -2\zeta\omega\dot x - \omega^2 x$, where $\zeta = 1$ is critical damping. Bisection on the step, until the growth per step is one; `worst` is the largest relative distance from the theory.
+# MuJoCo's own integrators are measured in the same way, as black boxes; `eulerdamp` is its switch for implicit joint damping. (The outputs write dt for $h$ and omega for $\omega$.)
 
 # %%
 print(read("stability_limits"))
@@ -435,7 +451,7 @@ print(read("stability_limits"))
 # %% [markdown]
 # ![Stability maps](../docs/charts/stability_maps.png)
 #
-# Semi-implicit Euler with explicit damping has a limit that *shrinks* with damping. MuJoCo's `Euler` takes joint damping implicitly, and its limit does not. No integrator but `discrete` takes the spring itself implicitly:
+# Semi-implicit Euler with explicit damping has a limit that *shrinks* with damping. MuJoCo's `Euler` takes joint damping implicitly, and its limit *grows* with damping. No integrator but `discrete` takes the spring itself implicitly:
 #
 # ![The stiff spring in MuJoCo](../docs/charts/mujoco_stiff_spring.png)
 #
@@ -443,40 +459,65 @@ print(read("stability_limits"))
 #
 # ![Energy error over a million steps](../docs/charts/long_run_energy.png)
 #
-# Bounded is what "symplectic" buys. Here is where it is not enough: two steps, each far inside the limit, in alternation. The product of two area-preserving maps preserves area, and can still stretch one direction without end:
+# Bounded is what "symplectic" buys. Here is where it is not enough. Alternate two steps that are each below the limit ($\omega h$ = 1.7 and 1.2): unstable. Far below the limit it takes a pattern in tune with
+# the motion (five steps of 0.3, then sixteen of 0.1), and the amplitude still grows with every cycle. A product of area-preserving maps preserves area, and can stretch one direction without end:
 #
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
-#
+
+# %%
+print(read("long_run_energy"))
+print()
+print(read("symplectic_not_enough"))
+
+# %% [markdown]
 # ### Impacts
 #
 # RK4 is of fourth order only while the motion is smooth. A pendulum that hits an elastic wall at its lowest point has a closed form (it is the mirrored free pendulum), so the order can be measured:
 #
 # ![Order with and without events](../docs/charts/events_order.png)
+
+# %%
+print(read("events_order"))
+
+# %% [markdown]
+# A thin wall is worse: the collision may never be looked at. A point that is checked once per step misses a wall of thickness $d$ with probability $1 - d/(vh)$. MuJoCo's default contact
+# adds a limit of its own that no smaller step removes, because its softness lets a fast ball sink in past the middle:
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 
 # %%
-for name in (
-    "long_run_energy",
-    "symplectic_not_enough",
-    "events_order",
-    "tunnelling",
-    "chatter",
-    "quaternion_drift",
-):
-    print(f"--- {name}\n{read(name)}\n")
+print(read("tunnelling"))
+
+# %% [markdown]
+# At rest the opposite happens: impacts without end. A ball's bounces get shorter by the factor $e$ each time, infinitely many in a finite time. A box that should lie still "bounces" at every step, unless an impact
+# slower than the rest speed is taken to be the last:
+#
+# ![Chatter](../docs/charts/chatter.png)
+
+# %%
+print(read("chatter"))
+
+# %% [markdown]
+# ### Orientation over a million steps
+#
+# "Added" means that $h\dot q$ is added to the quaternion; its length then grows, and the angle lags whether or not it is rescaled:
+#
+# ![Quaternion drift](../docs/charts/quaternion_drift.png)
+
+# %%
+print(read("quaternion_drift"))
 
 # %% [markdown]
 # ### Debugging table
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The simulation explodes.* Print the highest frequency in the model, $\omega_{\max}=\sqrt{k/m}$ of the stiffest spring or contact, and compare $h$ with $2/\omega_{\max}$. Halving the step tells you whether it is the step; it cures nothing if the integrator is explicit Euler, which is unstable at every step.
+# **Debugging tip.** *The simulation explodes.* Compare $h$ with $2/\omega_{\max}$, where $\omega_{\max}^2$ is the largest eigenvalue of $Kx = \omega^2Mx$. $\sqrt{k/m}$ of the stiffest single spring is only a lower bound: coupling can double it (a chain of equal masses). An explicit damper $c$ adds $hc/m < 2$. Halving the step tells you whether it is the step; it cures nothing if the integrator is explicit Euler, which is unstable at every step.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Objects pass through each other.* Compare the distance travelled per step with the thickness. An integrator of any order does not help: the collision was never looked at. Sweep the motion (continuous detection), or find the impact time.
+# **Debugging tip.** *Objects pass through each other.* Compare the distance travelled per step, $vh$, with the *sum* of both thicknesses. If it is larger, the collision may never be looked at, and no integrator helps: sweep the motion, or find the impact time (MuJoCo: `speculative`). If it is smaller, the contact was seen and was too soft: a ball at $v$ sinks in by 7.3 ms times $v$ with MuJoCo's defaults; stiffen it.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
@@ -488,12 +529,13 @@ for name in (
 # | symptom | cause | test | fix |
 # |---|---|---|---|
 # | positions go to infinity within a few steps | $h$ beyond the limit of the stiffest spring | $\omega_{\max}h$ against the table above | smaller step, implicit method, softer contact |
-# | amplitude grows slowly at *every* step size | explicit Euler or explicit midpoint | energy ratio per step against $1+(\omega h)^2$ | swap the two lines: semi-implicit Euler |
+# | amplitude grows slowly at *every* step size | explicit Euler or explicit midpoint | energy ratio per step: $1+(\omega h)^2$, or $1+(\omega h)^4/4$ | Euler: swap the two lines; midpoint: Verlet or RK4 |
 # | energy fine in flight, wrong after bounces | bounce rule at the end of the step | drop with $e=1$, compare apex heights | resolve the impact time |
 # | box jitters on the floor for ever | no rest threshold: ever smaller bounces | count impacts per second | rest threshold, or contact at velocity level |
 # | fast object passes a thin wall | $vh$ larger than the thickness | print $vh/d$ | continuous detection, or smaller step |
 # | orientation drifts, matrix no longer orthogonal | quaternion was added, not multiplied | $\lvert q\rvert-1$ over time | $q\exp(h\omega)$ |
 # | a jump of $2\pi$, or a controller that turns the long way | $q$ compared with $-q$ | dot product of the two | take the shorter of the two |
+# | energy and $\lvert q\rvert$ perfect, yet the angular momentum of a free body turns in space | body rate multiplied on the world side | $L$ in the world over time | $q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$ for world rates |
 # | satellite speeds up without torque | gyroscopic term explicit at a large step | kinetic energy over time | RK4, implicit midpoint, smaller step |
 # | joints creep with no command | gravity on and no motor holds it; or a soft constraint, not the integrator | switch gravity off; halve $h$ | compensate gravity; stiffen the constraint |
 #
@@ -508,7 +550,7 @@ answer("semi_implicit_limit", "2*sqrt(m/k)")
 answer("semi_implicit_limit", "sqrt(m/k)")
 
 # %% [markdown]
-# Others to try: `explicit_energy_factor` (energy after one step over energy before, in $\omega$ and $h$), `rk4_limit`, `top_condition`.
+# Others to try: `explicit_energy_factor` (energy after one step over energy before, in `omega` and `h`), `rk4_limit` (largest stable step in terms of `omega`), `top_condition` (smallest stable spin in `I1`, `I3`, `m`, `g`, `l`).
 #
 # **Silent-bug hunt.** This code runs, gives plausible pictures and is wrong in one place. Which symptom of the table does it have? (The answer comes with the graded exercise; the experiment is yours.)
 #
@@ -518,15 +560,15 @@ answer("semi_implicit_limit", "sqrt(m/k)")
 #
 # ## 8 · Frontier: differentiable simulation
 #
-# If every step is differentiable, so is the whole simulation: one backward pass gives the gradient of any loss with respect to all parameters, at the cost of a few forward runs, however many parameters there are. That turns "which friction makes the simulator match the recording?" into descent.
+# If every step is differentiable, so is the whole simulation: one backward pass gives the gradient of any loss with respect to all parameters, at the cost of a few forward runs, however many parameters there are (and of the memory for the whole trajectory, unless one checkpoints). That turns "which friction makes the simulator match the recording?" into descent.
 #
 # | engine | runs on | what it is known for |
 # |---|---|---|
 # | Brax (Freeman et al. 2021) | JAX | rigid bodies on accelerators, for reinforcement learning |
 # | DiffTaichi (Hu et al. 2020) | Taichi | gradients by source transformation of simulation kernels; time-of-impact correction |
-# | Warp (Macklin 2022) | CUDA through Python | kernels in Python with reverse-mode gradients |
+# | Warp (Macklin 2022) | GPU and CPU, kernels in Python | reverse-mode gradients of simulation kernels |
 # | MuJoCo MJX (2023) | JAX | MuJoCo's models and contact on accelerators |
-# | Dojo (Howell et al. 2022) | Julia | hard contact solved by an interior point method; smoothed gradients from its central path, by the implicit function theorem |
+# | Dojo (Howell et al. 2022) | CPU, in Julia | hard contact solved by an interior point method; smoothed gradients from its central path, by the implicit function theorem |
 #
 # A small one runs here, with PyTorch's reverse mode on the equations of a block that is thrown, bounces, slides, and is pushed; the impact times are roots, so
 # their derivatives are right. We record it with 1 mm of noise and ask for restitution, friction and mass.
@@ -560,17 +602,19 @@ for label, poor in (
     print(f"--- {label}\n{information(truth, poor, times)}\n")
 
 # %% [markdown]
-# **Gradients through an impact.** As a function of time, the derivative of the height with respect to the drop height jumps at the impact, from 1 to $-e$. A fixed-step
-# simulation that looks for penetration at the end of each step gets the height right and this gradient *wrong*, at every step size, because the number of
-# steps before the impact does not depend smoothly on anything (Hu et al. 2020 correct it by the time of impact; Suh et al. 2022 show what it does to policy gradients).
+# **Gradients through an impact.** As a function of time, the derivative of the height with respect to the drop height $H$ jumps at the impact, from 1 to $-e$ (and then rises by $(1+e)\,g/\sqrt{2gH}$ per second). A fixed-step
+# simulation that looks for penetration at the end of each step and puts the body on the floor there gets the height right and this gradient *wrong*, at every step size: after the impact its
+# state depends on the drop height only through the number of steps before it, which is a whole number. The derivative of the impact time is lost, and what is left is whatever the position rule does: zero where the body is put on the floor (Hu et al. 2020 correct it by the time of impact; Suh et al. 2022 show what it does to policy gradients).
 
 # %%
 exact = drop_gradients(1.0, 0.7, 0.8)
 print("derivative of the height at 0.8 s with respect to the drop height of 1 m")
-print(f"event resolved, by autograd: {exact.by_height:+.4f}")
+print(f"event resolved, by autograd: {exact.by_height:+.4f}   (height {exact.height:.4f} m)")
 for dt in (1e-2, 1e-3):
     naive = naive_drop_gradients(1.0, 0.7, dt, 0.8)
-    print(f"fixed steps of {1e3 * dt:4.0f} ms:      {naive.by_height:+.4f}")
+    print(
+        f"fixed steps of {1e3 * dt:4.0f} ms:       {naive.by_height:+.4f}   (height {naive.height:.4f} m)"
+    )
 
 # %% [markdown]
 # ## 9 · Interview
@@ -583,7 +627,7 @@ for dt in (1e-2, 1e-3):
 #
 # <details><summary>An answer</summary>
 #
-# No commanded torque is not no torque: gravity acts, and without compensation an arm sags. So first switch gravity off. If the drift stops, it was that: compensate, or command a hold. If it goes on, look for a nonzero initial velocity and no damping (a free joint keeps moving; that is Newton, not a bug). If energy *grows*, it is the integrator: compare with half the step, and with another method; explicit Euler grows at any step. If the drift is proportional to load and does not depend on the step, it is a soft constraint: a joint limit, weld or contact that creeps under force. Only after that suspect rounding, which at double precision is a million times too small to see in an hour. Say the order: physics, model, integrator, arithmetic; and one experiment for each.
+# No commanded torque is not no torque: gravity acts, and without compensation an arm sags. So first switch gravity off. If the drift stops, it was that: compensate, or command a hold. If it goes on, look for a nonzero initial velocity and no damping (a free joint keeps moving; that is Newton, not a bug). If energy *grows*, it is the integrator: compare with half the step, and with another method; explicit Euler grows at any step. If the drift is proportional to load and does not depend on the step, it is a soft constraint: a joint limit, weld or contact that creeps under force. Only after that suspect rounding: negligible in double precision, but not in the single precision of GPU simulators, where an increment below half a unit in the last place is lost. Say the order: physics, model, integrator, arithmetic; and one experiment for each.
 #
 # *Follow-ups.* What does the energy plot look like in each case? Which of these would MuJoCo's `implicitfast` hide? How would you write a regression test for it?
 #
@@ -591,7 +635,7 @@ for dt in (1e-2, 1e-3):
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** Asked about integrators, give three numbers for each: order, cost per step, stability limit; then say what your scene needs. "Semi-implicit Euler: first order, one evaluation, $\omega h<2$, no energy drift at a fixed step. RK4: fourth order, four evaluations, $\omega h<2.83$, loses $(\omega h)^6/72$ of the energy per step. With contacts at 1 kHz both make a first-order error at the impact, so I take the cheap one; for a satellite I take the other."
+# **Interview tip.** Asked about integrators, give three numbers for each: order, cost per step, stability limit; then say what your scene needs. "Semi-implicit Euler: first order, one evaluation, $\omega h<2$, no energy drift at a fixed step while forces depend on position alone and masses are constant. RK4: fourth order, four evaluations, $\omega h<2.83$, loses $(\omega h)^6/72$ of the energy per step. With contacts at 1 kHz both make a first-order error at the impact, so I take the cheap one; for a satellite I take the other."
 #
 # </div>
 #
@@ -605,13 +649,13 @@ for dt in (1e-2, 1e-3):
 #
 # <details><summary>How do you represent orientation, and how do you integrate it?</summary>
 #
-# Unit quaternion, multiplied by the exponential of the body rate; for high order a Lie-group Runge-Kutta method. *Follow-up: why not renormalise after RK4?* It keeps fourth order too; the constant is a little worse, and lower-order methods lose accuracy in the angle. *Follow-up: $q$ and $-q$?* Same orientation: flip the sign before comparing or averaging.
+# Unit quaternion, multiplied by the exponential of the body rate; for high order a Lie-group Runge-Kutta method. *Follow-up: why not renormalise after RK4?* It keeps fourth order, it is cheaper, and which of the two has the smaller constant depends on the motion (renormalised is ahead on the free tumble of this chapter, behind on the top). At low order it is a real loss: the angle of a steady spin lags by $(\omega h)^3/12$ per step, which the exponential gets exactly right. *Follow-up: $q$ and $-q$?* Same orientation: flip the sign before comparing or averaging.
 #
 # </details>
 #
-# <details><summary>You halve the step and the result changes by half. By a sixteenth. Not at all. What does each tell you?</summary>
+# <details><summary>You halve the step twice. The second change of the result is a half of the first. A quarter. A sixteenth. Both are zero. What does each tell you?</summary>
 #
-# First order: a first-order method, or a contact found at the end of the step. Sixteenth: fourth order, smooth motion. Not at all: the error is not the integrator's; look at the model or the tolerance of a solver. *Follow-up: it changes erratically.* Chaotic or discontinuous: look at when contacts happen.
+# Half: a first-order method, or a contact found at the end of the step. Quarter: second order. Sixteenth: fourth order, smooth motion. Zero: the error is not the integrator's; look at the model or the tolerance of a solver. *Follow-up: it changes erratically.* Chaotic or discontinuous: look at when contacts happen.
 #
 # </details>
 #

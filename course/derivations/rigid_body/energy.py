@@ -392,6 +392,52 @@ def _symplectic_with_varying_step() -> Finding:
 
 
 @claim(
+    "semi_implicit_arm_energy",
+    1,
+    "With a fixed step semi-implicit Euler has no energy drift, for an arm as for a spring.",
+    verdict=Verdict.CONDITIONAL,
+    condition="forces depend on the position alone and the mass matrix is constant",
+    corrected="In joint angles and rates an arm's Coriolis terms depend on the velocity, and so "
+    "does omega x (I omega) of a turning body: the step is not symplectic there, and the energy "
+    "drifts steadily. Symplectic methods for arms and turning bodies work with momenta.",
+    figures={
+        # The motion is chaotic: another processor takes another path.
+        "double_pendulum_lost_j": (6.7, 0.4),
+        "of_energy_above_hanging_j": (32.3, 0.01),
+        "pendulum_drift": (0.0, 1e-4),
+    },
+    source="Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), sec. VI.3",
+)
+def _semi_implicit_arm_energy() -> Finding:
+    from course.rigid_body import integrators, problems
+
+    def energies(problem: problems.Problem) -> np.ndarray:
+        run = integrators.simulate(problem.system, "semi_implicit_euler", 1e-3, 100_000, every=10)
+        energy = problem.system.energy
+        assert energy is not None
+        return np.asarray(energy(run.q.T, run.v.T, problem.system.params))
+
+    arm, one = problems.double_pendulum(), problems.pendulum()
+    total, single = energies(arm), energies(one)
+    hanging = problems.double_pendulum_energy(np.zeros(2), np.zeros(2), arm.system.params)
+    # Means over the first and the last tenth, so that the swing of the energy is not in it.
+    lost = float(np.mean(total[:1000]) - np.mean(total[-1000:]))
+    drift = float(np.mean(single[-1000:]) / np.mean(single[:1000]) - 1.0)
+    return Finding(
+        {
+            "double_pendulum_lost_j": lost,
+            "of_energy_above_hanging_j": float(total[0] - hanging),
+            "pendulum_drift": round(drift, 4),
+        },
+        f"100 s at 1 ms: the double pendulum loses {lost:.1f} J, the pendulum's mean energy stays "
+        f"within {abs(drift):.0e} of itself.",
+        holds=False,
+        holds_if=abs(drift) < 1e-3,
+        corrected=lost > 1.0,
+    )
+
+
+@claim(
     "semi_implicit_keeps_area_always",
     1,
     "Semi-implicit Euler preserves phase-space area.",

@@ -95,9 +95,10 @@ def _top_run(inertia: tuple[float, float], spin: float, tilt: float, duration: f
     1,
     "A spinning top stays up because of the term omega x (I omega).",
     verdict=Verdict.FALSE,
-    corrected="A top with three equal moments about its tip has no such term at any time and stays "
-    "up just the same. What holds it is the spin's angular momentum, which the torque of "
-    "gravity turns sideways instead of tipping the top over.",
+    corrected="In the body's own frame, where the equation holds, a top with three equal moments "
+    "has no such term at any time and stays up just the same. What holds it is the spin's angular "
+    "momentum, which the torque of gravity turns sideways instead of tipping the top over. (Seen "
+    "from a frame that precesses with the axis, that turning is the term Omega x L.)",
     figures={
         "largest_term_nm": (0, 1e-4),
         "largest_tilt_deg": (17.67862, 1e-4),
@@ -148,6 +149,7 @@ def _gyroscopic_term_holds_the_top_up() -> Finding:
             "l": Symbol("tip to centre of mass [m]"),
         },
         left=("spin", "omega", "w"),
+        relation=">",
         slips={
             "sqrt(I1*m*g*l)/I3": "The factor 2 is missing: the condition is I3^2 w^2 > 4 I1 m g l.",
             "2*sqrt(m*g*l/I3)": "It takes both moments: I1 resists the fall, I3 carries the spin.",
