@@ -20,6 +20,7 @@ of no tilt this is not the flat landing: for rigid bodies that landing is truly 
 """
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -287,6 +288,75 @@ def _gravity(gravity: ArrayLike) -> tuple[float, float]:
     return (0.0, -float(vector)) if vector.shape == () else (float(vector[0]), float(vector[1]))
 
 
+Run = Callable[..., tuple[Array, NDArray[np.int64]]]
+
+
+def prepare(
+    n: int,
+    parameters: Array,
+    dt: float,
+    *,
+    gravity: ArrayLike = STANDARD_GRAVITY,
+    forces: ArrayLike | None = None,
+    integrator: str = "semi_implicit_euler",
+    resolve_impacts: bool = True,
+    ground: bool = True,
+    max_events: int = 64,
+) -> Run:
+    """`rollout` with everything checked but the state, for many short runs of the same boxes.
+
+    Args:
+        n: number of boxes.
+        parameters, dt, gravity, forces, integrator, resolve_impacts, ground, max_events: as for
+            `rollout`.
+
+    Returns:
+        Function (state (6, n), steps, out=None) -> (new state, counts), as `rollout` returns.
+
+    Raises:
+        ValueError: as for `rollout`.
+    """
+    parameters = np.ascontiguousarray(parameters, dtype=float)
+    if parameters.ndim != 2 or parameters.shape[0] != 7 or parameters.shape[1] not in (1, n):
+        raise ValueError(f"parameters have the shape {parameters.shape}, allowed is (7, 1 or {n})")
+    force = np.zeros((3, 1)) if forces is None else np.ascontiguousarray(forces, dtype=float)
+    if force.ndim == 1:
+        force = force.reshape(-1, 1)
+    if force.shape not in ((3, 1), (3, n)):
+        raise ValueError(f"forces have the shape {force.shape}, allowed is (3,), (3, 1), (3, {n})")
+    if not (np.isfinite(dt) and dt > 0.0):
+        raise ValueError(f"dt is {dt}, allowed is a positive number [s]")
+    if max_events < 1:
+        raise ValueError(f"max_events is {max_events}, allowed from 1")
+    gx, gy = _gravity(gravity)
+    coefficient = _coefficient(integrator)
+    kernel = _kernel()
+
+    def run(state: Array, steps: int, out: Array | None = None) -> tuple[Array, NDArray[np.int64]]:
+        if steps < 0:
+            raise ValueError(f"steps is {steps}, allowed from 0")
+        if out is None:
+            out = np.empty_like(state)
+        elif out.shape != state.shape or out.dtype != state.dtype or not out.flags.c_contiguous:
+            raise ValueError(f"out is {out.dtype} {out.shape}, allowed is float64 {state.shape}")
+        counts = np.empty((2, n), dtype=np.int64)
+        bad = kernel(
+            out, counts, state, parameters, force, gx, gy, float(dt), steps, coefficient,
+            resolve_impacts, ground, max_events,
+        )  # fmt: skip
+        if bad >= 0:
+            k = bad if parameters.shape[1] > 1 else 0
+            given = dict(zip(PARAMETERS, parameters[:, k].tolist(), strict=True))
+            f = force[:, bad if force.shape[1] > 1 else 0]
+            raise ValueError(
+                f"box {bad} has state {state[:, bad].tolist()}, force and torque {f.tolist()} and "
+                f"parameters {given}; allowed are finite numbers in the ranges of box_parameters"
+            )
+        return out, counts
+
+    return run
+
+
 def rollout(
     state: Array,
     parameters: Array,
@@ -337,41 +407,20 @@ def rollout(
         ValueError: shapes disagree, something is not finite, or a value is out of its range.
     """
     state = np.ascontiguousarray(state, dtype=float)
-    parameters = np.ascontiguousarray(parameters, dtype=float)
     if state.ndim != 2 or state.shape[0] != 6:
         raise ValueError(f"state has the shape {state.shape}, allowed is (6, N)")
-    n = state.shape[1]
-    if parameters.ndim != 2 or parameters.shape[0] != 7 or parameters.shape[1] not in (1, n):
-        raise ValueError(f"parameters have the shape {parameters.shape}, allowed is (7, 1 or {n})")
-    force = np.zeros((3, 1)) if forces is None else np.ascontiguousarray(forces, dtype=float)
-    if force.ndim == 1:
-        force = force.reshape(-1, 1)
-    if force.shape not in ((3, 1), (3, n)):
-        raise ValueError(f"forces have the shape {force.shape}, allowed is (3,), (3, 1), (3, {n})")
-    if not (np.isfinite(dt) and dt > 0.0):
-        raise ValueError(f"dt is {dt}, allowed is a positive number [s]")
-    if steps < 0 or max_events < 1:
-        raise ValueError(f"steps is {steps}, allowed from 0; max_events {max_events}, from 1")
-    if out is None:
-        out = np.empty_like(state)
-    elif out.shape != state.shape or out.dtype != state.dtype or not out.flags.c_contiguous:
-        raise ValueError(f"out is {out.dtype} {out.shape}, allowed is float64 {state.shape}")
-    gx, gy = _gravity(gravity)
-    coefficient = _coefficient(integrator)
-    counts = np.empty((2, n), dtype=np.int64)
-    bad = _kernel()(
-        out, counts, state, parameters, force, gx, gy, float(dt), steps, coefficient,
-        resolve_impacts, ground, max_events,
-    )  # fmt: skip
-    if bad >= 0:
-        k = bad if parameters.shape[1] > 1 else 0
-        given = dict(zip(PARAMETERS, parameters[:, k].tolist(), strict=True))
-        f = force[:, bad if force.shape[1] > 1 else 0]
-        raise ValueError(
-            f"box {bad} has state {state[:, bad].tolist()}, force and torque {f.tolist()} and "
-            f"parameters {given}; allowed are finite numbers in the ranges of box_parameters"
-        )
-    return out, counts
+    run = prepare(
+        state.shape[1],
+        parameters,
+        dt,
+        gravity=gravity,
+        forces=forces,
+        integrator=integrator,
+        resolve_impacts=resolve_impacts,
+        ground=ground,
+        max_events=max_events,
+    )
+    return run(state, steps, out)
 
 
 def step_boxes(

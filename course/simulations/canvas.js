@@ -3,9 +3,9 @@
 
 const FONT = '"DejaVu Sans", "Segoe UI", "Helvetica Neue", Arial, sans-serif';
 
-function paint(canvas, frame) {
+// `wide` comes from the observer: asking the element would lay out the whole notebook for a frame.
+function paint(canvas, frame, wide) {
   const [xmin, xmax, ymin, ymax] = frame.window;
-  const wide = canvas.clientWidth;
   if (!wide) return false;
   const high = (wide * (ymax - ymin)) / (xmax - xmin);
   const ratio = window.devicePixelRatio || 1;
@@ -152,7 +152,11 @@ function render({ model, el }) {
     "display:flex;flex-wrap:wrap;gap:6px 10px;margin:4px 8px 8px;line-height:1.35";
   el.append(canvas, numbers);
 
+  // What changes in here can't move anything outside, so the page need not be laid out again.
+  el.style.contain = "layout style";
+
   let frame = null;
+  let wide = 0;
   let requested = false;
   let move = null;
 
@@ -169,7 +173,7 @@ function render({ model, el }) {
       model.send(move);
       move = null;
     }
-    if (frame && paint(canvas, frame) && frame.id !== Number(canvas.dataset.frame)) {
+    if (frame && paint(canvas, frame, wide) && frame.id !== Number(canvas.dataset.frame)) {
       const said = frame.numbers.map(([name, value]) => `${name} ${value}`);
       canvas.setAttribute("aria-label", [frame.label, ...said].join(", "));
       print(numbers, frame.numbers);
@@ -231,7 +235,10 @@ function render({ model, el }) {
   model.on("change:_pointer", listens);
   model.on("change:_keys", listens);
   model.on("msg:custom", receive);
-  const observer = new ResizeObserver(request);
+  const observer = new ResizeObserver((entries) => {
+    wide = entries[entries.length - 1].contentRect.width;
+    request();
+  });
   observer.observe(canvas);
   model.send({ type: "ready" });
 

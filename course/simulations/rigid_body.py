@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from course.rigid_body.planar import FLIGHT_COEFFICIENT, PARAMETERS, box_parameters, rollout
+from course.rigid_body.planar import FLIGHT_COEFFICIENT, PARAMETERS, box_parameters, prepare
 from course.rigid_body.planar_contact import flight
 from course.simulations.canvas import (
     BLUE,
@@ -189,6 +189,11 @@ def advance(state: State, controls: Controls, seconds: float) -> State:
     box, deepest, peak = state.box, state.deepest, state.peak
     impacts, unresolved, steps = state.impacts, state.unresolved, state.steps
     samples: list[Any] = []
+    run = prepare(
+        1, parameters, dt,
+        gravity=controls.gravity, integrator=controls.integrator,
+        resolve_impacts=controls.resolve_impacts,
+    )  # fmt: skip
     end = steps + count
     while steps < end:
         many = min(per_sample - steps % per_sample, end - steps)
@@ -198,11 +203,7 @@ def advance(state: State, controls: Controls, seconds: float) -> State:
                 many = 1  # step by step, to see how deep it gets before it is pushed out
                 y = flight(box[1], box[4], -controls.gravity, dt, coefficient)
                 deepest = max(deepest, -_lowest(y, box[2] + dt * box[5]))
-        new, counts = rollout(
-            box.reshape(6, 1), parameters, dt, many,
-            gravity=controls.gravity, integrator=controls.integrator,
-            resolve_impacts=controls.resolve_impacts,
-        )  # fmt: skip
+        new, counts = run(np.ascontiguousarray(box).reshape(6, 1), many)
         box = new[:, 0]
         impacts += int(counts[0, 0])
         unresolved += int(counts[1, 0])
@@ -227,6 +228,11 @@ def preview(controls: Controls, seconds: float = _PREVIEW) -> Array:
     parameters = _parameters(controls.restitution, controls.friction, controls.rest_speed)
     many = max(1, round(_SAMPLE / dt))
     box = np.array(controls.start).reshape(6, 1)
+    run = prepare(
+        1, parameters, dt,
+        gravity=controls.gravity, integrator=controls.integrator,
+        resolve_impacts=controls.resolve_impacts,
+    )  # fmt: skip
     steps = 0
     times, boxes = [0.0], [box]
     while steps < max(1, math.floor(seconds / dt + 1e-9)):
@@ -234,11 +240,7 @@ def preview(controls: Controls, seconds: float = _PREVIEW) -> Array:
         leap = 4 * many * dt
         fall = leap * (max(-box[4, 0], 0.0) + leap * controls.gravity)
         count = 4 * many if box[1, 0] - fall > 0.5 * math.hypot(WIDTH, HEIGHT) else many
-        box, _ = rollout(
-            box, parameters, dt, count,
-            gravity=controls.gravity, integrator=controls.integrator,
-            resolve_impacts=controls.resolve_impacts,
-        )  # fmt: skip
+        box, _ = run(box, count)
         steps += count
         times.append(steps * dt)
         boxes.append(box)
