@@ -355,7 +355,7 @@ def _draw(panels: list[tuple[str, list[Rate], bool]]) -> Any:
         ax.set(xscale="log", yscale="log", title=title, xlabel="number of bodies N")
         ax.set_ylabel("body-steps per second" if per_step else "simulated body-seconds per second")
         ax.grid(True, which="major", alpha=0.3)
-        ax.legend(fontsize="small", loc="center right")
+        ax.legend(fontsize="small", loc="center right", bbox_to_anchor=(1.0, 0.36))
     figure.supxlabel(machine() + "; one core", fontsize="x-small", color="0.4")
     return figure
 
