@@ -269,7 +269,9 @@ def _cosine_series(s):
 def exp(rotvec: Array) -> Array:
     """The rotation about the axis of `rotvec` by its length.
 
-    Every component is within 1e-15 of the exact one for angles up to 2 pi.
+    Every component is within 1e-15 of the exact one for angles up to 2 pi. In a batch one large
+    angle sends all of them through the library's sine and cosine, so the last bit of a result
+    may depend on its neighbours.
 
     Args:
         rotvec: rotation vectors [rad], shape (3,) or (3, N); zero is allowed.
