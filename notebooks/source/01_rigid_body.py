@@ -432,7 +432,7 @@ print(read("throughput"))
 print(read("scene_bouncing_box"))
 
 # %% [markdown]
-# **What to pick.** For contact-rich robots at 1 kHz: the semi-implicit family (in MuJoCo `implicitfast`, which also takes the damping of actuators and tendons implicitly), because the contacts set the step and the contact error is of first order anyway. For smooth motion over up to some hundred periods (free flight, flexible joints): RK4, the cheapest at its tolerance on four of the five smooth problems here (on the pendulum at 1 mrad it is Verlet). For stiff springs that you don't need to resolve: an implicit method that damps (implicit Euler, which is what MuJoCo's `discrete` does to a spring); implicit midpoint stays stable too, but lets the unresolved spring ring. For long runs whose statistics matter: a symplectic one with a fixed step.
+# **What to pick.** For contact-rich robots at 1 kHz: the semi-implicit family (in MuJoCo `implicitfast`, which also takes the damping of actuators and tendons implicitly), because the contacts set the step and the contact error is of first order anyway. For smooth motion over up to some hundred periods (free flight, flexible joints): RK4, the cheapest at its tolerance on most of the smooth problems here (the pendulum's chart, at 1 mrad, picks Verlet). For stiff springs that you don't need to resolve: an implicit method that damps (implicit Euler, which is what MuJoCo's `discrete` does to a spring); implicit midpoint stays stable too, but lets the unresolved spring ring. For long runs whose statistics matter: a symplectic one with a fixed step.
 
 # %%
 show("rk4_costs_four_times")
@@ -517,7 +517,7 @@ print(read("quaternion_drift"))
 # </div>
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Objects pass through each other.* Compare the distance travelled per step, $vh$, with the *sum* of both thicknesses. If it is larger, the collision may never be looked at, and no integrator helps: sweep the motion, or find the impact time (MuJoCo: `speculative`). If it is smaller, the contact was seen and was too soft: a ball at $v$ sinks in by 7.3 ms times $v$ with MuJoCo's defaults; stiffen it.
+# **Debugging tip.** *Objects pass through each other.* Compare the distance travelled per step, $vh$, with the *sum* of both thicknesses. If it is larger, the collision may never be looked at, and no integrator helps: sweep the motion, or find the impact time (MuJoCo: `speculative`). If it is smaller, the contact was seen and was too soft: with MuJoCo's defaults a ball sinks in by a length proportional to its speed (printed under the chart above), whatever the step; stiffen it.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
@@ -532,7 +532,7 @@ print(read("quaternion_drift"))
 # | amplitude grows slowly at *every* step size | explicit Euler or explicit midpoint | energy ratio per step: $1+(\omega h)^2$, or $1+(\omega h)^4/4$ | Euler: swap the two lines; midpoint: Verlet or RK4 |
 # | energy fine in flight, wrong after bounces | bounce rule at the end of the step | drop with $e=1$, compare apex heights | resolve the impact time |
 # | box jitters on the floor for ever | no rest threshold: ever smaller bounces | count impacts per second | rest threshold, or contact at velocity level |
-# | fast object passes a thin wall | $vh$ larger than the thickness | print $vh/d$ | continuous detection, or smaller step |
+# | fast object passes a thin wall | $vh$ larger than both thicknesses together, or a contact that is too soft | print $vh/d$; record the depth | sweep the motion or find the impact time; stiffen the contact |
 # | orientation drifts, matrix no longer orthogonal | quaternion was added, not multiplied | $\lvert q\rvert-1$ over time | $q\exp(h\omega)$ |
 # | a jump of $2\pi$, or a controller that turns the long way | $q$ compared with $-q$ | dot product of the two | take the shorter of the two |
 # | energy and $\lvert q\rvert$ perfect, yet the angular momentum of a free body turns in space | body rate multiplied on the world side | $L$ in the world over time | $q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$ for world rates |
