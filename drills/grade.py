@@ -1,0 +1,669 @@
+"""The grader: it runs a submission in a child, judges what comes back, and says why.
+
+The parent draws the inputs, holds the right answers and decides; the child only computes.
+"""
+
+from __future__ import annotations
+
+import ast
+import copy
+import math
+import secrets
+import time
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from drills import exercise as catalogue
+from drills.exercise import Card, Exercise, Slip
+from drills.inprocess import InProcess, Local
+from drills.reasons import SENTENCES, Reason
+from drills.sandbox import (
+    Child,
+    Ended,
+    Frame,
+    Handle,
+    Limits,
+    Loaded,
+    MissingName,
+    Raised,
+    SyntaxProblem,
+)
+from drills.values import Mismatch, as_float64, type_name, worst
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Check:
+    """One thing that was looked at.
+
+    Attributes:
+        name: what, in a few words.
+        reason: `Reason.RIGHT`, or why it fails.
+        sentence: what is wrong, or what holds.
+        call, got, expected: the call, what came back and what is right, as short texts.
+        error, tolerance: the measured error and what is allowed, in `unit`; NaN where there is
+            none.
+        why: why the tolerance is what it is.
+        slip: the slip that this failure shows, or "".
+    """
+
+    name: str
+    reason: Reason
+    sentence: str = ""
+    call: str = ""
+    got: str = ""
+    expected: str = ""
+    error: float = math.nan
+    tolerance: float = math.nan
+    unit: str = ""
+    why: str = ""
+    slip: str = ""
+
+    @property
+    def passed(self) -> bool:
+        """Whether it holds."""
+        return self.reason is Reason.RIGHT
+
+
+@dataclass(frozen=True)
+class Cost:
+    """What the submission spent beside the reference: seconds per call, or a count."""
+
+    what: str
+    unit: str
+    yours: float
+    reference: float
+
+
+@dataclass(frozen=True)
+class Problem:
+    """An exception or a syntax error in the submission: message, and the lines of their file."""
+
+    type: str
+    message: str
+    frames: tuple[Frame, ...] = ()
+    line: int = 0
+    column: int = 0
+
+
+@dataclass
+class Report:
+    """The verdict and everything that explains it."""
+
+    drill: str
+    seed: int
+    filename: str
+    source: str
+    reason: Reason = Reason.RIGHT
+    sentence: str = SENTENCES[Reason.RIGHT]
+    checks: list[Check] = field(default_factory=list)
+    slip: str = ""
+    diagnosis: str = ""
+    problem: Problem | None = None
+    costs: list[Cost] = field(default_factory=list)
+    output: str = ""
+    seconds: float = 0.0
+
+    @property
+    def passed(self) -> bool:
+        """Whether the submission is right."""
+        return self.reason is Reason.RIGHT
+
+    @property
+    def verdict(self) -> str:
+        """ "pass" or "fail"."""
+        return "pass" if self.passed else "fail"
+
+
+@dataclass(frozen=True)
+class Step:
+    """One recorded request to the child, and what came back."""
+
+    kind: str
+    target: str
+    handle: Handle | None
+    args: tuple[Any, ...]
+    kwargs: dict[str, Any]
+    result: Any
+
+
+class Learner:
+    """The submission in its child: every request is recorded, and its arguments watched."""
+
+    def __init__(self, child: Child, attempt: Attempt) -> None:
+        self.child = child
+        self.steps: list[Step] = []
+        self._attempt = attempt
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> Any:
+        """A function of the submission."""
+        return self._record("call", name, None, args, kwargs)
+
+    def new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
+        """An object of the submission, which stays in the child."""
+        return self._record("new", name, None, args, kwargs)
+
+    def method(self, handle: Handle, name: str, *args: Any, **kwargs: Any) -> Any:
+        """A method of an object that is in the child."""
+        return self._record("method", name, handle, args, kwargs)
+
+    def given(self, name: str, *args: Any, **kwargs: Any) -> Any:
+        """A function of the drill's given module, run in the child."""
+        return self._record("given", name, None, args, kwargs)
+
+    def given_new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
+        """The same, and the result stays in the child."""
+        return self._record("given_new", name, None, args, kwargs)
+
+    def _record(
+        self, kind: str, name: str, handle: Handle | None, args: Any, kwargs: dict[str, Any]
+    ) -> Any:
+        kept = copy.deepcopy(args), copy.deepcopy(kwargs)
+        result = _request(self.child, kind, name, handle, args, kwargs)
+        self.steps.append(Step(kind, name, handle, *kept, result))
+        if kind in ("call", "method", "new") and self.child.changed:
+            self._attempt.inputs_changed(describe_call(name, kept[0], kept[1]))
+        return result
+
+
+class Attempt:
+    """One grading: what a judge works with.
+
+    Attributes:
+        rng: the generator of this run's hidden cases, from the printed seed.
+        learner: the submission in its child.
+        reference: the worked answer in this process, with the same calls as `learner`.
+        card, exercise: what is graded.
+        report: what was found so far.
+    """
+
+    def __init__(self, card: Card, exercise: Exercise, child: Child, report: Report) -> None:
+        self.card = card
+        self.exercise = exercise
+        self.report = report
+        self.rng = np.random.default_rng(report.seed)
+        self.learner = Learner(child, self)
+        self.reference = InProcess(card.solution_text(), exercise.given)
+
+    @property
+    def failed(self) -> bool:
+        """Whether a check has failed so far."""
+        return any(not check.passed for check in self.report.checks)
+
+    def call(self, *args: Any, **kwargs: Any) -> Any:
+        """The submission's function, for an exercise that is one function."""
+        return self.learner.call(self.card.entry, *args, **kwargs)
+
+    def expected(self, *args: Any, **kwargs: Any) -> Any:
+        """What the worked answer gives for the same call."""
+        return self.reference.call(self.card.entry, *args, **kwargs)
+
+    def compare(
+        self,
+        name: str,
+        got: Any,
+        expected: ArrayLike,
+        *,
+        tolerance: float,
+        unit: str,
+        why: str,
+        call: str = "",
+        slip: str = "",
+    ) -> bool:
+        """Check a value: type, shape, finite, then the worst component against the tolerance.
+
+        Args:
+            name: what is compared, in a few words.
+            got: what came back.
+            expected: the right values; their shape is the shape asked for.
+            tolerance: largest error of a component that is right.
+            unit: of the values.
+            why: the reason of the tolerance.
+            call: the call, as `describe_call` writes it.
+            slip: the slip that a wrong value here shows, if it can only be that one.
+
+        Returns:
+            Whether it is right.
+        """
+        truth = np.asarray(expected, dtype=np.float64)
+        base: dict[str, Any] = {"name": name, "call": call, "unit": unit, "why": why}
+        base |= {"tolerance": tolerance, "expected": describe(truth)}
+        try:
+            values = as_float64(got, truth.shape)
+        except Mismatch as wrong:
+            said = wrong.sentence[0].upper() + wrong.sentence[1:]
+            self._add(Check(**base, reason=wrong.reason, sentence=said, got=describe(got)))
+            return False
+        error, place = worst(values, truth)
+        if not (error <= tolerance):
+            at = f" at index {place}" if place else ""
+            sentence = (
+                f"Off by {error:.3g} {unit}{at}: {values[place]:.6g}, not {truth[place]:.6g}."
+            )
+            base |= {"reason": Reason.WRONG_VALUE, "sentence": sentence, "slip": slip}
+            self._add(Check(**base, error=error, got=describe(values)))
+            return False
+        self._add(Check(**base, reason=Reason.RIGHT, error=error, got=describe(values)))
+        return True
+
+    def require(
+        self,
+        name: str,
+        holds: bool,
+        *,
+        sentence: str,
+        got: str = "",
+        expected: str = "",
+        error: float = math.nan,
+        tolerance: float = math.nan,
+        unit: str = "",
+        why: str = "",
+        call: str = "",
+        slip: str = "",
+        reason: Reason = Reason.WRONG_PROPERTY,
+    ) -> bool:
+        """Check a property; `sentence` says what is wrong when it does not hold.
+
+        Where there are an error and a tolerance, hand them in, and `holds` must come from
+        `error <= tolerance`, so that a NaN fails.
+        """
+        if not holds:
+            self._add(
+                Check(
+                    name, reason, sentence, call, got, expected, error, tolerance, unit, why, slip
+                )
+            )
+            return False
+        self._add(Check(name, Reason.RIGHT, "", call, got, expected, error, tolerance, unit, why))
+        return True
+
+    def require_error(
+        self,
+        name: str,
+        request: Callable[[], Any],
+        *,
+        sentence: str,
+        errors: Sequence[str] = ("ValueError",),
+        call: str = "",
+        slip: str = "",
+    ) -> bool:
+        """Check that a wrong argument is refused with one of the named exceptions."""
+        expected = " or ".join(errors)
+        try:
+            value = request()
+        except Raised as raised:
+            if raised.type in errors:
+                self._add(Check(name, Reason.RIGHT, call=call, got=raised.type, expected=expected))
+                return True
+            got, said = raised.type, f"It raised {raised.type}, not {expected}. {sentence}"
+        else:
+            got, said = f"returned {describe(value)}", sentence
+        self._add(Check(name, Reason.MISSING_ERROR, said, call, got, expected, slip=slip))
+        return False
+
+    def cost(self, what: str, unit: str, *, yours: float, reference: float) -> None:
+        """Say what the submission spent beside the reference."""
+        self.report.costs.append(Cost(what, unit, yours, reference))
+
+    def time_call(self, *args: Any, repeat: int = 200) -> None:
+        """Time one call of the function, here and there, by this side's clock."""
+        child = self.learner.child
+        child.call(self.card.entry, *args, repeat=1)
+        single = child.elapsed
+        child.call(self.card.entry, *args, repeat=repeat + 1)
+        yours = max(child.elapsed - single, 0.0) / repeat
+        self.reference.call(self.card.entry, *args, repeat=repeat)
+        self.cost("time per call", "s", yours=yours, reference=self.reference.elapsed / repeat)
+
+    def inputs_changed(self, call: str) -> None:
+        """Record that a call changed one of its arguments."""
+        if not any(check.reason is Reason.INPUTS_CHANGED for check in self.report.checks):
+            sentence = SENTENCES[Reason.INPUTS_CHANGED]
+            self._add(Check("inputs unchanged", Reason.INPUTS_CHANGED, sentence, call))
+
+    def _add(self, check: Check) -> None:
+        self.report.checks.append(check)
+
+
+@dataclass(frozen=True)
+class Case:
+    """One call of a function exercise: its arguments, and a word on what is special."""
+
+    args: tuple[Any, ...]
+    label: str = "random"
+
+
+def judge_function(
+    attempt: Attempt,
+    cases: Sequence[Case],
+    *,
+    tolerance: float | Callable[[Case], float],
+    unit: str,
+    why: str,
+    repeated: int = 3,
+) -> None:
+    """Judge a pure function: every case in random order, some of them twice.
+
+    Args:
+        attempt: the grading.
+        cases: the calls; the worked answer says what is right.
+        tolerance: largest error of a component, one for all or by case.
+        unit: of the result.
+        why: the reason of the tolerance.
+        repeated: how many calls are made again at the end and must give the same bits.
+    """
+    order = attempt.rng.permutation(len(cases))
+    first: list[tuple[Case, Any]] = []
+    for index in order:
+        case = cases[index]
+        got = attempt.call(*case.args)
+        first.append((case, got))
+        allowed = tolerance(case) if callable(tolerance) else tolerance
+        attempt.compare(
+            case.label,
+            got,
+            attempt.expected(*case.args),
+            tolerance=allowed,
+            unit=unit,
+            why=why,
+            call=describe_call(attempt.card.entry, case.args),
+        )
+    if attempt.failed:
+        return
+    for i in attempt.rng.choice(len(first), size=min(repeated, len(first)), replace=False):
+        case, before = first[i]
+        again = attempt.call(*case.args)
+        same = identical(before, again)
+        attempt.require(
+            "same call, same answer",
+            same,
+            sentence="The same call gave another answer the second time.",
+            got=describe(again),
+            expected=describe(before),
+            call=describe_call(attempt.card.entry, case.args),
+            reason=Reason.NOT_DETERMINISTIC,
+        )
+    if not attempt.failed:
+        attempt.time_call(*cases[-1].args)
+
+
+def grade(
+    name: str,
+    source: str,
+    *,
+    filename: str = "submission.py",
+    seed: int | None = None,
+    starter_too: bool = False,
+) -> Report:
+    """Grade a submission.
+
+    Args:
+        name: of the exercise.
+        source: the submission's text.
+        filename: how messages call it.
+        seed: of the hidden cases; drawn afresh when None, and in the report either way.
+        starter_too: judge an untouched starter as well, instead of saying "not attempted".
+
+    Returns:
+        The report; a wrong or hostile submission never raises here.
+
+    Raises:
+        UnknownExercise: for a name that isn't in the catalogue.
+    """
+    start = time.perf_counter()
+    card, exercise = catalogue.card(name), None
+    chosen = secrets.randbits(32) if seed is None else seed
+    report = Report(card.name, chosen, filename, source)
+    if not starter_too and is_starter(card, source):
+        report.reason = Reason.NOT_ATTEMPTED
+        report.sentence = SENTENCES[Reason.NOT_ATTEMPTED]
+        return report
+    with start_child(card, source, filename) as child, start_child(card, source, filename) as twin:
+        exercise = catalogue.exercise(name)
+        attempt = Attempt(card, exercise, child, report)
+        try:
+            _check_signature(card, child.load())
+            exercise.judge(attempt)
+            if not attempt.failed:
+                _check_replay(attempt, twin)
+        except (Ended, Raised, SyntaxProblem, MissingName, _WrongSignature) as stop:
+            _stopped(attempt, stop)
+        report.output = child.output
+    _conclude(attempt)
+    report.seconds = time.perf_counter() - start
+    return report
+
+
+def start_child(card: Card, source: str, filename: str) -> Child:
+    """A child for a submission; it starts at once and is ready when `load` returns."""
+    exercise = catalogue.exercise(card.name)
+    limits = exercise.limits or Limits()
+    return Child(source, filename=filename, entry=card.entry, given=exercise.given, limits=limits)
+
+
+def is_starter(card: Card, source: str) -> bool:
+    """Whether the graded definition is still that of the starter, comments and layout aside."""
+    theirs, ours = _entry_text(source, card.entry), _entry_text(card.starter(), card.entry)
+    return theirs is not None and theirs == ours
+
+
+def describe(value: Any, limit: int = 72) -> str:
+    """A value as a short text: numbers with six digits, long ones cut."""
+    if isinstance(value, np.ndarray):
+        if value.size > 16:
+            return f"array of shape {value.shape}"
+        text = np.array2string(
+            value,
+            separator=", ",
+            max_line_width=10**6,
+            formatter={"float_kind": lambda x: f"{x:.6g}"},
+        ).replace("\n", "")
+        text = " ".join(text.split())
+    elif isinstance(value, float):
+        text = f"{value:.6g}"
+    elif isinstance(value, list | tuple):
+        inner = ", ".join(describe(item, limit) for item in value[:17])
+        text = f"[{inner}]" if isinstance(value, list) else f"({inner})"
+    elif value is None or isinstance(value, bool | int | str | dict):
+        text = repr(value)
+    elif isinstance(value, Handle | Local):
+        text = "..."
+    else:
+        text = type_name(value)
+    return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+def describe_call(name: str, args: Sequence[Any], kwargs: dict[str, Any] | None = None) -> str:
+    """A call as one would type it."""
+    inside = [describe(a, 40) for a in args]
+    inside += [f"{key}={describe(value, 40)}" for key, value in (kwargs or {}).items()]
+    return f"{name}({', '.join(inside)})"
+
+
+def identical(a: Any, b: Any) -> bool:
+    """Whether two results are the same to the last bit, NaN equal to NaN."""
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, list | tuple):
+        return len(a) == len(b) and all(map(identical, a, b))
+    if isinstance(a, dict):
+        return list(a) == list(b) and all(identical(a[key], b[key]) for key in a)
+    if isinstance(a, float):
+        return a == b or (math.isnan(a) and math.isnan(b))
+    if isinstance(a, bool | int | str) or a is None:
+        return bool(a == b)
+    return True  # handles, and what cannot travel
+
+
+def close(a: Any, b: Any, relative: float = 1e-9) -> bool:
+    """Whether two results are the same but for rounding."""
+    try:
+        x, y = as_float64(a, None), as_float64(b, None)
+    except Mismatch:
+        if isinstance(a, list | tuple) and isinstance(b, list | tuple):
+            return len(a) == len(b) and all(
+                close(p, q, relative) for p, q in zip(a, b, strict=True)
+            )
+        if isinstance(a, dict) and isinstance(b, dict):
+            return a.keys() == b.keys() and all(close(a[key], b[key], relative) for key in a)
+        return a is None and b is None
+    if x.shape != y.shape:
+        return False
+    scale = max(1.0, float(np.max(np.abs(y), initial=0.0)))
+    return bool(np.all(np.abs(x - y) <= relative * scale))
+
+
+class _WrongSignature(Exception):
+    """The submission's arguments differ from those asked for."""
+
+
+def _request(
+    child: Any, kind: str, name: str, handle: Any, args: Any, kwargs: dict[str, Any]
+) -> Any:
+    if kind == "method":
+        return child.method(handle, name, *args, **kwargs)
+    return getattr(child, kind)(name, *args, **kwargs)
+
+
+def _check_signature(card: Card, loaded: Loaded) -> None:
+    asked = card.signatures[0]
+    kind = "class" if loaded.is_class else "function" if loaded.callable else "value"
+    if kind != card.kind:
+        raise _WrongSignature(f"{card.entry} must be a {card.kind}; yours is a {kind}.")
+    if loaded.parameters is None:
+        return
+    places = [p for p in loaded.parameters if p.kind.startswith("positional")]
+    star = any(p.kind == "var_positional" for p in loaded.parameters)
+    required = sum(not p.has_default for p in places)
+    keyword = [p.name for p in loaded.parameters if p.kind == "keyword_only" and not p.has_default]
+    least, most = asked.counts()
+    if keyword or required > least or (len(places) < most and not star):
+        theirs = ", ".join(p.name for p in loaded.parameters)
+        raise _WrongSignature(f"The task asks for {asked.text}; yours is {card.entry}({theirs}).")
+
+
+def _check_replay(attempt: Attempt, twin: Child) -> None:
+    """Make the same requests in a second process: the bits must be the same."""
+    twin.load()
+    handles: dict[int, Any] = {}
+
+    def there(value: Any) -> Any:
+        return handles.get(id(value), value) if isinstance(value, Handle) else value
+
+    for step in attempt.learner.steps[: attempt.exercise.replayed]:
+        args = tuple(map(there, step.args))
+        kwargs = {key: there(value) for key, value in step.kwargs.items()}
+        result = _request(twin, step.kind, step.target, there(step.handle), args, kwargs)
+        if isinstance(step.result, Handle):
+            handles[id(step.result)] = result
+        elif not identical(result, step.result):
+            attempt.require(
+                "same answer in a second process",
+                False,
+                sentence="The same calls in a fresh process gave another answer. Clock, process "
+                "number, hash order or an unseeded generator must not matter.",
+                got=describe(result),
+                expected=describe(step.result),
+                call=describe_call(step.target, step.args, step.kwargs),
+                reason=Reason.NOT_DETERMINISTIC,
+            )
+            return
+
+
+def _stopped(attempt: Attempt, stop: Exception) -> None:
+    report = attempt.report
+    if isinstance(stop, Ended):
+        report.reason, report.sentence = stop.reason, stop.sentence
+    elif isinstance(stop, Raised):
+        report.reason = Reason.RAISED
+        report.sentence = f"{attempt.card.entry} raised {stop.type}."
+        report.problem = Problem(stop.type, stop.message, tuple(stop.frames))
+    elif isinstance(stop, SyntaxProblem):
+        report.reason, report.sentence = Reason.SYNTAX_ERROR, SENTENCES[Reason.SYNTAX_ERROR]
+        report.problem = Problem("SyntaxError", stop.message, line=stop.line, column=stop.column)
+    elif isinstance(stop, MissingName):
+        near = f" It defines {', '.join(stop.defined[:6])}." if stop.defined else ""
+        report.reason = Reason.MISSING_NAME
+        report.sentence = f"{attempt.card.entry} is not defined.{near}"
+    else:
+        report.reason, report.sentence = Reason.WRONG_SIGNATURE, str(stop)
+
+
+def _conclude(attempt: Attempt) -> None:
+    """The first failed check gives the reason, unless the run itself was stopped; then the slip."""
+    report = attempt.report
+    failures = [check for check in report.checks if not check.passed]
+    if report.passed and failures:
+        report.reason, report.sentence = failures[0].reason, failures[0].sentence
+    if report.passed and not report.checks:
+        raise AssertionError(f"the judge of {report.drill} checked nothing")
+    if not report.passed:
+        slip = next((check.slip for check in failures if check.slip), "") or _matched_slip(attempt)
+        if slip:
+            report.slip = slip
+            report.diagnosis = next(s.sentence for s in attempt.exercise.slips if s.name == slip)
+
+
+def _matched_slip(attempt: Attempt) -> str:
+    """The slip that gives what the submission gave in every recorded request, or ""."""
+    steps = attempt.learner.steps
+    if not steps:
+        return ""
+    for slip in attempt.exercise.slips:
+        if _gives_the_same(attempt, slip, steps):
+            return slip.name
+    return ""
+
+
+def _gives_the_same(attempt: Attempt, slip: Slip, steps: list[Step]) -> bool:
+    local = InProcess(slip.text(attempt.card.solution_text()), attempt.exercise.given)
+    handles: dict[int, Any] = {}
+
+    def here(value: Any) -> Any:
+        return handles.get(id(value), value) if isinstance(value, Handle) else value
+
+    for step in steps:
+        args = tuple(map(here, step.args))
+        kwargs = {key: here(value) for key, value in step.kwargs.items()}
+        try:
+            result = _request(local, step.kind, step.target, here(step.handle), args, kwargs)
+        except Exception:  # a slip may fail where the submission did not: then it is another one
+            return False
+        if isinstance(result, Local):
+            handles[id(step.result)] = result
+        elif not close(step.result, result):
+            return False
+    return True
+
+
+def _entry_text(source: str, entry: str) -> str | None:
+    """The graded definition without comments, layout and docstrings; None if there is none."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            tree = ast.parse(source)
+        return next((_bare(node) for node in tree.body if _is_definition(node, entry)), None)
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return None
+
+
+def _is_definition(node: ast.AST, name: str | None = None) -> bool:
+    is_one = isinstance(node, ast.FunctionDef | ast.ClassDef)
+    return is_one and name in (None, getattr(node, "name", None))
+
+
+def _bare(node: ast.stmt) -> str:
+    for inner in ast.walk(node):
+        if isinstance(inner, ast.FunctionDef | ast.ClassDef) and len(inner.body) > 1:
+            head = inner.body[0]
+            if isinstance(head, ast.Expr) and isinstance(head.value, ast.Constant):
+                del inner.body[0]
+    return ast.dump(node)
