@@ -139,6 +139,8 @@ class Learner:
     def __init__(self, child: Child, attempt: Attempt) -> None:
         self.child = child
         self.steps: list[Step] = []
+        self.loading = 0.0  # s, the submission's top level
+        self.longest = 0.0  # s, the slowest request so far by this side's clock
         self._attempt = attempt
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> Any:
@@ -166,6 +168,7 @@ class Learner:
     ) -> Any:
         kept = copy.deepcopy(args), copy.deepcopy(kwargs)
         result = _request(self.child, kind, name, handle, args, kwargs)
+        self.longest = max(self.longest, self.child.elapsed)
         self.steps.append(Step(kind, name, handle, *kept, result))
         if kind in ("call", "method", "new") and self.child.changed:
             self._attempt.inputs_changed(describe_call(name, kept[0], kept[1]))
@@ -416,28 +419,34 @@ def grade(
     Raises:
         UnknownExercise: for a name that isn't in the catalogue.
     """
-    start = time.perf_counter()
-    card, exercise = catalogue.card(name), None
+    card = catalogue.card(name)
     chosen = secrets.randbits(32) if seed is None else seed
-    report = Report(card.name, chosen, filename, source)
     if not starter_too and is_starter(card, source):
+        report = Report(card.name, chosen, filename, source)
         report.reason = Reason.NOT_ATTEMPTED
         report.sentence = SENTENCES[Reason.NOT_ATTEMPTED]
         return report
+    return attempt(card, source, filename=filename, seed=chosen).report
+
+
+def attempt(card: Card, source: str, *, filename: str, seed: int) -> Attempt:
+    """Run and judge a submission; what was asked and answered stays in the `Attempt`."""
+    start = time.perf_counter()
+    report = Report(card.name, seed, filename, source)
     with start_child(card, source, filename) as child, start_child(card, source, filename) as twin:
-        exercise = catalogue.exercise(name)
-        attempt = Attempt(card, exercise, child, report)
+        found = Attempt(card, catalogue.exercise(card.name), child, report)
         try:
             _check_signature(card, child.load())
-            exercise.judge(attempt)
-            if not attempt.failed:
-                _check_replay(attempt, twin)
+            found.learner.loading = child.elapsed
+            found.exercise.judge(found)
+            if not found.failed:
+                _check_replay(found, twin)
         except (Ended, Raised, SyntaxProblem, MissingName, _WrongSignature) as stop:
-            _stopped(attempt, stop)
+            _stopped(found, stop)
         report.output = child.output
-    _conclude(attempt)
+    _conclude(found)
     report.seconds = time.perf_counter() - start
-    return report
+    return found
 
 
 def start_child(card: Card, source: str, filename: str) -> Child:

@@ -60,6 +60,10 @@ class InProcess:
         """The value of a handle."""
         return copy.deepcopy(handle.value)
 
+    def evaluate(self, expression: str) -> Any:
+        """The value of an expression in the namespace of the text."""
+        return eval(expression, self._module.__dict__)
+
     def _run(self, function: Any, args: Any, kwargs: Any, repeat: int = 1) -> Any:
         args = [_received(a) for a in args]
         kwargs = {key: _received(value) for key, value in kwargs.items()}
