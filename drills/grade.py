@@ -310,6 +310,26 @@ class Attempt:
         self._add(Check(name, Reason.MISSING_ERROR, said, call, got, expected, slip=slip))
         return False
 
+    def parts(self, got: Any, names: Sequence[str], *, call: str = "") -> tuple[Any, ...] | None:
+        """The members of an answer that is a tuple, or None after a failed check.
+
+        A list, or an array with one row for each member, is as good as a tuple.
+        """
+        if isinstance(got, np.ndarray) and got.ndim > 0:
+            got = [np.asarray(row) for row in got]
+        if isinstance(got, list | tuple) and len(got) == len(names):
+            return tuple(got)
+        wanted = f"{len(names)} values ({', '.join(names)})"
+        if got is None:
+            reason, sentence = Reason.NOTHING_RETURNED, SENTENCES[Reason.NOTHING_RETURNED]
+        elif isinstance(got, list | tuple):
+            reason, sentence = Reason.WRONG_SHAPE, f"{len(got)} came back; {wanted} are asked for."
+        else:
+            reason = Reason.WRONG_TYPE
+            sentence = f"One {type_name(got)} came back; {wanted} are asked for."
+        self._add(Check("the answer's parts", reason, sentence, call, describe(got), wanted))
+        return None
+
     def cost(self, what: str, unit: str, *, yours: float, reference: float) -> None:
         """Say what the submission spent beside the reference."""
         self.report.costs.append(Cost(what, unit, yours, reference))

@@ -67,7 +67,8 @@ def worst(got: Array, expected: Array) -> tuple[float, tuple[int, ...]]:
 
 
 def _numbers(value: Any, what: str) -> Array:
-    if isinstance(value, np.ndarray):
+    if isinstance(value, np.ndarray | np.generic):
+        value = np.asarray(value)
         if value.dtype.kind not in "iuf":
             raise Mismatch(
                 Reason.WRONG_TYPE, f"{what} is an {type_name(value)}; numbers are asked for."
