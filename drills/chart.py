@@ -1,4 +1,4 @@
-"""A submission's place on the exercise's work-precision chart, beside the reference and a library."""
+"""A submission on its exercise's work-precision chart, beside the reference and a library."""
 
 from __future__ import annotations
 

@@ -484,28 +484,31 @@ def is_starter(card: Card, source: str) -> bool:
 
 def describe(value: Any, limit: int = 72) -> str:
     """A value as a short text: numbers with six digits, long ones cut."""
+    text = _described(value, limit)
+    return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+def _described(value: Any, limit: int) -> str:
     if isinstance(value, np.ndarray):
         if value.size > 16:
             return f"array of shape {value.shape}"
-        text = np.array2string(
-            value,
-            separator=", ",
-            max_line_width=10**6,
-            formatter={"float_kind": lambda x: f"{x:.6g}"},
-        ).replace("\n", "")
-        text = " ".join(text.split())
-    elif isinstance(value, float):
-        text = f"{value:.6g}"
-    elif isinstance(value, list | tuple):
-        inner = ", ".join(describe(item, limit) for item in value[:17])
-        text = f"[{inner}]" if isinstance(value, list) else f"({inner})"
-    elif value is None or isinstance(value, bool | int | str | dict):
-        text = repr(value)
-    elif isinstance(value, Handle | Local):
-        text = "..."
-    else:
-        text = type_name(value)
-    return text if len(text) <= limit else text[: limit - 3] + "..."
+        return _described(value.tolist(), limit)
+    if isinstance(value, bool) or value is None:
+        return repr(value)
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, int):
+        bits = value.bit_length()
+        return str(value) if bits <= 128 else f"an integer of {bits} bits"
+    if isinstance(value, str):
+        return repr(value[:limit])
+    if isinstance(value, dict):
+        items = [f"{key!r}: {describe(value[key], limit)}" for key in list(value)[:8]]
+        return "{" + ", ".join(items) + "}"
+    if isinstance(value, list | tuple):
+        inside = ", ".join(describe(item, limit) for item in value[:17])
+        return f"[{inside}]" if isinstance(value, list) else f"({inside})"
+    return "..." if isinstance(value, Handle | Local) else type_name(value)
 
 
 def describe_call(name: str, args: Sequence[Any], kwargs: dict[str, Any] | None = None) -> str:

@@ -82,6 +82,8 @@ def _numbers(value: Any, what: str) -> Array:
                 Reason.NOT_FINITE, f"{what} holds an integer too large for a float."
             ) from None
     if isinstance(value, list | tuple):
+        if value and all(type(item) is float for item in value):
+            return np.array(value, dtype=np.float64)
         rows = [_numbers(item, what) for item in value]
         if not rows:
             return np.zeros(0)

@@ -1,0 +1,96 @@
+"""The whole catalogue proved on the real grader, and the proof itself shown to be able to fail."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drills import exercise as catalogue
+from drills import verify
+from drills.exercise import Quantity, Slip
+from drills.sandbox import Limits
+
+
+@pytest.mark.parametrize("name", catalogue.names())
+def test_exercise_is_proved(name: str) -> None:
+    findings = verify.findings_of(name, seeds=50)
+    assert [f"{f.what}: {f.detail}" for f in findings if not f.passed] == []
+    assert len(findings) >= 12
+
+
+def _failed(monkeypatch: pytest.MonkeyPatch, card: Any = None, exercise: Any = None) -> set[str]:
+    """What is not proved of fk3 after a change to its card or its exercise."""
+    real_card, real_exercise = catalogue.card("fk3"), catalogue.exercise("fk3")
+    changed_card = dataclasses.replace(real_card, **(card or {}))
+    changed = dataclasses.replace(real_exercise, **(exercise or {}))
+    monkeypatch.setattr(catalogue, "card", lambda name: changed_card)
+    monkeypatch.setattr(catalogue, "exercise", lambda name: changed)
+    return {f.what for f in verify.findings_of("fk3", seeds=1) if not f.passed}
+
+
+def test_nothing_fails_without_a_change(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert _failed(monkeypatch) == set()
+
+
+def test_an_empty_hint_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    hints = tuple(dataclasses.replace(h, text=" ") for h in catalogue.card("fk3").hints)
+    assert _failed(monkeypatch, card={"hints": hints}) == {"three hints, none empty"}
+
+
+def test_a_unit_or_shape_that_is_not_stated_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    signature = catalogue.card("fk3").signatures[0]
+    wrong = tuple(dataclasses.replace(q, shape="(2,)") for q in signature.arguments)
+    changed = (dataclasses.replace(signature, arguments=wrong),)
+    assert "the prompt states every shape" in _failed(monkeypatch, card={"signatures": changed})
+
+
+def test_a_slip_that_passes_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    solution = catalogue.card("fk3").solution_text()
+    harmless = Slip("harmless", "Nothing.", source=solution + "\nX = 1\n")
+    slips = (*catalogue.exercise("fk3").slips, harmless)
+    assert _failed(monkeypatch, exercise={"slips": slips}) == {"slip harmless is caught and named"}
+
+
+def test_too_few_slips_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    slips = catalogue.exercise("fk3").slips[:3]
+    assert "at least four slips" in _failed(monkeypatch, exercise={"slips": slips})
+
+
+def test_a_tight_limit_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    tight = Limits(total=2.0)
+    found = _failed(monkeypatch, exercise={"limits": tight})
+    assert found == {f"the limits leave it {catalogue.HEADROOM} times its own time"}
+
+
+def test_a_judge_that_is_too_strict_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    def strict(attempt: Any) -> None:
+        answer = attempt.call([1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
+        attempt.compare("x", answer, np.ones((4, 2)), tolerance=1e-9, unit="m", why="w")
+
+    assert "the worked answer passes 1 seeds" in _failed(monkeypatch, exercise={"judge": strict})
+
+
+def test_a_judge_that_accepts_the_starter_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    def lenient(attempt: Any) -> None:
+        attempt.require("x", bool(attempt.call([1.0] * 3, [0.0] * 3) is not None), sentence="s")
+
+    assert "the starter runs and fails" in _failed(monkeypatch, exercise={"judge": lenient})
+
+
+@pytest.mark.parametrize(
+    ("shape", "value", "fits"),
+    [
+        ("(3,)", np.zeros(3), True),
+        ("(3,)", [1.0, 2.0, 3.0], True),
+        ("(3,)", np.zeros(4), False),
+        ("(n, 2)", np.zeros((7, 2)), True),
+        ("(n, n)", np.zeros((7, 2)), False),
+        ("number", 1.0, True),
+        ("number", np.zeros(3), False),
+    ],
+)
+def test_shapes(shape: str, value: Any, fits: bool) -> None:
+    assert verify.shape_matches(Quantity("q", shape, "m", ""), value, {}) is fits
