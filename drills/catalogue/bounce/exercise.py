@@ -1,0 +1,273 @@
+"""A bouncing point: single steps with none, one, many or infinitely many impacts, then energy."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from drills.exercise import Exercise, Slip
+from drills.grade import Attempt, Case, describe_call
+from drills.reasons import Reason
+
+if TYPE_CHECKING:
+    from course.measure.work_precision import WorkPrecision
+
+GIVEN = Path(__file__).with_name("given.py").read_text(encoding="utf-8")
+CLOSED_FORM = "the motion has a closed form; rounding of some dozens of flights stays below 1e-9"
+
+
+def judge(attempt: Attempt) -> None:
+    """Single steps in random order, then the energy of an elastic ball."""
+    cases = _cases(attempt)
+    for index in attempt.rng.permutation(len(cases)):
+        case = cases[index]
+        call = describe_call(attempt.card.entry, case.args)
+        parts = attempt.parts(attempt.call(*case.args), ("y", "v"), call=call)
+        if parts is None:
+            continue
+        y, v = attempt.expected(*case.args)
+        check = {"tolerance": 1e-9, "why": CLOSED_FORM, "call": call}
+        attempt.compare(f"{case.label}: height", parts[0], y, unit="m", **check)
+        attempt.compare(f"{case.label}: velocity", parts[1], v, unit="m/s", **check)
+    if any(c.reason not in (Reason.RIGHT, Reason.WRONG_VALUE) for c in attempt.report.checks):
+        return
+    _energy(attempt)
+    if not attempt.failed:
+        attempt.time_call(*cases[0].args)
+
+
+def _cases(attempt: Attempt) -> list[Case]:
+    rng = attempt.rng
+
+    def between(low: float, high: float) -> float:
+        return float(rng.uniform(low, high))
+
+    def clear(label: str, *ranges: tuple[float, float]) -> Case:
+        """A case whose end is not at the moment of an impact, where the velocity jumps."""
+        while True:
+            y, v, dt, e = (between(*r) for r in ranges[:4])
+            gravity = between(*ranges[4]) if len(ranges) > 4 else 9.81
+            ends = [attempt.expected(y, v, dt * (1.0 + s), e, gravity)[1] for s in (-1e-6, 1e-6)]
+            if abs(ends[1] - ends[0]) < 1e-3:
+                return Case((y, v, dt, e, gravity), label)
+
+    zero, usual = (0.0, 0.0), (0.3, 0.9)
+    cases = [
+        clear("falling", (1.0, 2.0), (-2.0, 0.0), (0.001, 0.1), usual),
+        clear("rising", (0.0, 2.0), (1.0, 5.0), (0.001, 0.1), usual),
+        clear("one impact", (0.01, 0.05), (-5.0, -3.0), (0.02, 0.05), usual),
+        clear("one impact", (0.1, 1.0), (-3.0, 3.0), (0.6, 0.8), usual),
+        clear("several impacts", (0.5, 2.0), (-5.0, 5.0), (1.5, 2.0), (0.6, 0.9)),
+        clear("several impacts", (0.5, 2.0), (-5.0, 5.0), (1.5, 2.5), (0.6, 0.9)),
+        clear("on the Moon", (0.1, 0.3), (-1.0, 1.0), (2.0, 3.0), (0.7, 0.9), (1.62, 1.63)),
+        clear("many impacts", (0.2, 0.3), (-1.0, 1.0), (9.0, 10.0), (0.985, 0.99)),
+        clear("elastic", (0.1, 1.0), (-3.0, 3.0), (2.0, 5.0), (1.0, 1.0)),
+        clear("upwards from the floor", zero, (0.5, 2.0), (0.01, 0.05), usual),
+        clear("upwards from the floor and back", zero, (0.5, 1.0), (0.25, 0.3), (0.8, 0.9)),
+        clear("downwards at the floor", zero, (-2.0, -1.0), (0.01, 0.05), usual),
+        clear("inelastic", (0.1, 0.5), (-1.0, 1.0), (0.6, 0.8), zero),
+        clear("comes to rest", (0.05, 0.2), (-1.0, 1.0), (4.0, 6.0), (0.3, 0.5)),
+        Case((0.0, 0.0, 0.01, 0.5, 9.81), "lies on the floor"),
+        Case((0.0, 0.0, 1.0, 1.0, 9.81), "lies on an elastic floor"),
+        Case((0.0, 1e-7, 0.01, between(*usual), 9.81), "hardly moves"),
+    ]
+    return cases
+
+
+def _energy(attempt: Attempt) -> None:
+    start = float(attempt.rng.uniform(0.3, 1.0))
+    y, v = start, 0.0
+    for _ in range(80):
+        new = attempt.call(y, v, 0.01, 1.0, 9.81)
+        y, v = (float(np.asarray(part)) for part in new)
+    energy = 0.5 * v * v + 9.81 * y
+    ratio = energy / (9.81 * start)
+    attempt.require(
+        "energy of an elastic ball",
+        abs(ratio - 1.0) <= 1e-9,
+        sentence=f"80 steps of 10 ms with restitution 1 multiply the energy by {ratio:.6g}.",
+        got=f"{ratio:.6g}",
+        expected="1",
+        error=abs(ratio - 1.0),
+        tolerance=1e-9,
+        unit="1",
+        why="nothing is lost and nothing gained, in flight or at an impact",
+    )
+
+
+def chart(attempt: Attempt) -> WorkPrecision:
+    """Height of a ball 1.5 s after its drop, with five steps or with thousands."""
+    from course.measure.work_precision import Method, Result, measure
+    from course.oracles import mujoco
+    from course.rigid_body import problems
+    from solutions.rigid_body import bounce_step
+
+    time, e, g = 1.5, 0.7, 9.81
+    steps = {time / n: n for n in (15, 50, 150, 500, 1500, 5000)}
+    size = 0.1
+    runners = {
+        dt: mujoco.box_drop(
+            (size, size),
+            1.0,
+            (0.0, 1.0 + size, 0.0),
+            (0.0, 0.0, 0.0),
+            dt,
+            "Euler",
+            restitution=e,
+            friction=0.0,
+            gravity=g,
+        )
+        for dt in steps
+    }
+
+    def yours(dt: float) -> Result:
+        return Result(attempt.learner.child.given("drive", 1.0, dt, e, g, steps[dt]), steps[dt])
+
+    def worked(dt: float) -> Result:
+        y, v = 1.0, 0.0
+        for _ in range(steps[dt]):
+            y, v = bounce_step(y, v, dt, e, g)
+        return Result([y], steps[dt])
+
+    def late(dt: float) -> Result:
+        y, v = 1.0, 0.0
+        for _ in range(steps[dt]):
+            y, v = y + v * dt - 0.5 * g * dt * dt, v - g * dt
+            if y < 0.0:
+                y, v = 0.0, -e * v
+        return Result([y], steps[dt])
+
+    def library(dt: float) -> Result:
+        return Result(runners[dt].run(steps[dt])[0][1:2] - size, steps[dt])
+
+    unit, all_steps = "steps", list(steps)
+    end = bounce_step(1.0, 0.0, time, e, g)[0]
+    return measure(
+        [
+            Method("yours", yours, all_steps, style="yours", unit=unit),
+            Method("worked answer", worked, all_steps, unit=unit),
+            Method("impact at the end of the step", late, all_steps, unit=unit),
+            Method("MuJoCo Euler, one-step contact", library, all_steps, "oracle", unit),
+        ],
+        [end],
+        reference_check=[problems.bounce_height(time, 1.0, e, g)],
+        tolerance=1e-3,
+        failed_above=5.0,
+        repeats=3,
+        question="Height of a bouncing ball after 1.5 s",
+        error_unit="m",
+    )
+
+
+_LOOP = """import math
+
+
+def bounce_step(y, v, dt, restitution, gravity=9.81):
+    for _ in range(2000):
+        impact = math.sqrt(v * v + 2.0 * gravity * y)
+        fall = (v + impact) / gravity
+        if dt < fall:
+            break
+        y, v, dt = 0.0, {speed}, dt - fall
+        {rest}
+    return y + v * dt - 0.5 * gravity * dt * dt, v - gravity * dt
+"""
+_END = """def bounce_step(y, v, dt, restitution, gravity=9.81):
+    y, v = y + v * dt - 0.5 * gravity * dt * dt, v - gravity * dt
+    if y < 0.0:
+        y, v = {floor}, {speed}
+    return y, v
+"""
+
+EXERCISE = Exercise(
+    judge=judge,
+    given=GIVEN,
+    examples=(
+        "bounce_step(1.0, 0.0, 0.2, 0.5)",
+        "bounce_step(1.0, 0.0, 0.6, 0.5)",
+        "bounce_step(1.0, 0.0, 2.0, 0.5)",
+        "bounce_step(0.0, 0.0, 0.01, 0.5)",
+    ),
+    chart=chart,
+    slips=(
+        Slip(
+            "impact_at_the_end",
+            "The ball is found below the floor at the end of the step, put on it and turned round "
+            "there. That moves the impact to the end of the step: a first-order error each time, "
+            "and energy out of nothing (the ball was lifted by m g d).",
+            source=_END.format(floor="0.0", speed="-restitution * v"),
+        ),
+        Slip(
+            "restitution_on_the_position",
+            "The height below the floor is mirrored and multiplied by the restitution. It is the "
+            "speed at the impact that restitution multiplies, and gravity acts on the way up as on "
+            "the way down.",
+            source=_END.format(floor="-restitution * y", speed="-restitution * v"),
+        ),
+        Slip(
+            "only_one_impact",
+            "Only the first impact of the step is resolved. A long step, or a ball near rest, has "
+            "more of them: your ball flies on through the floor.",
+            edits=(
+                (
+                    "    if gone * (1.0 - restitution) >= up:\n",
+                    "    return up * left - 0.5 * gravity * left * left, up - gravity * left\n"
+                    "    if gone * (1.0 - restitution) >= up:\n",
+                ),
+            ),
+        ),
+        Slip(
+            "rest_of_the_step_lost",
+            "After the impact the ball waits on the floor for the end of the step. What is left of "
+            "dt must be flown too.",
+            edits=(
+                (
+                    "    if gone * (1.0 - restitution) >= up:\n",
+                    "    return 0.0, up\n    if gone * (1.0 - restitution) >= up:\n",
+                ),
+            ),
+        ),
+        Slip(
+            "restitution_of_energy",
+            "The energy is multiplied by the restitution, so the speed by its square root. "
+            "Restitution is the ratio of the speeds; the energy keeps its square.",
+            edits=(("up = restitution * impact", "up = math.sqrt(restitution) * impact"),),
+        ),
+        Slip(
+            "restitution_once",
+            "Every flight after the first impact is as high as the one before: the restitution "
+            "acts at each impact, not only at the first.",
+            source=_LOOP.format(
+                speed="impact if y == 0.0 and v > 0.0 else restitution * impact",
+                rest="if v <= 0.0:\n            return 0.0, 0.0",
+            ),
+        ),
+        Slip(
+            "start_velocity_ignored",
+            "The speed of the impact is sqrt(2 g y), as if the ball had been dropped from rest. "
+            "Its velocity at the start belongs to it: sqrt(v^2 + 2 g y).",
+            edits=(
+                (
+                    "impact = math.sqrt(v * v + 2.0 * gravity * y)",
+                    "impact = math.sqrt(2.0 * gravity * y)",
+                ),
+            ),
+        ),
+        Slip(
+            "energy_gained",
+            "The ball is turned round with more speed than the impact had: the speed at the *end* "
+            "of the step, gained below the floor, is used in a flight from the impact on.",
+            edits=(("up = restitution * impact", "up = restitution * (gravity * dt - v)"),),
+        ),
+        Slip(
+            "rests_too_early",
+            "The ball is put to rest although it still bounces: a threshold on its speed cuts off "
+            "bounces that are due. How long they last is a finite sum: 2 u / (g (1 - e)).",
+            source=_LOOP.format(
+                speed="restitution * impact", rest="if v < 0.8:\n            return 0.0, 0.0"
+            ),
+        ),
+    ),
+)

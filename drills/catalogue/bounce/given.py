@@ -1,0 +1,10 @@
+"""A ball dropped from rest, in equal steps. For the chart."""
+
+
+def drive(y, dt, restitution, gravity, steps):
+    from submission import bounce_step
+
+    v = 0.0
+    for _ in range(steps):
+        y, v = bounce_step(y, v, dt, restitution, gravity)
+    return [float(y)]

@@ -1,0 +1,11 @@
+"""A body whose rate changes: one update per step, at the rate half way. For the chart."""
+
+import numpy as np
+
+
+def drive(q, rates, dt):
+    from submission import update_orientation
+
+    for rate in np.asarray(rates):
+        q = update_orientation(q, rate, dt)
+    return np.array(q, dtype=float)

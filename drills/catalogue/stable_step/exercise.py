@@ -1,0 +1,217 @@
+"""The stability limit of a mechanism: a number, compared with the worked answer."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drills.exercise import Exercise, Slip
+from drills.grade import Attempt, Case, describe_call
+
+if TYPE_CHECKING:
+    from course.measure.work_precision import WorkPrecision
+
+Array = NDArray[np.float64]
+
+
+def judge(attempt: Attempt) -> None:
+    """Values, each to 1e-9 of itself; then whether a simulation agrees."""
+    cases = _cases(attempt.rng)
+    for index in attempt.rng.permutation(len(cases)):
+        case = cases[index]
+        right = float(attempt.expected(*case.args))
+        attempt.compare(
+            case.label,
+            attempt.call(*case.args),
+            right,
+            tolerance=1e-9 * right,
+            unit="s",
+            why="1e-9 of the limit: eigenvalues of these matrices are known to 1e-12",
+            call=describe_call(attempt.card.entry, case.args),
+        )
+    if not attempt.failed:
+        _simulated(attempt)
+        attempt.time_call(*cases[0].args)
+
+
+def _chain(springs: Array) -> Array:
+    """Masses in a row, n + 1 springs between them and to both walls."""
+    n = springs.size - 1
+    K = np.zeros((n, n))
+    for i, k in enumerate(springs):
+        ends = [j for j in (i - 1, i) if 0 <= j < n]
+        for a in ends:
+            for b in ends:
+                K[a, b] += k if a == b else -k
+    return K
+
+
+def _cases(rng: np.random.Generator) -> list[Case]:
+    def chain(n: int, label: str) -> Case:
+        springs, masses = rng.uniform(50.0, 5000.0, n + 1), rng.uniform(0.2, 3.0, n)
+        return Case((_chain(springs), np.diag(masses)), label)
+
+    def coupled(n: int, label: str) -> Case:
+        a, b = rng.normal(size=(2, n, n))
+        return Case((1e3 * (a @ a.T), b @ b.T + 0.3 * np.eye(n)), label)
+
+    k, m = 10.0 ** rng.uniform(1.0, 6.0), rng.uniform(0.2, 5.0)
+    free = _chain(np.array([0.0, rng.uniform(100.0, 900.0), 0.0]))
+    # A soft mode beside a stiff one, in coordinates that mix the two.
+    turn = rng.uniform(0.3, 1.2)
+    R = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
+    stiff = R @ np.diag([1e6, 1.0]) @ R.T
+    return [
+        Case((_chain(np.full(9, k)), m * np.eye(8)), "a chain of equal masses"),
+        chain(3, "a chain"),
+        chain(12, "a long chain"),
+        Case((np.array([[k]]), np.array([[m]])), "one spring"),
+        coupled(2, "two coordinates, coupled masses"),
+        coupled(3, "three coordinates, coupled masses"),
+        coupled(6, "six coordinates, coupled masses"),
+        Case((free, np.diag(rng.uniform(0.5, 2.0, 2))), "free in space"),
+        Case((0.5 * (stiff + stiff.T), np.diag(rng.uniform(0.5, 2.0, 2))), "stiff and soft"),
+        Case((_chain(np.array([k, 2.0 * k])), np.array([[m]])), "one mass, two springs"),
+    ]
+
+
+def _simulated(attempt: Attempt) -> None:
+    """A run just below and one just above the submission's own answer."""
+    springs, masses = attempt.rng.uniform(100.0, 900.0, 5), attempt.rng.uniform(0.5, 2.0, 4)
+    K, M = _chain(springs), np.diag(masses)
+    limit = float(np.asarray(attempt.call(K, M)))
+    A, tops = np.linalg.solve(M, K), []
+    for factor in (0.995, 1.005):
+        dt, x, v, top = factor * limit, attempt.rng.normal(size=4), np.zeros(4), 0.0
+        for _ in range(800):
+            v = v - dt * (A @ x)
+            x = x + dt * v
+            top = max(top, float(np.max(np.abs(x))))
+        tops.append(top)
+    attempt.require(
+        "a simulation agrees",
+        tops[0] < 1e3 < 1e10 < tops[1],
+        sentence=f"800 steps reach {tops[0]:.2g} with 0.995 of your limit and {tops[1]:.2g} with "
+        "1.005 of it; the first should stay near 1, the second grow without end.",
+        got=f"{tops[0]:.2g} and {tops[1]:.2g}",
+        expected="below 1e3 and above 1e10",
+        call="semi-implicit Euler on four masses in a row",
+    )
+
+
+def chart(attempt: Attempt) -> WorkPrecision:
+    """The limit of a stiff spring: computed, or found by trying steps in MuJoCo."""
+    from course.measure import stability
+    from course.measure.work_precision import Method, Result, measure
+    from course.oracles import mujoco
+    from solutions.rigid_body import largest_stable_step
+
+    stiffness, mass = 1e5, 1.0
+    omega = math.sqrt(stiffness / mass)
+    K, M = np.array([[stiffness]]), np.array([[mass]])
+
+    def yours(_: float) -> Result:
+        return Result([float(np.asarray(attempt.learner.child.call(attempt.card.entry, K, M)))], 1)
+
+    def worked(_: float) -> Result:
+        return Result([largest_stable_step(K, M)], 1)
+
+    def bisected(width: float) -> Result:
+        tried = 0
+
+        def stable(x: float) -> bool:
+            nonlocal tried
+            tried += 1
+            return stability.is_stable_by_matrix(mujoco.oscillator_step("Euler", x), 2)
+
+        return Result([stability.limit(stable, 1.0, 3.0, width) / omega], tried)
+
+    unit = "models tried"
+    return measure(
+        [
+            Method("yours", yours, [1.0], style="yours", unit=unit),
+            Method("worked answer", worked, [1.0], unit=unit),
+            Method("MuJoCo Euler, bisected", bisected, [1e-1, 1e-2, 1e-3, 1e-4], "oracle", unit),
+        ],
+        [2.0 / omega],
+        reference_check=[2.0 / math.sqrt(stiffness / mass)],
+        tolerance=1e-2 * 2.0 / omega,
+        failed_above=1.0,
+        repeats=3,
+        question="Largest stable step at 1e5 N/m and 1 kg",
+        error_unit="s",
+    )
+
+
+_PLAIN = """import numpy as np
+
+
+def largest_stable_step(stiffness, mass):
+    K, M = np.asarray(stiffness, dtype=float), np.asarray(mass, dtype=float)
+    return {answer}
+"""
+_RETURN = "return 2.0 / math.sqrt(squares[-1]) if squares[-1] > 0.0 else math.inf"
+
+EXERCISE = Exercise(
+    judge=judge,
+    examples=(
+        "largest_stable_step(np.array([[1e5]]), np.array([[1.0]]))",
+        "largest_stable_step(np.array([[200.0, -100.0], [-100.0, 200.0]]), np.eye(2))",
+        "largest_stable_step(np.diag([900.0, 100.0]), np.array([[3.0, 1.0], [1.0, 1.0]]))",
+    ),
+    chart=chart,
+    slips=(
+        Slip(
+            "stiffest_spring",
+            "You took the largest k / m on the diagonal. That is a lower bound of omega_max^2: "
+            "coupling can double it, and a step chosen in this way explodes.",
+            source=_PLAIN.format(answer="2.0 / np.sqrt(np.max(np.diag(K) / np.diag(M)))"),
+        ),
+        Slip(
+            "mass_forgotten",
+            "The eigenvalues of K alone have the unit N/m, not 1/s^2: the masses are missing.",
+            source=_PLAIN.format(answer="2.0 / np.sqrt(np.linalg.eigvalsh(K)[-1])"),
+        ),
+        Slip(
+            "coupled_masses_ignored",
+            "Only the diagonal of the mass matrix is used. In the joint coordinates of an arm the "
+            "masses are coupled, and the off-diagonal terms move the highest frequency.",
+            source=_PLAIN.format(
+                answer="2.0 / np.sqrt(np.max(np.linalg.eigvals(K / np.diag(M)[:, None]).real))"
+            ),
+        ),
+        Slip(
+            "symmetric_solver_on_unsymmetric_matrix",
+            "inv(M) K is not symmetric although K and M are, and eigvalsh silently reads only its "
+            "lower half. Nothing warns you; use eigvals, or Cholesky to keep the symmetry.",
+            source=_PLAIN.format(
+                answer="2.0 / np.sqrt(np.linalg.eigvalsh(np.linalg.solve(M, K))[-1])"
+            ),
+        ),
+        Slip(
+            "one_over_omega",
+            "Half of the limit: the step matrix of a mode has trace 2 - (omega dt)^2, which stays "
+            "above -2 until omega dt = 2, not 1.",
+            edits=((_RETURN, "return 1.0 / math.sqrt(squares[-1])"),),
+        ),
+        Slip(
+            "period",
+            "That is the period of the fastest mode, 2 pi / omega. The limit is 2 / omega: "
+            "about three steps a period.",
+            edits=((_RETURN, "return 2.0 * math.pi / math.sqrt(squares[-1])"),),
+        ),
+        Slip(
+            "square_root_missing",
+            "The eigenvalues of K x = omega^2 M x are the *squares* of the frequencies.",
+            edits=((_RETURN, "return 2.0 / squares[-1]"),),
+        ),
+        Slip(
+            "limit_of_rk4",
+            "2 sqrt(2) / omega is the limit of RK4. For semi-implicit Euler it is 2 / omega.",
+            edits=((_RETURN, "return math.sqrt(8.0 / squares[-1])"),),
+        ),
+    ),
+)
