@@ -6,12 +6,11 @@ The parent draws the inputs, holds the right answers and decides; the child only
 from __future__ import annotations
 
 import ast
-import copy
 import math
 import secrets
 import time
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -20,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from drills import exercise as catalogue
 from drills.exercise import Card, Exercise, Slip
-from drills.inprocess import InProcess, Local
+from drills.inprocess import InProcess
 from drills.reasons import SENTENCES, Reason
 from drills.sandbox import (
     Child,
@@ -33,7 +32,16 @@ from drills.sandbox import (
     Raised,
     SyntaxProblem,
 )
-from drills.values import Mismatch, as_float64, type_name, worst
+from drills.values import (
+    Failure,
+    Mismatch,
+    as_float64,
+    close,
+    describe,
+    describe_call,
+    identical,
+    worst,
+)
 
 Array = NDArray[np.float64]
 
@@ -166,8 +174,12 @@ class Learner:
     def _record(
         self, kind: str, name: str, handle: Handle | None, args: Any, kwargs: dict[str, Any]
     ) -> Any:
-        kept = copy.deepcopy(args), copy.deepcopy(kwargs)
-        result = _request(self.child, kind, name, handle, args, kwargs)
+        kept = _copied(args), _copied(kwargs)
+        try:
+            result = _request(self.child, kind, name, handle, args, kwargs)
+        except Raised as raised:
+            self.steps.append(Step(kind, name, handle, *kept, Failure(raised.type)))
+            raise
         self.longest = max(self.longest, self.child.elapsed)
         self.steps.append(Step(kind, name, handle, *kept, result))
         if kind in ("call", "method", "new") and self.child.changed:
@@ -482,75 +494,15 @@ def is_starter(card: Card, source: str) -> bool:
     return theirs is not None and theirs == ours
 
 
-def describe(value: Any, limit: int = 72) -> str:
-    """A value as a short text: numbers with six digits, long ones cut."""
-    text = _described(value, limit)
-    return text if len(text) <= limit else text[: limit - 3] + "..."
-
-
-def _described(value: Any, limit: int) -> str:
+def _copied(value: Any) -> Any:
+    """A copy of an argument; a handle stays the same handle."""
     if isinstance(value, np.ndarray):
-        if value.size > 16:
-            return f"array of shape {value.shape}"
-        return _described(value.tolist(), limit)
-    if isinstance(value, bool) or value is None:
-        return repr(value)
-    if isinstance(value, float):
-        return f"{value:.6g}"
-    if isinstance(value, int):
-        bits = value.bit_length()
-        return str(value) if bits <= 128 else f"an integer of {bits} bits"
-    if isinstance(value, str):
-        return repr(value[:limit])
-    if isinstance(value, dict):
-        items = [f"{key!r}: {describe(value[key], limit)}" for key in list(value)[:8]]
-        return "{" + ", ".join(items) + "}"
+        return value.copy()
     if isinstance(value, list | tuple):
-        inside = ", ".join(describe(item, limit) for item in value[:17])
-        return f"[{inside}]" if isinstance(value, list) else f"({inside})"
-    return "..." if isinstance(value, Handle | Local) else type_name(value)
-
-
-def describe_call(name: str, args: Sequence[Any], kwargs: dict[str, Any] | None = None) -> str:
-    """A call as one would type it."""
-    inside = [describe(a, 40) for a in args]
-    inside += [f"{key}={describe(value, 40)}" for key, value in (kwargs or {}).items()]
-    return f"{name}({', '.join(inside)})"
-
-
-def identical(a: Any, b: Any) -> bool:
-    """Whether two results are the same to the last bit, NaN equal to NaN."""
-    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
-        return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
-    if type(a) is not type(b):
-        return False
-    if isinstance(a, list | tuple):
-        return len(a) == len(b) and all(map(identical, a, b))
-    if isinstance(a, dict):
-        return list(a) == list(b) and all(identical(a[key], b[key]) for key in a)
-    if isinstance(a, float):
-        return a == b or (math.isnan(a) and math.isnan(b))
-    if isinstance(a, bool | int | str) or a is None:
-        return bool(a == b)
-    return True  # handles, and what cannot travel
-
-
-def close(a: Any, b: Any, relative: float = 1e-9) -> bool:
-    """Whether two results are the same but for rounding."""
-    try:
-        x, y = as_float64(a, None), as_float64(b, None)
-    except Mismatch:
-        if isinstance(a, list | tuple) and isinstance(b, list | tuple):
-            return len(a) == len(b) and all(
-                close(p, q, relative) for p, q in zip(a, b, strict=True)
-            )
-        if isinstance(a, dict) and isinstance(b, dict):
-            return a.keys() == b.keys() and all(close(a[key], b[key], relative) for key in a)
-        return a is None and b is None
-    if x.shape != y.shape:
-        return False
-    scale = max(1.0, float(np.max(np.abs(y), initial=0.0)))
-    return bool(np.all(np.abs(x - y) <= relative * scale))
+        return type(value)(map(_copied, value))
+    if isinstance(value, dict):
+        return {key: _copied(item) for key, item in value.items()}
+    return value
 
 
 class _WrongSignature(Exception):
@@ -585,18 +537,9 @@ def _check_signature(card: Card, loaded: Loaded) -> None:
 def _check_replay(attempt: Attempt, twin: Child) -> None:
     """Make the same requests in a second process: the bits must be the same."""
     twin.load()
-    handles: dict[int, Any] = {}
-
-    def there(value: Any) -> Any:
-        return handles.get(id(value), value) if isinstance(value, Handle) else value
-
-    for step in attempt.learner.steps[: attempt.exercise.replayed]:
-        args = tuple(map(there, step.args))
-        kwargs = {key: there(value) for key, value in step.kwargs.items()}
-        result = _request(twin, step.kind, step.target, there(step.handle), args, kwargs)
-        if isinstance(step.result, Handle):
-            handles[id(step.result)] = result
-        elif not identical(result, step.result):
+    steps = attempt.learner.steps[: attempt.exercise.replayed]
+    for step, result in _repeated(twin, steps):
+        if not identical(result, step.result):
             attempt.require(
                 "same answer in a second process",
                 False,
@@ -608,6 +551,31 @@ def _check_replay(attempt: Attempt, twin: Child) -> None:
                 reason=Reason.NOT_DETERMINISTIC,
             )
             return
+
+
+def _repeated(place: Child | InProcess, steps: Sequence[Step]) -> Iterator[tuple[Step, Any]]:
+    """Make the recorded requests again somewhere else; handles become those of the new place."""
+    handles: dict[int, Any] = {}
+
+    def there(value: Any) -> Any:
+        return handles.get(id(value), value) if isinstance(value, Handle) else value
+
+    for step in steps:
+        args = tuple(map(there, step.args))
+        kwargs = {key: there(value) for key, value in step.kwargs.items()}
+        result: Any
+        try:
+            result = _request(place, step.kind, step.target, there(step.handle), args, kwargs)
+        except Raised as raised:
+            result = Failure(raised.type)
+        except Ended:
+            raise
+        except Exception as error:  # our own text of a slip, run in this process
+            result = Failure(type(error).__name__)
+        if isinstance(step.result, Handle) and not isinstance(result, Failure):
+            handles[id(step.result)] = result
+            continue
+        yield step, result
 
 
 def _stopped(attempt: Attempt, stop: Exception) -> None:
@@ -647,8 +615,9 @@ def _conclude(attempt: Attempt) -> None:
 def _matched_slip(attempt: Attempt) -> str:
     """The slip that gives what the submission gave in every recorded request, or ""."""
     steps = attempt.learner.steps
-    if not steps:
-        return ""
+    right = InProcess(attempt.card.solution_text(), attempt.exercise.given)
+    if all(close(step.result, result) for step, result in _repeated(right, steps)):
+        return ""  # what came back was right as far as it went
     for slip in attempt.exercise.slips:
         if _gives_the_same(attempt, slip, steps):
             return slip.name
@@ -657,23 +626,7 @@ def _matched_slip(attempt: Attempt) -> str:
 
 def _gives_the_same(attempt: Attempt, slip: Slip, steps: list[Step]) -> bool:
     local = InProcess(slip.text(attempt.card.solution_text()), attempt.exercise.given)
-    handles: dict[int, Any] = {}
-
-    def here(value: Any) -> Any:
-        return handles.get(id(value), value) if isinstance(value, Handle) else value
-
-    for step in steps:
-        args = tuple(map(here, step.args))
-        kwargs = {key: here(value) for key, value in step.kwargs.items()}
-        try:
-            result = _request(local, step.kind, step.target, here(step.handle), args, kwargs)
-        except Exception:  # a slip may fail where the submission did not: then it is another one
-            return False
-        if isinstance(result, Local):
-            handles[id(step.result)] = result
-        elif not close(step.result, result):
-            return False
-    return True
+    return all(close(step.result, result) for step, result in _repeated(local, steps))
 
 
 def _entry_text(source: str, entry: str) -> str | None:

@@ -1,4 +1,4 @@
-"""Answers that came over the pipe, rebuilt as float64 and compared.
+"""Answers that came over the pipe: rebuilt as float64, compared, described.
 
 The order is fixed: type, shape, finite, then the error, and an answer passes only if
 `not (error <= tolerance)` is false, so that a NaN never passes.
@@ -6,13 +6,17 @@ The order is fixed: type, shape, finite, then the error, and an answer passes on
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drills.inprocess import Local
 from drills.reasons import Reason
+from drills.sandbox import Handle
 
 Array = NDArray[np.float64]
 
@@ -39,7 +43,7 @@ def as_float64(value: Any, shape: tuple[int, ...] | None, what: str = "the answe
     """
     if value is None:
         raise Mismatch(Reason.NOTHING_RETURNED, f"{what} is None. Is a return statement missing?")
-    array = _numbers(value, what)
+    array = numbers(value, what)
     if shape is not None and array.shape != shape:
         raise Mismatch(Reason.WRONG_SHAPE, _shape_sentence(array.shape, shape, what))
     if not np.all(np.isfinite(array)):
@@ -66,7 +70,12 @@ def worst(got: Array, expected: Array) -> tuple[float, tuple[int, ...]]:
     return float(difference[place]), tuple(int(i) for i in place)
 
 
-def _numbers(value: Any, what: str) -> Array:
+def numbers(value: Any, what: str = "the answer") -> Array:
+    """The value as a float64 array of whatever shape, NaN and infinity included.
+
+    Raises:
+        Mismatch: for what is not numbers, is ragged, or holds an integer beyond any float.
+    """
     if isinstance(value, np.ndarray | np.generic):
         value = np.asarray(value)
         if value.dtype.kind not in "iuf":
@@ -84,7 +93,7 @@ def _numbers(value: Any, what: str) -> Array:
     if isinstance(value, list | tuple):
         if value and all(type(item) is float for item in value):
             return np.array(value, dtype=np.float64)
-        rows = [_numbers(item, what) for item in value]
+        rows = [numbers(item, what) for item in value]
         if not rows:
             return np.zeros(0)
         shapes = {row.shape for row in rows}
@@ -109,3 +118,92 @@ def _shape_sentence(got: tuple[int, ...], wanted: tuple[int, ...], what: str) ->
     if int(np.prod(got)) == int(np.prod(wanted)):
         return f"{said} The number of values is right, their arrangement is not."
     return said
+
+
+@dataclass(frozen=True)
+class Failure:
+    """Stands where a result was when the request raised: the name of the exception."""
+
+    type: str
+
+
+def describe(value: Any, limit: int = 72) -> str:
+    """A value as a short text: numbers with six digits, long ones cut."""
+    text = _described(value, limit)
+    return text if len(text) <= limit else text[: limit - 3] + "..."
+
+
+def _described(value: Any, limit: int) -> str:
+    if isinstance(value, np.ndarray):
+        if value.size > 16:
+            return f"array of shape {value.shape}"
+        return _described(value.tolist(), limit)
+    if isinstance(value, bool) or value is None:
+        return repr(value)
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if isinstance(value, int):
+        bits = value.bit_length()
+        return str(value) if bits <= 128 else f"an integer of {bits} bits"
+    if isinstance(value, str):
+        return repr(value[:limit])
+    if isinstance(value, dict):
+        items = [f"{key!r}: {describe(value[key], limit)}" for key in list(value)[:8]]
+        return "{" + ", ".join(items) + "}"
+    if isinstance(value, list | tuple):
+        inside = ", ".join(describe(item, limit) for item in value[:17])
+        return f"[{inside}]" if isinstance(value, list) else f"({inside})"
+    return "..." if isinstance(value, Handle | Local) else type_name(value)
+
+
+def describe_call(name: str, args: Sequence[Any], kwargs: dict[str, Any] | None = None) -> str:
+    """A call as one would type it."""
+    inside = [describe(a, 40) for a in args]
+    inside += [f"{key}={describe(value, 40)}" for key, value in (kwargs or {}).items()]
+    return f"{name}({', '.join(inside)})"
+
+
+def identical(a: Any, b: Any) -> bool:
+    """Whether two results are the same to the last bit, NaN equal to NaN."""
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, list | tuple):
+        return len(a) == len(b) and all(map(identical, a, b))
+    if isinstance(a, dict):
+        return list(a) == list(b) and all(identical(a[key], b[key]) for key in a)
+    if isinstance(a, float):
+        return a == b or (math.isnan(a) and math.isnan(b))
+    if isinstance(a, bool | int | str) or a is None:
+        return bool(a == b)
+    return not isinstance(a, Failure) or a == b  # handles, and what cannot travel
+
+
+def close(a: Any, b: Any, relative: float = 1e-9) -> bool:
+    """Whether two results are the same but for rounding; lists are as good as arrays."""
+    if isinstance(a, Failure) or isinstance(b, Failure):
+        return bool(a == b)
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(close(a[key], b[key], relative) for key in a)
+    x, y = _as_numbers(a), _as_numbers(b)
+    if x is not None and y is not None:
+        if x.shape != y.shape:
+            return False
+        finite = np.isfinite(y)
+        scale = max(1.0, float(np.max(np.abs(y[finite]), initial=0.0)))
+        near = np.abs(x[finite] - y[finite]) <= relative * scale
+        return bool(np.all(near) and np.array_equal(x[~finite], y[~finite], equal_nan=True))
+    if isinstance(a, list | tuple) and isinstance(b, list | tuple):
+        return len(a) == len(b) and all(close(p, q, relative) for p, q in zip(a, b, strict=True))
+    return type(a) is type(b) and (a is None or (isinstance(a, str) and a == b))
+
+
+def _as_numbers(value: Any) -> Array | None:
+    """Numbers as a float64 array, truth values as 0 and 1; None for anything else."""
+    if isinstance(value, bool) or (isinstance(value, np.ndarray) and value.dtype.kind == "b"):
+        return np.asarray(value, dtype=np.float64)
+    try:
+        return numbers(value)
+    except Mismatch:
+        return None

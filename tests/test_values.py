@@ -10,9 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drills.grade import close, describe, identical
 from drills.reasons import Reason
-from drills.values import Mismatch, as_float64, worst
+from drills.values import Mismatch, as_float64, close, describe, identical, worst
 
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 
