@@ -40,6 +40,7 @@ from drills.values import (
     describe,
     describe_call,
     identical,
+    type_name,
     worst,
 )
 
