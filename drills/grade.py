@@ -474,12 +474,23 @@ def attempt(card: Card, source: str, *, filename: str, seed: int) -> Attempt:
             found.exercise.judge(found)
             if not found.failed:
                 _check_replay(found, twin)
-        except (Ended, Raised, SyntaxProblem, MissingName, _WrongSignature) as stop:
+        except (Ended, Raised, SyntaxProblem, MissingName, Mismatch, _WrongSignature) as stop:
             _stopped(found, stop)
+        except Exception as stumble:
+            # The judge stumbled over what came back, or it has a fault: the worked answer tells.
+            if source == card.solution_text() or not _judges(card, seed):
+                raise
+            report.reason = Reason.WRONG_TYPE
+            report.sentence = f"What came back could not be judged: {stumble}"
         report.output = child.output
     _conclude(found)
     report.seconds = time.perf_counter() - start
     return found
+
+
+def _judges(card: Card, seed: int) -> bool:
+    """Whether the worked answer passes, so that the judge is sound for this seed."""
+    return attempt(card, card.solution_text(), filename="solution.py", seed=seed).report.passed
 
 
 def start_child(card: Card, source: str, filename: str) -> Child:
@@ -582,6 +593,8 @@ def _repeated(place: Child | InProcess, steps: Sequence[Step]) -> Iterator[tuple
 def _stopped(attempt: Attempt, stop: Exception) -> None:
     report = attempt.report
     if isinstance(stop, Ended):
+        report.reason, report.sentence = stop.reason, stop.sentence
+    elif isinstance(stop, Mismatch):
         report.reason, report.sentence = stop.reason, stop.sentence
     elif isinstance(stop, Raised):
         report.reason = Reason.RAISED

@@ -1,0 +1,152 @@
+"""The engine itself, on small exercises made here: what it records, names and refuses."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drills import exercise as catalogue
+from drills import grade as engine
+from drills.exercise import Slip
+from drills.grade import Attempt, Case, Report, grade, judge_function
+from drills.reasons import Reason
+
+RIGHT = catalogue.card("fk3").solution_text()
+
+
+def _judged(monkeypatch: pytest.MonkeyPatch, judge: Any, source: str, **changes: Any) -> Report:
+    """A submission to fk3, judged by another judge."""
+    changed = dataclasses.replace(catalogue.exercise("fk3"), judge=judge, **changes)
+    monkeypatch.setattr(catalogue, "exercise", lambda name: changed)
+    return grade("fk3", source, seed=3)
+
+
+def _cases(attempt: Attempt) -> list[Case]:
+    return [
+        Case((attempt.rng.uniform(0.1, 1.0, 3), attempt.rng.uniform(-3.0, 3.0, 3)))
+        for _ in range(4)
+    ]
+
+
+def _by_value(attempt: Attempt) -> None:
+    judge_function(attempt, _cases(attempt), tolerance=1e-9, unit="m", why="rounding")
+
+
+def test_a_seed_replays_the_same_cases_and_no_seed_draws_others() -> None:
+    wrong = RIGHT.replace("np.cumsum(thetas)", "thetas")
+    one, again, other = (grade("fk3", wrong, seed=s) for s in (5, 5, None))
+    assert [check.call for check in one.checks] == [check.call for check in again.checks]
+    assert [check.call for check in one.checks] != [check.call for check in other.checks]
+    assert grade("fk3", wrong).seed != other.seed
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "    import os\n    return base + 1e-3 * (os.getpid() % 997)",
+        "    import time\n    return base + 1e-12 * (time.time_ns() % 1000)",
+        "    return base + 1e-12 * np.random.random()",
+        "    return base + 1e-12 * (hash('x') % 1000)",
+        "    fk3.n = getattr(fk3, 'n', 0) + 1\n    return base + 1e-12 * fk3.n",
+    ],
+)
+def test_an_answer_that_depends_on_anything_else_is_not_right(body: str) -> None:
+    source = RIGHT.replace("def fk3(", "def base_fk3(") + (
+        f"\n\ndef fk3(lengths, thetas):\n    base = base_fk3(lengths, thetas)\n{body}\n"
+    )
+    reason = grade("fk3", source, seed=1).reason
+    assert reason in (Reason.NOT_DETERMINISTIC, Reason.WRONG_VALUE)
+
+
+def test_a_changed_argument_is_noticed() -> None:
+    source = RIGHT.replace("def fk3(", "def base_fk3(") + (
+        "\n\ndef fk3(lengths, thetas):\n    answer = base_fk3(lengths, thetas)\n"
+        "    thetas[0] += 1.0\n    return answer\n"
+    )
+    assert grade("fk3", source, seed=1).reason is Reason.INPUTS_CHANGED
+
+
+def test_a_judge_that_stumbles_over_odd_results_gives_a_verdict(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def careless(attempt: Attempt) -> None:
+        rows = np.asarray(attempt.call([1.0] * 3, [0.0] * 3), dtype=float)
+        attempt.compare("tip", rows[3], [3.0, 0.0], tolerance=1e-9, unit="m", why="w")
+
+    report = _judged(monkeypatch, careless, "def fk3(lengths, thetas):\n    return ['a', {}]\n")
+    assert report.reason is Reason.WRONG_TYPE and "could not be judged" in report.sentence
+
+
+def test_a_faulty_judge_is_not_the_learners_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(attempt: Attempt) -> None:
+        raise KeyError("ours")
+
+    with pytest.raises(KeyError, match="ours"):
+        _judged(monkeypatch, broken, "def fk3(lengths, thetas):\n    return None\n")
+
+
+def test_a_judge_that_checks_nothing_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(AssertionError, match="checked nothing"):
+        _judged(monkeypatch, lambda attempt: None, "def fk3(lengths, thetas):\n    return 1\n")
+
+
+def test_a_nan_error_never_passes(monkeypatch: pytest.MonkeyPatch) -> None:
+    def strange(attempt: Attempt) -> None:
+        got = attempt.call([1.0] * 3, [0.0] * 3)
+        attempt.compare("x", got, np.full((4, 2), np.nan), tolerance=1e9, unit="m", why="w")
+
+    assert _judged(monkeypatch, strange, RIGHT + "\nX = 0\n").reason is Reason.WRONG_VALUE
+
+
+def test_what_was_right_as_far_as_it_went_is_no_slip(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A slip that differs late must not be named for a submission that only ran out of time."""
+    late = RIGHT.replace("def fk3(", "def base(") + (
+        "\n\ndef fk3(lengths, thetas):\n    fk3.n = getattr(fk3, 'n', 0) + 1\n"
+        "    return base(lengths, thetas) if fk3.n < 3 else {}\n"
+    )
+    slips = (Slip("late", "Late.", source=late.replace("{}", "np.zeros((4, 2))")),)
+    raising = late.replace("else {}", "else 1 / 0")
+    report = _judged(monkeypatch, _by_value, raising, slips=slips)
+    assert report.reason is Reason.RAISED and report.slip == ""
+    assert "1 / 0" in report.source.splitlines()[report.problem.frames[-1].line - 1]
+    named = _judged(monkeypatch, _by_value, slips[0].source + "\nY = 0\n", slips=slips)
+    assert named.slip == "late" and named.diagnosis == "Late."
+
+
+def test_an_untouched_starter_is_recognised_whatever_its_layout() -> None:
+    card = catalogue.card("fk3")
+    starter = card.starter()
+    assert grade("fk3", starter).reason is Reason.NOT_ATTEMPTED
+    assert engine.is_starter(card, "# a note\n\n\n" + starter + "\nprint('hello')\n")
+    assert not engine.is_starter(card, RIGHT)
+    assert not engine.is_starter(card, "(" * 100000)
+    assert not engine.is_starter(card, "x = " + "-" * 100000 + "1")
+
+
+@pytest.mark.parametrize(
+    ("header", "passes"),
+    [
+        ("(a, b)", True),
+        ("(a, b, extra=1)", True),
+        ("(*both)", True),
+        ("(a, *rest)", True),
+        ("(a, b, **more)", True),
+        ("(a)", False),
+        ("(a, b, c)", False),
+        ("(a, *, b)", False),
+        ("(a, b, *, c)", False),
+        ("()", False),
+    ],
+)
+def test_the_arguments_must_be_those_asked_for(header: str, passes: bool) -> None:
+    inner = {"(*both)": "*both", "(a, *rest)": "a, *rest"}.get(header, "a, b")
+    source = RIGHT.replace("def fk3(", "def base(") + (
+        f"\n\ndef fk3{header}:\n    return base({inner})\n"
+    )
+    report = grade("fk3", source, seed=1)
+    assert (report.reason is Reason.RIGHT) is passes, report.sentence
+    if not passes:
+        assert report.reason is Reason.WRONG_SIGNATURE
