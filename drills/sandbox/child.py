@@ -1,0 +1,318 @@
+"""The child process: confines itself, then runs a submission and answers requests about it.
+
+Run as a script by `drills.sandbox.process`, with the numbers of two pipes and of the grader's
+process. It holds no expected value, and nothing that it says is believed beyond "this is what the
+code returned".
+"""
+
+from __future__ import annotations
+
+import builtins
+import errno
+import linecache
+import os
+import signal
+import sys
+import types
+from typing import Any
+
+REQUESTS, REPLIES, PARENT = (int(text) for text in sys.argv[1:4])
+OWN = os.getpid()
+_read, _write, _getpid, _exit = os.read, os.write, os.getpid, os._exit
+
+
+def _exactly(count: int) -> bytes:
+    parts = []
+    while count:
+        part = _read(REQUESTS, min(count, 1 << 20))
+        if not part:
+            _exit(0)  # the grader is gone
+        parts.append(part)
+        count -= len(part)
+    return b"".join(parts)
+
+
+def _frame() -> bytes:
+    return _exactly(int.from_bytes(_exactly(4), "big"))
+
+
+class Answers:
+    """The objects that stay here, and what is done with them."""
+
+    def __init__(self, wire: Any, inspect: Any) -> None:
+        self.wire, self.inspect = wire, inspect
+        self.kept: dict[int, Any] = {}
+        self.modules: dict[str, types.ModuleType] = {}
+        self.attempts: list[str] = []  # functions called that start a process
+        self.filename = "submission.py"
+
+    def value(self, data: Any) -> Any:
+        """An argument: plain data, with handles resolved."""
+        return self.wire.decode(data, lambda tag, number: self.kept[number])
+
+    def plain(self, value: Any) -> Any:
+        """A result as it travels."""
+        try:
+            return self.wire.encode(value, lambda x, name: {"x": name})
+        except self.wire.TooLarge as error:
+            return {"x": f"{self.wire.type_name(value)}, {error}"}
+        except RecursionError:
+            return {"x": f"{self.wire.type_name(value)}, nested too deeply"}
+
+    def execute(self, name: str, source: str, filename: str) -> types.ModuleType:
+        """Run a source as the module `name`."""
+        module = types.ModuleType(name)
+        module.__file__ = filename
+        linecache.cache[filename] = (
+            len(source),
+            None,
+            source.splitlines(keepends=True),
+            filename,
+        )
+        code = compile(source, filename, "exec", dont_inherit=True)
+        self.modules[name] = sys.modules[name] = module
+        exec(code, module.__dict__)
+        return module
+
+    def defined(self, module: types.ModuleType) -> list[str]:
+        """The public functions and classes that a module defines itself."""
+        return [
+            str(name)[:100]
+            for name, value in list(module.__dict__.items())
+            if not name.startswith("_")
+            and callable(value)
+            and getattr(value, "__module__", None) == module.__name__
+        ][:50]
+
+    def given(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Run the drill's own module."""
+        self.execute("given", request["source"], "given.py")
+        return {"ok": None}
+
+    def load(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Run the submission and describe the name that is graded."""
+        self.filename, entry = request["filename"], request["entry"]
+        sys.argv[:] = [self.filename]
+        try:
+            compile(request["source"], self.filename, "exec", dont_inherit=True, flags=0)
+        except SyntaxError as error:
+            parts = (error.lineno or 0, error.offset or 0, error.text or "", error.msg or "")
+            return {"syntax": [parts[0], parts[1], str(parts[2])[:500], str(parts[3])[:500]]}
+        except (RecursionError, MemoryError):
+            return {"syntax": [0, 0, "", "the code is nested too deeply"]}
+        except (ValueError, OverflowError) as error:
+            return {"syntax": [0, 0, "", str(error)[:500]]}
+        module = self.execute("submission", request["source"], self.filename)
+        if entry not in module.__dict__:
+            return {"missing": [entry, self.defined(module)]}
+        target = module.__dict__[entry]
+        parameters: list[list[Any]] | None = None
+        try:
+            parameters = [
+                [
+                    str(parameter.name)[:100],
+                    parameter.kind.name.lower(),
+                    parameter.default is not parameter.empty,
+                ]
+                for parameter in self.inspect.signature(target).parameters.values()
+            ][:100]
+        except (TypeError, ValueError):
+            pass  # builtins and such have no signature that could be read
+        return {"ok": [parameters, callable(target), isinstance(target, type)]}
+
+    def call(self, request: dict[str, Any]) -> dict[str, Any]:
+        """Call a function of a module or a method of a kept object."""
+        where, name = request["where"], request["name"]
+        if isinstance(where, int):
+            function = getattr(self.kept[where], name)
+        else:
+            module = self.modules[where]
+            if name not in module.__dict__:
+                return {"missing": [name, self.defined(module)]}
+            function = module.__dict__[name]
+        args = [self.value(data) for data in request["args"]]
+        kwargs = {key: self.value(data) for key, data in request["kwargs"].items()}
+        for _ in range(request["repeat"]):
+            result = function(*args, **kwargs)
+        if request["keep"]:
+            self.kept[request["keep"]] = result
+            answer = None
+        else:
+            answer = self.plain(result)
+        return {"ok": answer, "changed": self.changed(request, args, kwargs)}
+
+    def changed(self, request: dict[str, Any], args: list[Any], kwargs: dict[str, Any]) -> bool:
+        """Whether an argument differs from what was sent."""
+        pairs = [*zip(request["args"], args, strict=True)]
+        pairs += [(data, kwargs[key]) for key, data in request["kwargs"].items()]
+        return any(
+            isinstance(data, (dict, list)) and "h" not in data and self.plain(value) != data
+            for data, value in pairs
+        )
+
+    def fetch(self, request: dict[str, Any]) -> dict[str, Any]:
+        """The value of a kept object."""
+        return {"ok": self.plain(self.kept[request["where"]])}
+
+    def raised(self, error: BaseException) -> dict[str, Any]:
+        """An exception as data; whatever it does when it is asked for its text."""
+        frames = []
+        walked, trace = 0, error.__traceback__
+        files = []
+        while trace is not None and walked < 100_000:
+            code = trace.tb_frame.f_code
+            files.append(code.co_filename)
+            if code.co_filename == self.filename:
+                frames.append([trace.tb_lineno, str(code.co_name)[:100]])
+            walked, trace = walked + 1, trace.tb_next
+        try:
+            message = str.__str__(str(error))[:2000]
+        except BaseException as second:
+            message = f"(its text can't be read: {type(second).__name__})"[:200]
+        return {
+            "raised": [str(type(error).__name__)[:200], message, frames[-20:]],
+            "about": self.about(error, files),
+        }
+
+    def about(self, error: BaseException, files: list[str]) -> str:
+        """What an exception is a sign of, where that has a verdict of its own."""
+        if isinstance(error, SystemExit):
+            code = error.code
+            return "exit " + (str(code) if type(code) is int and abs(code) < 1 << 31 else "?")
+        if isinstance(error, MemoryError):
+            return "memory"
+        chain: list[BaseException] = []
+        link: BaseException | None = error
+        while link is not None and len(chain) < 20:
+            chain.append(link)
+            link = link.__cause__ or link.__context__
+        if any(isinstance(part, OSError) and part.errno == errno.EFBIG for part in chain):
+            return "disk"
+        if any(isinstance(part, OSError) for part in chain):
+            ways = ("multiprocessing", "subprocess.py")
+            if self.attempts or any(way in file for file in files[1:] for way in ways):
+                return "processes"
+        return ""
+
+    def watch_process_starts(self) -> None:
+        """Note each attempt to start a process. That it fails is the kernel's work, not ours."""
+
+        def noted(name: str, original: Any) -> Any:
+            def start(*args: Any, **kwargs: Any) -> Any:
+                self.attempts.append(name)
+                return original(*args, **kwargs)
+
+            return start
+
+        def system(command: Any) -> int:
+            self.attempts.append("system")
+            status = original_system(command)
+            if status == -1:
+                raise PermissionError(errno.EPERM, os.strerror(errno.EPERM))
+            return status
+
+        original_system = os.system
+        for name in ("fork", "forkpty", "posix_spawn", "posix_spawnp", "execv", "execve"):
+            if hasattr(os, name):
+                setattr(os, name, noted(name, getattr(os, name)))
+        os.system = system
+        import _posixsubprocess
+
+        _posixsubprocess.fork_exec = noted("fork_exec", _posixsubprocess.fork_exec)
+        if "subprocess" in sys.modules:
+            sys.modules["subprocess"].__dict__["_fork_exec"] = _posixsubprocess.fork_exec
+
+
+def _no_input(prompt: object = "") -> str:
+    raise EOFError("there is no keyboard here: take what you need from the arguments, not input()")
+
+
+def _start() -> tuple[Answers, Any]:
+    """Confine this process. Returns what the loop needs."""
+    here = os.path.dirname(os.path.abspath(__file__))
+    sys.path.insert(0, here)
+    import confine  # type: ignore[import-not-found]
+
+    del sys.path[0]
+    import json
+
+    settings = json.loads(_frame())
+    layers = set(settings["layers"])
+    report = {"limits": confine.limit(settings["limits"])}
+    if "capabilities" in layers:
+        report["capabilities"] = confine.reached(confine.drop_capabilities)
+    report["settled"] = confine.reached(confine.settle, PARENT)
+    sys.path += settings["path"]
+    sys.path.insert(0, here)
+    import wire  # type: ignore[import-not-found]
+
+    del sys.path[0], sys.modules["wire"], sys.modules["confine"]
+    sys.path_importer_cache.pop(here, None)
+    import inspect
+
+    if "landlock" in layers:
+        report["landlock"] = confine.reached(
+            confine.landlock,
+            [*settings["readable"], f"/proc/{OWN}"],
+            settings["listable"],
+            settings["writable"],
+        )
+    if "seccomp" in layers:
+        report["seccomp"] = confine.reached(confine.system_calls)
+    import _sitebuiltins
+
+    builtins.input = _no_input
+    builtins.exit = _sitebuiltins.Quitter("exit", "Ctrl-D")
+    builtins.quit = _sitebuiltins.Quitter("quit", "Ctrl-D")
+    answers = Answers(wire, inspect)
+    answers.watch_process_starts()
+    return answers, report
+
+
+def _serve(answers: Answers, report: dict[str, str]) -> None:
+    """Answer requests until the grader closes the pipe or kills this process."""
+    import json
+
+    loads, wire = json.loads, answers.wire
+    own_streams = (sys.stdout, sys.stderr)
+    sys.stdout.reconfigure(line_buffering=True, errors="backslashreplace")  # type: ignore
+    actions = {
+        "given": answers.given,
+        "load": answers.load,
+        "call": answers.call,
+        "fetch": answers.fetch,
+    }
+
+    def reply(identity: str, content: dict[str, Any]) -> None:
+        if _getpid() != OWN:  # a copy of this process must not speak for it
+            _exit(0)
+        for stream in own_streams:
+            try:
+                stream.flush()
+            except BaseException:  # closed, or replaced underneath
+                continue
+        data = wire.pack({"id": identity, **content})
+        while data:
+            data = data[_write(REPLIES, data) :]
+
+    reply("ready", {"ok": report})
+    while True:
+        request = loads(_frame())
+        for number in request["drop"]:
+            answers.kept.pop(number, None)
+        answers.attempts.clear()
+        try:
+            content = actions[request["do"]](request)
+        except BaseException as error:
+            content = answers.raised(error)
+            del error
+        reply(request["id"], content)
+
+
+def _main() -> None:
+    answers, report = _start()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the terminal's Ctrl-C is the grader's
+    _serve(answers, report)
+
+
+_main()

@@ -1,0 +1,713 @@
+"""The grader's end: starts a child process, asks it, watches it and ends it.
+
+A child's life: `Child(source, ...)` starts it, `load` runs the submission, `call` and its relatives
+ask for values, `close` removes every trace. Every wait has a deadline, and every way in which the
+child can end is an `Ended` with a reason of the closed list.
+"""
+
+from __future__ import annotations
+
+import atexit
+import math
+import os
+import secrets
+import select
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import weakref
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drills.reasons import Reason
+from drills.sandbox import places, scratch, tree, wire
+
+SCRIPT = Path(__file__).with_name("child.py")
+START = 60.0  # s, for the interpreter, numpy and the drill's own module: not the learner's time
+WATCH = 0.03  # s, between two looks from outside
+KEPT = 16 << 10  # bytes of output kept for the feedback
+LAYERS = frozenset({"capabilities", "landlock", "seccomp", "procfs"})
+
+CRASHES = {"SIGSEGV", "SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGTRAP", "SIGSYS", "SIGSTKFLT"}
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a child may use."""
+
+    load: float = 5.0  # s, wall, to execute the submission's top level, its imports included
+    call: float = 2.0  # s, wall, each call
+    total: float = 20.0  # s, wall, all loading and calls together
+    memory: int = 1 << 30  # bytes resident
+    output: int = 1 << 20  # bytes printed in all
+    disk: int = 16 << 20  # bytes in the scratch folder in all, and in each file
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One level of a traceback, in the submission's file."""
+
+    line: int
+    function: str
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of the graded function, as `inspect` names its kind (lower case)."""
+
+    name: str
+    kind: str
+    has_default: bool
+
+
+@dataclass(frozen=True)
+class Loaded:
+    """The graded name: its parameters (None if `inspect` can't tell) and what it is."""
+
+    parameters: tuple[Parameter, ...] | None
+    callable: bool
+    is_class: bool
+
+
+@dataclass(frozen=True)
+class Foreign:
+    """Stands where a value was whose type does not travel."""
+
+    type_name: str
+
+
+class Handle:
+    """An object that stays in the child."""
+
+    def __init__(self, child: Child, number: int) -> None:
+        self._child, self._number = child, number
+
+    def __repr__(self) -> str:
+        return f"Handle({self._number})"
+
+    def __del__(self) -> None:
+        self._child._dropped.append(self._number)
+
+
+class Raised(Exception):
+    """The submission raised an exception; the child lives on."""
+
+    def __init__(self, kind: str, message: str, frames: list[Frame]) -> None:
+        super().__init__(f"{kind}: {message}")
+        self.type, self.message, self.frames = kind, message, frames
+
+
+class Ended(Exception):
+    """The child is gone."""
+
+    def __init__(self, reason: Reason, sentence: str) -> None:
+        super().__init__(sentence)
+        self.reason, self.sentence = reason, sentence
+
+
+class SyntaxProblem(Exception):
+    """The submission is not valid Python. Line and column count from 1; 0 where unknown."""
+
+    def __init__(self, line: int, column: int, text: str, message: str) -> None:
+        super().__init__(f"line {line}: {message}")
+        self.line, self.column, self.text, self.message = line, column, text, message
+
+
+class MissingName(Exception):
+    """The submission does not define a name; `defined` are the public names that it defines."""
+
+    def __init__(self, entry: str, defined: list[str]) -> None:
+        super().__init__(f"{entry} is not defined")
+        self.entry, self.defined = entry, defined
+
+
+class StartFailed(RuntimeError):
+    """The child did not start, or the drill's own module failed: not the learner's fault."""
+
+
+_open: weakref.WeakSet[Child] = weakref.WeakSet()
+
+
+@atexit.register
+def _close_all() -> None:
+    for child in list(_open):
+        child.close()
+
+
+def readable(text: str) -> str:
+    """Text of foreign origin, safe to print: control characters and half characters spelled out."""
+    text = text.encode("utf-8", "backslashreplace").decode("utf-8")
+    return "".join(
+        c if c in "\n\t" or (c.isprintable() or c == " ") else c.encode("unicode_escape").decode()
+        for c in text.replace("\r\n", "\n")
+    )
+
+
+class Child:
+    """A process for one attempt. A context manager; use it from one thread at a time.
+
+    Args:
+        source: the submission.
+        filename: its name in tracebacks.
+        entry: the name that is graded.
+        given: the drill's own code for the child, run first, as module `given`.
+        limits: what the child may use.
+        _layers: the protections to switch on; the tests leave some out.
+
+    Raises:
+        StartFailed: when no process can be started.
+    """
+
+    def __init__(
+        self,
+        source: str,
+        *,
+        filename: str,
+        entry: str,
+        given: str = "",
+        limits: Limits = Limits(),  # noqa: B008
+        _layers: frozenset[str] = LAYERS,
+    ) -> None:
+        self.changed = False
+        self.elapsed = 0.0
+        self.layers: dict[str, str] = {}
+        self._source, self._filename, self._entry, self._given = source, filename, entry, given
+        self._limits = limits
+        self._owner = os.getpid()
+        self._ended: Ended | None = None
+        self._closed = False
+        self._ready = False
+        self._printed = 0
+        self._text = bytearray()
+        self._received = bytearray()
+        self._used = 0.0  # s, waited for requests so far
+        self._next_watch = 0.0
+        self._peak = 0
+        self._dropped: list[int] = []
+        self._handles = 0
+        self._files: set[int] = set()
+        self._process: subprocess.Popen[bytes] | None = None
+        self._folder = tempfile.mkdtemp(prefix="drills-")
+        tree.adopt_orphans(True)
+        _open.add(self)
+        try:
+            self._start(_layers)
+        except BaseException:
+            self.close()
+            raise
+
+    # Start and end
+
+    def _start(self, layers: frozenset[str]) -> None:
+        requests_out, requests_in = os.pipe()
+        replies_out, replies_in = os.pipe()
+        output_out, output_in = os.pipe()
+        self._files = {requests_in, replies_out, output_out}
+        theirs = (requests_out, replies_in, output_in)
+        self._requests, self._replies, self._prints = requests_in, replies_out, output_out
+        token = secrets.token_hex(16)
+        environment = {
+            "HOME": self._folder,
+            "TMPDIR": self._folder,
+            "MPLCONFIGDIR": self._folder,
+            "NUMBA_CACHE_DIR": self._folder,
+            "PATH": "/usr/bin:/bin",
+            "LANG": "C.UTF-8",
+            "DRILLS_CHILD": token,
+        }
+        for library in ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA"):
+            environment[f"{library}_NUM_THREADS"] = "1"
+        command = [sys.executable, "-I", "-S", "-B", "-X", "utf8", str(SCRIPT)]
+        command += [str(requests_out), str(replies_in), str(self._owner)]
+        try:
+            self._process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=output_in,
+                stderr=output_in,
+                cwd=self._folder,
+                env=environment,
+                pass_fds=(requests_out, replies_in),
+                start_new_session=True,
+            )
+        except OSError as error:
+            raise StartFailed(f"Python can't be started: {error}") from error
+        finally:
+            for file in theirs:
+                os.close(file)
+        tree.ROOTS.add(self._process.pid)
+        for file in self._files:
+            os.set_blocking(file, False)
+        # A marker by the way: no other process has this odd limit, and no descendant can raise it.
+        size = self._limits.disk + secrets.randbelow(4096)
+        self._tree = tree.Tree(self._process.pid, size, token, tree.LINUX and "procfs" in layers)
+        seconds = (os.cpu_count() or 1) * math.ceil(self._limits.total) + 20
+        settings: dict[str, Any] = {
+            "layers": sorted(layers),
+            "limits": {
+                "CORE": 0,
+                "FSIZE": size,
+                "CPU": seconds,
+                "AS": self._limits.memory + (2 << 30),  # libraries map far more than they use
+                "NPROC": 256,
+                "NOFILE": 256,
+                "STACK": 8 << 20,
+            },
+            "path": places.search_path(),
+            **places.access(self._folder),
+        }
+        self._pending = memoryview(wire.pack(settings))
+        self._poll = select.poll()
+        self._poll.register(self._replies, select.POLLIN)
+        self._poll.register(self._prints, select.POLLIN)
+        self._send()
+
+    def __enter__(self) -> Child:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def __del__(self) -> None:
+        if hasattr(self, "_closed"):
+            self.close()
+
+    def close(self) -> None:
+        """Kill the process and all that came from it, and remove its folder. Safe to repeat."""
+        if self._closed or self._owner != os.getpid():
+            return
+        self._closed = True
+        process = self._process
+        left: list[int] = []
+        if process is not None:
+            left = self._tree.kill()
+            process.wait()
+            # What was orphaned by that last death is ours to end as well.
+            left = self._tree.kill() if self._tree.seen else left
+            tree.ROOTS.discard(process.pid)
+        for file in self._files:
+            os.close(file)
+        self._files = set()
+        tree.adopt_orphans(False)
+        scratch.remove(self._folder)
+        _open.discard(self)
+        if left:
+            raise RuntimeError(f"processes {left} of a submission could not be ended")
+
+    # Questions
+
+    def load(self) -> Loaded:
+        """Run the drill's own module, then the submission.
+
+        Raises:
+            SyntaxProblem, MissingName, Raised, Ended: what the submission did.
+            StartFailed: what the grader could not do.
+        """
+        self._start_up()
+        answer = self._ask(
+            {
+                "do": "load",
+                "source": self._source,
+                "filename": self._filename,
+                "entry": self._entry,
+            },
+            self._limits.load,
+            "while the file was loaded",
+        )
+        described = answer.get("ok")
+        if type(described) is not list or len(described) != 3:
+            raise self._garbled()
+        listed, is_callable, is_class = described
+        if type(is_callable) is not bool or type(is_class) is not bool:
+            raise self._garbled()
+        parameters: tuple[Parameter, ...] | None = None
+        if listed is not None:
+            if type(listed) is not list:
+                raise self._garbled()
+            for item in listed:
+                if type(item) is not list or [type(part) for part in item] != [str, str, bool]:
+                    raise self._garbled()
+            parameters = tuple(Parameter(readable(n), readable(k), d) for n, k, d in listed)
+        return Loaded(parameters, is_callable, is_class)
+
+    def _start_up(self) -> None:
+        if self._ready:
+            return
+        try:
+            answer = self._wait("ready", START, "at the start")
+            self.layers = {str(k): str(v) for k, v in answer["ok"].items()}
+            if self._given:
+                message = {"id": "given", "do": "given", "source": self._given, "drop": []}
+                self._pending = memoryview(wire.pack(message))
+                answer = self._wait("given", START, "at the start")
+                if "ok" not in answer:
+                    raise StartFailed(f"the drill's own code failed: {answer.get('raised')}")
+        except Ended as end:
+            raise StartFailed(f"{end.sentence} {self.output}".strip()) from end
+        self._used = 0.0
+        self._ready = True
+
+    def call(
+        self, name: str, *args: Any, repeat: int = 1, seconds: float | None = None, **kwargs: Any
+    ) -> Any:
+        """Call a function of the submission.
+
+        Args:
+            name: of the function.
+            args: None, bool, int, float, str, list, tuple, dict with str keys, ndarray or Handle.
+            repeat: how often to call it, in one request; the last result counts.
+            seconds: limit for this request, in place of `Limits.call`.
+            kwargs: as `args`.
+
+        Returns:
+            The result; `Foreign` for what does not travel.
+
+        Raises:
+            Raised, Ended, MissingName: what the submission did.
+            TypeError: for an argument that can't be sent.
+        """
+        return self._value(self._call("submission", name, args, kwargs, 0, repeat, seconds), name)
+
+    def new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
+        """Call a function or class of the submission; the result stays in the child."""
+        return self._keep("submission", name, args, kwargs)
+
+    def method(self, handle: Handle, name: str, *args: Any, **kwargs: Any) -> Any:
+        """Call a method of an object in the child."""
+        return self._value(self._call(self._number(handle), name, args, kwargs), name)
+
+    def given(self, name: str, *args: Any, **kwargs: Any) -> Any:
+        """Call a function of the drill's own module."""
+        return self._value(self._call("given", name, args, kwargs), name)
+
+    def given_new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
+        """Call a function of the drill's own module; the result stays in the child."""
+        return self._keep("given", name, args, kwargs)
+
+    def fetch(self, handle: Handle) -> Any:
+        """The value of an object in the child, as plain data."""
+        request = {"do": "fetch", "where": self._number(handle)}
+        return self._value(self._ask(request, self._limits.call, "while a value was read"), "")
+
+    @property
+    def output(self) -> str:
+        """What the submission printed so far: its first 16 KiB, safe to show."""
+        return readable(bytes(self._text).decode("utf-8", "replace"))
+
+    @property
+    def printed(self) -> int:
+        """Bytes printed so far, also those that are not kept."""
+        return self._printed
+
+    # Requests
+
+    def _number(self, handle: Handle) -> int:
+        if handle._child is not self:
+            raise ValueError("this handle belongs to another child")
+        return handle._number
+
+    def _plain(self, value: Any) -> Any:
+        def other(x: Any, name: str) -> Any:
+            if isinstance(x, Handle):
+                return {"h": self._number(x)}
+            if isinstance(x, (np.generic, np.ndarray)) and x.dtype.name in wire.DTYPES:
+                return plain(np.asarray(x))
+            raise TypeError(f"an argument of type {name} can't be sent to the child")
+
+        def plain(x: Any) -> Any:
+            if isinstance(x, np.generic) and x.dtype.name in wire.DTYPES:
+                x = x.item()
+            return wire.encode(x, other, text=wire.FRAME)
+
+        return plain(value)
+
+    def _keep(self, where: Any, name: str, args: Any, kwargs: Any) -> Handle:
+        self._handles += 1
+        handle = Handle(self, self._handles)
+        self._call(where, name, args, kwargs, keep=handle._number)
+        return handle
+
+    def _call(
+        self,
+        where: str | int,
+        name: str,
+        args: tuple[Any, ...],
+        kwargs: dict[str, Any],
+        keep: int = 0,
+        repeat: int = 1,
+        seconds: float | None = None,
+    ) -> dict[str, Any]:
+        request = {
+            "do": "call",
+            "where": where,
+            "name": name,
+            "args": [self._plain(value) for value in args],
+            "kwargs": {key: self._plain(value) for key, value in kwargs.items()},
+            "repeat": repeat,
+            "keep": keep,
+        }
+        limit = self._limits.call if seconds is None else seconds
+        answer = self._ask(request, limit, f"in {name}(...)")
+        if type(answer.get("changed")) is not bool:
+            raise self._garbled()
+        self.changed = answer["changed"]
+        return answer
+
+    def _value(self, answer: dict[str, Any], name: str) -> Any:
+        def special(tag: str, content: Any) -> Any:
+            if tag == "x" and type(content) is str:
+                return Foreign(readable(content[:300]))
+            raise wire.Malformed("no such form in an answer")
+
+        try:
+            return wire.decode(answer.get("ok"), special)
+        except wire.Malformed:
+            raise self._garbled() from None
+
+    def _ask(self, request: dict[str, Any], seconds: float, where: str) -> dict[str, Any]:
+        if self._ended is not None:
+            raise self._ended
+        if self._closed:
+            raise ValueError("this child is closed")
+        if not self._ready:
+            raise ValueError("load() comes first")
+        identity = secrets.token_hex(8)
+        self._dropped, dropped = [], self._dropped
+        self._pending = memoryview(wire.pack({"id": identity, "drop": dropped, **request}))
+        answer = self._wait(identity, seconds, where)
+        if "raised" in answer:
+            raise self._raised(answer, where)
+        if "missing" in answer:
+            missing = answer["missing"]
+            if type(missing) is list and len(missing) == 2 and type(missing[1]) is list:
+                if all(type(name) is str for name in missing[1]):
+                    names = [readable(name) for name in missing[1][:50]]
+                    raise MissingName(str(request.get("entry", request.get("name"))), names)
+            raise self._garbled()
+        if "syntax" in answer:
+            found = answer["syntax"]
+            if type(found) is list and [type(part) for part in found] == [int, int, str, str]:
+                raise SyntaxProblem(found[0], found[1], readable(found[2]), readable(found[3]))
+            raise self._garbled()
+        if "ok" not in answer:
+            raise self._garbled()
+        return answer
+
+    def _raised(self, answer: dict[str, Any], where: str) -> Exception:
+        parts, about = answer["raised"], answer.get("about")
+        if type(parts) is not list or [type(part) for part in parts] != [str, str, list]:
+            return self._garbled()
+        kind, message, listed = parts
+        for item in listed:
+            if type(item) is not list or [type(part) for part in item] != [int, str]:
+                return self._garbled()
+        message = readable(message[:2000])
+        limits = self._limits
+        if about == "memory":
+            text = f"The memory limit of {_size(limits.memory)} was reached {where}."
+            return self._end(Reason.OUT_OF_MEMORY, text)
+        if about == "disk":
+            text = f"A file grew beyond {_size(limits.disk)} {where}."
+            return self._end(Reason.DISK_FLOOD, text)
+        if about == "processes":
+            text = f"Another process was to be started {where} and was refused ({message})."
+            return self._end(Reason.PROCESSES, text)
+        if type(about) is str and about.startswith("exit "):
+            status = about[5:20].replace("?", "1")
+            text = f"The code called sys.exit({readable(status)}) {where}."
+            return self._end(Reason.EXITED, text)
+        frames = [Frame(line, readable(function[:100])) for line, function in listed[-20:]]
+        return Raised(readable(kind[:200]), message, frames)
+
+    # One loop for everything that is waited for
+
+    def _wait(self, identity: str, seconds: float, where: str) -> dict[str, Any]:
+        start = time.monotonic()
+        left = self._limits.total - self._used if self._ready else START
+        deadline = start + min(seconds, left)
+        try:
+            self._send()
+            while True:
+                now = time.monotonic()
+                if now >= deadline:
+                    what = (
+                        f"{seconds:g} s" if seconds <= left else f"{self._limits.total:g} s in all"
+                    )
+                    raise self._end(Reason.TIMED_OUT, f"Stopped after {what} {where}.")
+                if now >= self._next_watch:
+                    self._watch(where)
+                    self._next_watch = time.monotonic() + WATCH
+                pause = max(0.0, min(deadline, self._next_watch) - time.monotonic())
+                for file, _ in self._poll.poll(math.ceil(1e3 * pause)):
+                    if file == self._prints:
+                        self._drain(where)
+                    elif file == self._requests:
+                        self._send()
+                    elif self._receive(where):
+                        answer = self._unpack(identity)
+                        self._drain(where)
+                        return answer
+        finally:
+            self.elapsed = time.monotonic() - start
+            self._used += self.elapsed
+
+    def _send(self) -> None:
+        """Write what can be written at once of the pending request."""
+        waiting = bool(self._pending)
+        try:
+            while self._pending:
+                self._pending = self._pending[os.write(self._requests, self._pending) :]
+        except BlockingIOError:
+            self._poll.register(self._requests, select.POLLOUT)
+            return
+        except BrokenPipeError:
+            self._pending = memoryview(b"")  # the reading side tells what happened
+        if waiting:
+            try:
+                self._poll.unregister(self._requests)
+            except KeyError:
+                pass  # written at the first try
+
+    def _drain(self, where: str) -> None:
+        """Take what was printed, as far as it is there."""
+        while True:
+            try:
+                part = os.read(self._prints, 65536)
+            except BlockingIOError:
+                return
+            if not part:  # closed by everyone who could print
+                try:
+                    self._poll.unregister(self._prints)
+                except KeyError:
+                    pass
+                return
+            self._printed += len(part)
+            if len(self._text) < KEPT:
+                self._text += part[: KEPT - len(self._text)]
+            if self._printed > self._limits.output:
+                text = f"More than {_size(self._limits.output)} were printed {where}."
+                raise self._end(Reason.OUTPUT_FLOOD, text)
+
+    def _receive(self, where: str) -> bool:
+        """Read from the reply pipe. Whether a whole message is there."""
+        try:
+            part = os.read(self._replies, 1 << 18)
+        except BlockingIOError:
+            return False
+        if not part:
+            raise self._gone(where)
+        self._received += part
+        if len(self._received) < 4:
+            return False
+        length = int.from_bytes(self._received[:4], "big")
+        if length > wire.FRAME:
+            raise self._garbled()
+        if len(self._received) > 4 + length:
+            raise self._garbled()
+        return len(self._received) == 4 + length
+
+    def _unpack(self, identity: str) -> dict[str, Any]:
+        payload = bytes(self._received[4:])
+        self._received.clear()
+        try:
+            answer = wire.unpack(payload)
+        except wire.Malformed:
+            raise self._garbled() from None
+        if answer.get("id") != identity:
+            raise self._garbled()
+        return answer
+
+    # Looking from outside
+
+    def _watch(self, where: str) -> None:
+        limits = self._limits
+        others = self._tree.descendants()
+        if others:
+            text = f"{len(others)} other process{'es' * (len(others) > 1)} ran {where}."
+            raise self._end(Reason.PROCESSES, text)
+        resident = self._tree.resident(others)
+        self._peak = max(self._peak, resident)
+        if resident > limits.memory:
+            text = f"{_size(resident)} of memory were in use {where}; the limit is {_size(limits.memory)}."
+            raise self._end(Reason.OUT_OF_MEMORY, text)
+        problem = scratch.excess(self._folder, limits.disk)
+        if problem:
+            raise self._end(Reason.DISK_FLOOD, f"{problem} {where}.")
+        if self._status() is not None:
+            # Dead, though somebody may hold the pipe open: what it said last is still read.
+            if not (select.select([self._replies], [], [], 0)[0]):
+                raise self._gone(where)
+
+    def _status(self) -> int | None:
+        """How the process ended, as `Popen.returncode`; None while it runs. It is not reaped, so that
+        its number stays ours until its group is killed."""
+        assert self._process is not None
+        if not hasattr(os, "waitid"):
+            return self._process.poll()
+        try:
+            found = os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
+        except ChildProcessError:
+            return self._process.returncode or 0
+        if found is None:
+            return None
+        return found.si_status if found.si_code == os.CLD_EXITED else -found.si_status
+
+    def _gone(self, where: str) -> Ended:
+        """The verdict on a reply pipe that is at its end."""
+        patience = time.monotonic() + 1.0
+        while (status := self._status()) is None and time.monotonic() < patience:
+            time.sleep(0.002)
+        if status is None:
+            return self._garbled("The grader's pipe was closed")
+        if status >= 0:
+            return self._end(Reason.EXITED, f"The process ended with status {status} {where}.")
+        try:
+            name = signal.Signals(-status).name
+        except ValueError:
+            name = f"signal {-status}"
+        if name == "SIGXCPU":
+            return self._end(Reason.TIMED_OUT, f"The processor time ran out {where}.")
+        if name == "SIGXFSZ":
+            text = f"A file grew beyond {_size(self._limits.disk)} {where}."
+            return self._end(Reason.DISK_FLOOD, text)
+        if name in CRASHES:
+            return self._end(Reason.CRASHED, f"The process crashed ({name}) {where}.")
+        return self._end(Reason.KILLED, f"The process was killed ({name}) {where}.")
+
+    def _garbled(self, what: str = "What came over the grader's pipe was not an answer") -> Ended:
+        return self._end(Reason.GARBLED, f"{what}.")
+
+    def _end(self, reason: Reason, sentence: str) -> Ended:
+        """Close, and remember why."""
+        if self._ended is None:
+            try:
+                self._drain_last()
+            finally:
+                self._ended = Ended(reason, sentence)
+                self.close()
+        return self._ended
+
+    def _drain_last(self) -> None:
+        """Keep what was printed before the end, as far as it is in the pipe."""
+        for _ in range(4):
+            try:
+                part = os.read(self._prints, 65536)
+            except OSError:
+                return
+            if not part:
+                return
+            self._printed += len(part)
+            self._text += part[: max(0, KEPT - len(self._text))]
+
+
+def _size(count: int) -> str:
+    """Bytes for people."""
+    for unit, name in ((1 << 30, "GiB"), (1 << 20, "MiB"), (1 << 10, "KiB")):
+        if count >= unit:
+            return f"{count / unit:.3g} {name}"
+    return f"{count} bytes"

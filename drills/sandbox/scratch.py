@@ -1,0 +1,70 @@
+"""The child's folder: how full it is while foreign code runs, and its removal afterwards."""
+
+from __future__ import annotations
+
+import os
+import stat
+
+FILES = 2000  # entries
+LEVELS = 40  # of folders
+
+
+def excess(folder: str, limit: int) -> str:
+    """Why the folder holds too much, as the beginning of a sentence; empty while it does not."""
+    total = entries = 0
+    pending = [(folder, 0)]
+    while pending:
+        place, level = pending.pop()
+        if level > LEVELS:
+            return f"Folders were nested more than {LEVELS} deep"
+        try:
+            with os.scandir(place) as found:
+                for entry in found:
+                    entries += 1
+                    if entries > FILES:
+                        return f"More than {FILES} files were made"
+                    if entry.is_dir(follow_symlinks=False):
+                        pending.append((entry.path, level + 1))
+                    else:
+                        total += entry.stat(follow_symlinks=False).st_blocks * 512
+        except OSError:
+            continue  # removed, closed to us, or made unreachable meanwhile
+    if total > limit:
+        return f"More than {limit / (1 << 20):.3g} MiB were written to disk"
+    return ""
+
+
+def remove(folder: str) -> None:
+    """Remove a folder, when nobody can change it any more: closed folders, deep ones and many files.
+
+    Each subfolder is first moved to the top, so that no path ever gets long.
+    """
+    try:
+        os.chmod(folder, 0o700)
+        top = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
+    except FileNotFoundError:
+        return
+    try:
+        count = 0
+        while names := os.listdir(top):
+            for name in names:
+                if not stat.S_ISDIR(os.lstat(name, dir_fd=top).st_mode):
+                    os.unlink(name, dir_fd=top)
+                    continue
+                os.chmod(name, 0o700, dir_fd=top)
+                inner = os.open(name, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW, dir_fd=top)
+                try:
+                    for below in os.listdir(inner):
+                        if stat.S_ISDIR(os.lstat(below, dir_fd=inner).st_mode):
+                            os.chmod(below, 0o700, dir_fd=inner)
+                            count += 1
+                            fresh = f".{os.urandom(8).hex()}{count}"
+                            os.rename(below, fresh, src_dir_fd=inner, dst_dir_fd=top)
+                        else:
+                            os.unlink(below, dir_fd=inner)
+                finally:
+                    os.close(inner)
+                os.rmdir(name, dir_fd=top)
+    finally:
+        os.close(top)
+    os.rmdir(folder)

@@ -1,0 +1,225 @@
+"""The processes below a child: found, measured and ended from outside.
+
+Linux answers through /proc; elsewhere `ps` does. A process that left the group and the session and
+whose parents are gone is found too: while a child runs, the grader adopts orphans
+(PR_SET_CHILD_SUBREAPER), and knows its own by resource limits, which a process can't raise again.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+
+LINUX = sys.platform.startswith("linux") and os.path.isdir("/proc/self/task")
+PAGE = os.sysconf("SC_PAGE_SIZE")
+PR_SET_CHILD_SUBREAPER, PR_GET_CHILD_SUBREAPER = 36, 37
+
+_adopting = 0
+_adopted_before = 0
+_lock = threading.Lock()
+ROOTS: set[int] = set()  # process ids of the children that run now
+
+
+def adopt_orphans(start: bool) -> None:
+    """Let orphaned descendants become children of this process, while any child runs."""
+    global _adopting, _adopted_before
+    if not LINUX:
+        return
+    with _lock:
+        libc = ctypes.CDLL(None)
+        if start and _adopting == 0:
+            flag = ctypes.c_int()
+            libc.prctl(PR_GET_CHILD_SUBREAPER, ctypes.byref(flag), 0, 0, 0)
+            _adopted_before = flag.value
+            libc.prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+        _adopting += 1 if start else -1
+        if _adopting == 0:
+            libc.prctl(PR_SET_CHILD_SUBREAPER, _adopted_before, 0, 0, 0)
+
+
+def _read(path: str) -> str:
+    try:
+        with open(path, "rb", buffering=0) as file:
+            return (file.read(8192) or b"").decode("ascii", "replace")
+    except OSError:
+        return ""
+
+
+def _status(process: int) -> tuple[str, int, int, int] | None:
+    """State, parent, session and start time of a process; None when there is none."""
+    text = _read(f"/proc/{process}/stat")
+    fields = text[text.rfind(")") + 2 :].split()
+    if len(fields) < 20:
+        return None
+    return fields[0], int(fields[1]), int(fields[3]), int(fields[19])
+
+
+def _children(process: int) -> list[int]:
+    found: list[int] = []
+    try:
+        threads = os.listdir(f"/proc/{process}/task")
+    except OSError:
+        return found
+    for thread in threads:
+        found += map(int, _read(f"/proc/{process}/task/{thread}/children").split())
+    return found
+
+
+def _limit(process: int, name: str) -> float:
+    for line in _read(f"/proc/{process}/limits").splitlines():
+        if line.startswith(name):
+            word = line[len(name) :].split()[1]  # the hard limit
+            return float("inf") if word == "unlimited" else float(word)
+    return float("inf")
+
+
+class Tree:
+    """A process with all that came from it.
+
+    Args:
+        root: its process id, a child of this process that leads its own group and session.
+        file_size: its hard limit on a file's size [bytes], by which orphans are known.
+        token: text in its environment, by which they are known where there is no /proc.
+    """
+
+    def __init__(self, root: int, file_size: int, token: str, procfs: bool = LINUX) -> None:
+        self.root, self.file_size, self.token, self.procfs = root, file_size, token, procfs
+        status = _status(root) if procfs else None
+        self.started = status[3] if status else 0
+        self.seen: dict[int, int] = {}  # descendants by start time
+        self._others: set[tuple[int, int]] = set()  # our other children, examined before
+
+    def descendants(self) -> list[int]:
+        """All processes below the root that are alive, the root not among them."""
+        if not self.procfs:
+            return self._descendants_by_ps()
+        found: dict[int, int] = {}
+        pending = [self.root, *self._orphans(), *self.seen]
+        visited = {os.getpid()}
+        while pending:
+            process = pending.pop()
+            if process in visited:
+                continue
+            visited.add(process)
+            if process != self.root:
+                status = _status(process)
+                if status is None or self.seen.get(process, status[3]) != status[3]:
+                    self.seen.pop(process, None)
+                    continue
+                self.seen[process] = status[3]
+                if status[0] not in "ZX":
+                    found[process] = status[3]
+            pending += _children(process)
+        return list(found)
+
+    def _orphans(self) -> Iterator[int]:
+        for process in _children(os.getpid()):
+            if process in ROOTS or process in self.seen:
+                continue
+            status = _status(process)
+            if status is None or (process, status[3]) in self._others:
+                continue
+            if status[3] >= self.started and _limit(process, "Max file size") <= self.file_size:
+                yield process
+            elif status[0] not in "ZX":
+                self._others.add((process, status[3]))
+
+    def _descendants_by_ps(self) -> list[int]:
+        answer = subprocess.run(
+            ["ps", "-axEwwo", "pid=,ppid=,pgid=,stat=,command="]
+            if sys.platform == "darwin"
+            else ["ps", "axewwo", "pid=,ppid=,pgid=,stat=,command="],
+            capture_output=True,
+            text=True,
+            errors="replace",
+            check=False,
+        )
+        parents: dict[int, int] = {}
+        ours = {self.root}
+        dead = set()
+        for line in answer.stdout.splitlines():
+            pid, ppid, group, state, command = (*line.split(None, 4), "")[:5]
+            parents[int(pid)] = int(ppid)
+            if int(group) == self.root or self.token in command or int(pid) in self.seen:
+                ours.add(int(pid))
+            if state.startswith("Z"):
+                dead.add(int(pid))
+        while new := {p for p, parent in parents.items() if parent in ours} - ours:
+            ours |= new
+        ours -= {self.root, os.getpid()}
+        for process in ours - dead:
+            self.seen[process] = 0
+        return [process for process in ours - dead if process in parents]
+
+    def resident(self, processes: list[int]) -> int:
+        """Memory of the root and the given processes together [bytes]."""
+        if not self.procfs:
+            text = ",".join(map(str, [self.root, *processes]))
+            answer = subprocess.run(
+                ["ps", "-o", "rss=", "-p", text], capture_output=True, text=True, check=False
+            )
+            return 1024 * sum(map(int, answer.stdout.split()))
+        pages = 0
+        for process in (self.root, *processes):
+            fields = _read(f"/proc/{process}/statm").split()
+            pages += int(fields[1]) if len(fields) > 1 else 0
+        return pages * PAGE
+
+    def kill(self, patience: float = 10.0) -> list[int]:
+        """End everything below the root, and the root's group. The root must not be reaped yet.
+
+        Args:
+            patience: how long to try [s].
+
+        Returns:
+            Processes that are alive all the same.
+        """
+        deadline = time.monotonic() + patience
+        pause = 0.0005
+        self._signal_group()
+        left = self.descendants()
+        while left and time.monotonic() < deadline:
+            for process in left:
+                self._signal(process)
+            self._signal_group()
+            self._reap()
+            time.sleep(pause)
+            pause = min(2 * pause, 0.02)
+            left = self.descendants()
+        self._reap()
+        return left
+
+    def _signal_group(self) -> None:
+        try:
+            os.killpg(self.root, signal.SIGKILL)
+        except (ProcessLookupError, PermissionError):
+            pass  # gone already; or all that is left of it is dead
+
+    def _signal(self, process: int) -> None:
+        """Kill one process, surely this one and not a later one of the same number."""
+        try:
+            if not self.procfs or not hasattr(os, "pidfd_open"):
+                os.kill(process, signal.SIGKILL)
+                return
+            handle = os.pidfd_open(process)
+            try:
+                status = _status(process)
+                if status is not None and status[3] == self.seen.get(process):
+                    signal.pidfd_send_signal(handle, signal.SIGKILL)
+            finally:
+                os.close(handle)
+        except OSError:
+            pass  # it ended by itself
+
+    def _reap(self) -> None:
+        for process in list(self.seen):
+            try:
+                os.waitpid(process, os.WNOHANG)
+            except OSError:
+                pass  # not a child of ours; its own parent reaps it
