@@ -1,0 +1,447 @@
+"""The command `drills`: pick a drill, write the answer, have it graded in a second.
+
+Every command ends with one line of JSON when it is given `--json`; `schema.json` describes it.
+"""
+
+from __future__ import annotations
+
+import signal
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import click
+
+from drills import exercise as catalogue
+from drills import grading, present, progress, workspace
+from drills.exercise import Card
+from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED, Record
+from drills.reasons import SENTENCES
+from drills.session import FAILED, RIGHT, WRONG, Commands, Session, body, options
+from drills.terminal import bar
+from drills.workspace import Misuse
+
+SEED = click.IntRange(0, 2**32 - 1)
+NAME = click.argument("name")
+
+
+def main() -> None:
+    """The console script."""
+
+    def stop(number: int, frame: object) -> None:
+        sys.exit(128 + number)
+
+    # Ended from outside, the with blocks still clear up: no process and no folder stays behind.
+    signal.signal(signal.SIGTERM, stop)
+    if hasattr(signal, "SIGHUP"):
+        signal.signal(signal.SIGHUP, stop)
+    cli.main(prog_name="drills")
+
+
+@click.group(
+    cls=Commands,
+    invoke_without_command=True,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 80},
+    epilog="Exit codes: 0 right, 1 wrong, 2 misuse, 3 the grader itself could not run, 130 stopped "
+    "by Ctrl-C. drills/README.md says what is protected, and describes the JSON.",
+)
+@options
+@click.pass_context
+def cli(context: click.Context, as_json: bool, work: str | None) -> int:
+    """Coding drills and exercises, graded in a second."""
+    if context.invoked_subcommand is None:
+        return body(_welcome)(as_json=as_json, work=work)
+    return RIGHT
+
+
+def _welcome(session: Session) -> int:
+    terminal = session.terminal
+    session.say(terminal.paint("Drills", "head") + ": write an answer, have it graded in a second.")
+    drills = [card for card in catalogue.cards() if card.drill] or list(catalogue.cards())
+    name = drills[0].name if drills else "NAME"
+    session.say()
+    steps = (("start", "puts a starter into your work folder"), ("check", "grades what you wrote"))
+    for command, meaning in (*steps, ("hint", "helps a little; ask again for more")):
+        session.say(f"  drills {command + ' ' + name:<20}{meaning}")
+    session.say(f"  {'drills --help':<27}lists every command")
+    session.say()
+    return _list(session)
+
+
+@cli.command("list")
+@options
+@body
+def list_(session: Session) -> int:
+    """List all drills and exercises, and where you stand."""
+    return _list(session)
+
+
+def _list(session: Session) -> int:
+    loaded, terminal = session.records(), session.terminal
+    cards = catalogue.cards()
+    groups = {"Interview drills": [card for card in cards if card.drill]}
+    for card in cards:
+        if not card.drill:
+            title = f"Exercises of chapter {card.chapter}: {present.chapter_title(card.chapter)}"
+            groups.setdefault(title, []).append(card)
+    name_width = max((len(card.name) for card in cards), default=4)
+    for title, members in groups.items():
+        if not members:
+            continue
+        session.say(terminal.paint(title, "head"))
+        for card in members:
+            mark = present.sign(loaded.of(card.name).state, terminal)
+            right = f"ch {card.chapter:>2}  {card.difficulty}/5 {card.minutes:>3} min"
+            left = terminal.width - len(right) - name_width - (7 if terminal.unicode else 9)
+            text = present.cut(card.title, left)
+            session.say(f"  {mark} {card.name:<{name_width}}  {text:<{left}}  {right}")
+        session.say()
+    states = (NOT_ATTEMPTED, ATTEMPTED, SOLVED)
+    legend = "   ".join(f"{present.sign(s, terminal)} {present.STATE_WORDS[s]}" for s in states)
+    session.say(f"  {legend}   1/5 easy, 5/5 hard")
+    entries = [_card_data(card, loaded.of(card.name)) for card in cards]
+    reasons = [{"reason": str(r), "meaning": text} for r, text in SENTENCES.items()]
+    return session.finish(RIGHT, {"exercises": entries, "reasons": reasons})
+
+
+@cli.command()
+@NAME
+@click.option("--force", is_flag=True, help="Replace an answer; it is kept under a numbered name.")
+@options
+@body
+def start(session: Session, name: str, force: bool) -> int:
+    """Copy the starter of NAME into your work folder."""
+    card = catalogue.card(name)
+    return _start(session, card, force, "start")
+
+
+def _start(session: Session, card: Card, force: bool, command: str) -> int:
+    path = workspace.answer(session.work, card.name)
+    there = workspace.is_untouched(path, card)
+    backup = None
+    if not there:
+        try:
+            backup = workspace.write_start(path, card, replace=force)
+        except FileExistsError:
+            question = f"{workspace.shown(path)} is there already. Keep a copy and start over?"
+            if not session.may_replace(question):
+                raise Misuse(
+                    f"{workspace.shown(path)} is there already and was left as it is. "
+                    f"drills {command} {card.name} --force starts over and keeps a copy."
+                ) from None
+            backup = workspace.write_start(path, card, replace=True)
+    if backup:
+        session.wrap(f"Your answer is kept in {workspace.shown(backup)}.")
+    verb = "is the untouched starter already" if there else "is yours to edit"
+    session.wrap(f"{workspace.shown(path)} {verb}: {card.title}")
+    session.say()
+    session.say(f"  drills show {card.name:<12}  the task")
+    session.say(f"  drills check {card.name:<12} grade it; drills watch {card.name}: at every save")
+    payload = {
+        "drill": card.name,
+        "file": str(path.absolute()),
+        "created": not there,
+        "backup": str(backup.absolute()) if backup else None,
+    }
+    return session.finish(RIGHT, payload)
+
+
+@cli.command()
+@NAME
+@options
+@body
+def show(session: Session, name: str) -> int:
+    """Show the task of NAME: what goes in, what comes out, in which units."""
+    card = catalogue.card(name)
+    terminal = session.terminal
+    record = session.records().of(card.name)
+    session.wrap(terminal.paint(f"{card.name}: {card.title}", "head"))
+    session.wrap(f"{present.facts(card)}; {present.STATE_WORDS[record.state]}")
+    session.wrap(f"It teaches: {card.teaches}", "  ", "")
+    session.say()
+    if not terminal.json:
+        for line in present.markdown_lines(present.task(card), terminal):
+            session.say(line)
+        present.say_examples(card, terminal)
+    session.say()
+    path = workspace.answer(session.work, card.name)
+    begin = f"Your answer: {workspace.shown(path)}" if path.exists() else f"drills start {name}"
+    session.wrap(f"{begin}   drills check {name}   drills hint {name}")
+    pairs = [{"call": call, "answer": answer} for call, answer in present.examples(card)]
+    payload = {**_card_data(card, record), "prompt": card.prompt(), "examples": pairs}
+    return session.finish(RIGHT, payload)
+
+
+@cli.command()
+@click.argument("target", required=False)
+@click.option("--file", "file", metavar="PATH", help="Grade this file (- for standard input).")
+@click.option("--seed", type=SEED, help="Draw the hidden cases from this seed, to replay a run.")
+@click.option("--all", "everything", is_flag=True, help="Check every answer in the work folder.")
+@click.option("--rendered", is_flag=True, help="Add the feedback as text and HTML to the JSON.")
+@options
+@body
+def check(
+    session: Session,
+    target: str | None,
+    file: str | None,
+    seed: int | None,
+    everything: bool,
+    rendered: bool,
+) -> int:
+    """Grade an answer: NAME of a drill, a FILE, or - for standard input."""
+    if everything:
+        if target or file:
+            raise Misuse("Check one answer or --all of them, not both.")
+        return grading.check_all(session, seed)
+    return grading.check(session, target, file, seed, rendered)
+
+
+@cli.command()
+@NAME
+@click.option("--file", "file", metavar="PATH", help="Watch this file.")
+@click.option("--seed", type=SEED, help="Draw the hidden cases from this seed every time.")
+@options
+@body
+def watch(session: Session, name: str, file: str | None, seed: int | None) -> int:
+    """Grade NAME again each time its file is saved, until Ctrl-C."""
+    return grading.watch(session, catalogue.card(name), file, seed)
+
+
+@cli.command()
+@NAME
+@options
+@body
+def hint(session: Session, name: str) -> int:
+    """Give one more hint on NAME each time."""
+    card = catalogue.card(name)
+    many = len(card.hints)
+
+    def one_more(record: Record) -> None:
+        record.hints = min(record.hints + 1, many)
+
+    before = session.records().of(card.name).hints
+    record = session.record(card.name, one_more)
+    if record is None or session.progress_file is None:  # it can't be counted: show the ladder
+        numbers = range(1, many + 1)
+    else:
+        numbers = range(record.hints, record.hints + 1)
+    for number in numbers:
+        present.say_hint(number, many, card.hints[number - 1], session.terminal)
+    session.say()
+    last = numbers[-1]
+    if before >= many:
+        session.wrap(f"That is the last hint. drills solution {name} --give-up shows the answer.")
+    elif last < many:
+        session.wrap(f"drills hint {name} gives the next one.")
+    shown = [{"number": n, "of": many, **asdict(card.hints[n - 1])} for n in numbers]
+    return session.finish(RIGHT, {"drill": card.name, "hints": shown, "left": many - last})
+
+
+@cli.command()
+@NAME
+@click.option("--give-up", is_flag=True, help="Show it before you have solved it.")
+@options
+@body
+def solution(session: Session, name: str, give_up: bool) -> int:
+    """Show the worked answer of NAME, after a pass or with --give-up."""
+    card = catalogue.card(name)
+    record = session.records().of(card.name)
+    if record.state != SOLVED and not record.gave_up:
+        if not give_up:
+            raise Misuse(
+                f"{name} is not solved yet. drills hint {name} helps; drills solution {name} "
+                "--give-up shows the answer, and your progress will say so."
+            )
+
+        def surrender(one: Record) -> None:
+            one.gave_up = one.state != SOLVED
+
+        session.record(card.name, surrender)
+    text = card.solution_text()
+    session.say(session.terminal.paint(f"# {card.name}: {card.title}", "head"))
+    session.say()
+    session.say(text)
+    session.wrap(f"# {card.insight}", "# ", "")
+    return session.finish(RIGHT, {"drill": card.name, "solution": text, "stands_in": card.solution})
+
+
+@cli.command()
+@NAME
+@click.option("--force", is_flag=True, help="Don't ask.")
+@click.option("--progress", "forget", is_flag=True, help="Forget what is recorded of it too.")
+@options
+@body
+def reset(session: Session, name: str, force: bool, forget: bool) -> int:
+    """Start NAME over; your answer is kept under a numbered name."""
+    card = catalogue.card(name)
+    code = RIGHT
+    if forget:
+        path = workspace.answer(session.work, card.name)
+        blocked = path.exists() and not workspace.is_untouched(path, card) and not force
+        if blocked and not session.may_replace(f"Start {name} over and forget its progress?"):
+            raise Misuse(
+                f"{workspace.shown(path)} was left as it is. drills reset {name} --progress "
+                "--force starts over and keeps a copy."
+            )
+        progress.forget(session.progress_file, card.name)
+        force = True
+        session.say(f"The progress of {name} is forgotten.")
+    code = _start(session, card, force, "reset")
+    return code
+
+
+@cli.command()
+@options
+@body
+def status(session: Session) -> int:
+    """Show your progress, chapter by chapter."""
+    loaded, terminal = session.records(), session.terminal
+    cards = catalogue.cards()
+    rows = []
+    for number in sorted({card.chapter for card in cards}):
+        here = [card for card in cards if card.chapter == number]
+        states = [loaded.of(card.name).state for card in here]
+        title = present.chapter_title(number)
+        solved = states.count(SOLVED)
+        rows.append(
+            {
+                "chapter": number,
+                "title": title,
+                "exercises": len(here),
+                "solved": solved,
+                "attempted": states.count(ATTEMPTED),
+            }
+        )
+        label = f"Chapter {number}: {title}"
+        room = terminal.width - 10 - 2 - 16
+        label = present.cut(label, room)
+        drawn = terminal.paint(bar(solved, len(here)), "good")
+        session.say(f"{label:<{room}}  {drawn} {solved:>2} of {len(here):<2} solved")
+        for card in here:
+            record = loaded.of(card.name)
+            if record.attempts or record.hints or record.gave_up:
+                session.wrap(_story(card, record), "      ", f"  {_sign(session, record)} ")
+    total = sum(row["solved"] for row in rows)
+    session.say()
+    session.say(f"{total} of {len(cards)} solved")
+    following = next((c for c in cards if loaded.of(c.name).state != SOLVED), None)
+    if following:
+        state = loaded.of(following.name).state
+        command = "start" if state == NOT_ATTEMPTED else "check"
+        session.say(f"Next: drills {command} {following.name}")
+    elif cards:
+        session.say("All solved.")
+    records = {card.name: asdict(loaded.of(card.name)) for card in cards}
+    file = session.progress_file
+    payload = {
+        "chapters": rows,
+        "exercises": records,
+        "solved": total,
+        "total": len(cards),
+        "next": following.name if following else None,
+        "progress_file": str(file.absolute()) if file else None,
+    }
+    return session.finish(RIGHT, payload)
+
+
+def _sign(session: Session, record: Record) -> str:
+    return present.sign(record.state, session.terminal)
+
+
+def _story(card: Card, record: Record) -> str:
+    parts = [f"{record.attempts} attempt{'s' * (record.attempts != 1)}"]
+    if record.solved:
+        parts.append(f"solved on {record.solved[:10]}")
+    if record.hints:
+        parts.append(f"{record.hints} hint{'s' * (record.hints != 1)}")
+    if record.gave_up:
+        parts.append("solution shown before")
+    best = record.best.get("time per call")
+    if best and best["unit"] == "s":
+        parts.append(f"best {1e6 * best['value']:.3g} us per call")
+    return f"{card.name}: {', '.join(parts)}"
+
+
+@cli.command()
+@click.argument("names", nargs=-1)
+@click.option("--seeds", default=50, show_default=True, type=click.IntRange(1))
+@options
+@body
+def verify(session: Session, names: tuple[str, ...], seeds: int) -> int:
+    """Prove the catalogue: starters fail, answers pass, every slip is caught and named."""
+    from drills.verify import Finding
+    from drills.verify import verify as prove
+
+    last = ""
+
+    def told(finding: Finding) -> None:
+        nonlocal last
+        if finding.exercise != last:
+            last = finding.exercise
+            session.say(session.terminal.paint(last, "head"))
+        word = "ok  " if finding.passed else session.terminal.paint("FAIL", "bad")
+        detail = f" ({finding.detail})" if finding.detail else ""
+        session.wrap(f"{finding.what}{detail}", "       ", f"  {word} ")
+
+    findings = prove([catalogue.card(n).name for n in names] or None, seeds=seeds, progress=told)
+    failed = sum(not finding.passed for finding in findings)
+    session.say()
+    session.say(f"{len(findings)} findings, {failed} failed" if failed else "All of it holds.")
+    payload = {
+        "verdict": "fail" if failed else "pass",
+        "seeds": seeds,
+        "findings": [asdict(finding) for finding in findings],
+    }
+    return session.finish(WRONG if failed else RIGHT, payload)
+
+
+@cli.command()
+@NAME
+@click.option("--file", "file", metavar="PATH", help="The answer (- for standard input).")
+@click.option("--seed", type=SEED, default=0, show_default=True)
+@click.option("-o", "--output", metavar="PNG", help="Where to write the picture.")
+@options
+@body
+def chart(session: Session, name: str, file: str | None, seed: int, output: str | None) -> int:
+    """Draw the speed and accuracy of your answer beside the reference and a library."""
+    card = catalogue.card(name)
+    target = Path(output) if output else session.work / f"{card.name}.png"
+    return grading.chart(session, card, file, seed, target)
+
+
+@cli.command()
+@options
+@body
+def doctor(session: Session) -> int:
+    """Say which protections are active here, and what the course finds."""
+    from drills import doctor as examination
+
+    found = examination.examine(session.work, session.progress_file)
+    terminal = session.terminal
+    for title, rows in found.items():
+        session.say(terminal.paint(title.capitalize(), "head"))
+        width = max((len(row["name"]) for row in rows), default=0)
+        for row in rows:
+            good = row["ok"]
+            word = terminal.paint("ok ", "good") if good else terminal.paint("off", "warn")
+            lead = f"  {word} {row['name']:<{width}}  "
+            session.wrap(row["detail"], " " * (width + 8), lead)
+        session.say()
+    broken = [row for row in found["grader"] if not row["ok"]]
+    return session.finish(FAILED if broken else RIGHT, found)
+
+
+def _card_data(card: Card, record: Record) -> dict[str, Any]:
+    return {
+        "drill": card.name,
+        "title": card.title,
+        "chapter": card.chapter,
+        "difficulty": card.difficulty,
+        "minutes": card.minutes,
+        "teaches": card.teaches,
+        "entry": card.entry,
+        "kind": card.kind,
+        "interview": card.drill,
+        "state": record.state,
+    }

@@ -1,0 +1,256 @@
+"""The commands that grade: one answer, all of them, at every save, and the chart of one."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import sys
+import time
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from drills import exercise as catalogue
+from drills import progress, workspace
+from drills.exercise import Card
+from drills.progress import Record
+from drills.reasons import Reason
+from drills.session import RIGHT, WRONG, Session
+from drills.terminal import listed
+from drills.workspace import Misuse
+
+if TYPE_CHECKING:
+    from drills.grade import Report
+
+STANDARD_INPUT = "-"
+_UNCOUNTED = (Reason.NOT_ATTEMPTED, Reason.UNREADABLE)  # nothing was graded
+_LOOKS = 0.2  # s between two looks at a watched file
+
+
+def check(
+    session: Session, target: str | None, file: str | None, seed: int | None, rendered: bool
+) -> int:
+    """Grade one answer and say what was found."""
+    card, path = _found(session, target, file)
+    report = _graded(session, card, path, seed)
+    code, payload = _told(session, card, report, path)
+    if rendered:
+        from drills import feedback
+
+        plain = feedback.text(report, card, colour=False, unicode=True, width=80)
+        payload |= {"text": plain, "html": feedback.html(report, card)}
+    return session.finish(code, payload)
+
+
+def check_all(session: Session, seed: int | None) -> int:
+    """Grade every answer that is in the work folder; one line each."""
+    results: list[dict[str, Any]] = []
+    width = max((len(card.name) for card in catalogue.cards()), default=0)
+    for card in catalogue.cards():
+        path = workspace.answer(session.work, card.name)
+        if not os.path.lexists(path):
+            continue
+        report = _graded(session, card, str(path), seed)
+        results.append(_data(session, card, report, str(path)))
+        style = "good" if report.passed else "bad"
+        word = session.terminal.paint("right" if report.passed else "wrong", style)
+        note = "" if report.passed else report.diagnosis or report.sentence
+        session.wrap(note, " " * (width + 9), f"{word}  {card.name:<{width}}  ")
+    if not results:
+        raise Misuse(
+            f"There is no answer in {workspace.shown(session.work)} yet. drills start NAME begins."
+        )
+    right = sum(result["verdict"] == "pass" for result in results)
+    session.say()
+    session.say(f"{right} of {len(results)} right")
+    passed = right == len(results)
+    payload = {
+        "verdict": "pass" if passed else "fail",
+        "right": right,
+        "total": len(results),
+        "results": results,
+    }
+    return session.finish(RIGHT if passed else WRONG, payload)
+
+
+def watch(session: Session, card: Card, file: str | None, seed: int | None) -> int:
+    """Grade at once and again at every save; ends by an interrupt only."""
+    if file == STANDARD_INPUT:
+        raise Misuse("Standard input can't be watched. Give a file.")
+    path = _answer_path(session, card, file)
+    session.say(f"Watching {workspace.shown(Path(path))}; Ctrl-C ends it.")
+    seen: object = None
+    while True:
+        now = _settled(Path(path))
+        if now != seen:
+            seen = now
+            session.say()
+            session.say(session.terminal.paint(f"--- {datetime.now():%H:%M:%S} ---", "dim"))
+            if now is None:
+                session.say(f"{workspace.shown(Path(path))} is gone; it is graded when it is back.")
+            else:
+                session.finish(*_told(session, card, _graded(session, card, path, seed), path))
+        time.sleep(_LOOKS)
+
+
+def chart(session: Session, card: Card, file: str | None, seed: int, target: Path) -> int:
+    """Measure an answer beside the reference and a library, and write the picture."""
+    path = _answer_path(session, card, file)
+    report = _graded(session, card, path, seed, quietly=True)
+    if not report.passed:
+        session.say("Only a right answer goes on the chart.")
+        return session.finish(*_told(session, card, report, path))
+    from drills import chart as charts
+
+    session.seed, session.drill = seed, card.name
+    try:
+        measured = charts.chart(card.name, report.source, report.filename, seed)
+    except charts.NoChart as error:
+        raise Misuse(f"{error}.") from None
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        picture = charts.picture(measured, target)
+    except OSError as error:
+        raise Misuse(f"{workspace.shown(target)} can't be written: {error.strerror}.") from None
+    table = measured.table()
+    session.say(table)
+    session.say()
+    session.say(f"Wrote {workspace.shown(picture)}")
+    payload = {"drill": card.name, "picture": str(picture.absolute()), "table": table, "seed": seed}
+    return session.finish(RIGHT, payload)
+
+
+def _found(session: Session, target: str | None, file: str | None) -> tuple[Card, str]:
+    """Which exercise is meant, and the file of its answer ("-" for standard input)."""
+    if target is None and file is None:
+        started = [
+            card.name
+            for card in catalogue.cards()
+            if os.path.lexists(workspace.answer(session.work, card.name))
+        ]
+        there = f" You have started {listed(started, 'and')}." if started else ""
+        raise Misuse(f"Say which: drills check NAME, a file, or --all.{there}")
+    names = catalogue.names()
+    if target is None or (file is None and target not in names and _is_file_like(target)):
+        path = file if target is None else target
+        assert path is not None
+        _must_be_there(path)
+        source, why = _read(session, path)
+        if source is None and Path(path).stem not in names:
+            raise Misuse(f"{why} Say which drill it answers: drills check NAME --file {path}")
+        return workspace.chosen_card(path, source), path
+    card = catalogue.card(target)
+    return card, _answer_path(session, card, file)
+
+
+def _is_file_like(target: str) -> bool:
+    return target == STANDARD_INPUT or "/" in target or "." in target or os.path.lexists(target)
+
+
+def _answer_path(session: Session, card: Card, file: str | None) -> str:
+    if file is not None:
+        _must_be_there(file)
+        return file
+    path = workspace.answer(session.work, card.name)
+    if not os.path.lexists(path):
+        raise Misuse(
+            f"There is no {workspace.shown(path)} yet. drills start {card.name} puts the starter "
+            f"there; --file PATH names another file."
+        )
+    return str(path)
+
+
+def _must_be_there(path: str) -> None:
+    if path == STANDARD_INPUT:
+        return
+    if "\0" in path or not os.path.lexists(path):
+        shown = path.replace("\0", "\\0")
+        raise Misuse(f"There is no file {shown}.")
+
+
+def _read(session: Session, path: str) -> tuple[str | None, str]:
+    """The text of a submission, or None and why it can't be used."""
+    from drills.sandbox.submission import SIZE, Unreadable, decode_submission, read_submission
+
+    try:
+        if path != STANDARD_INPUT:
+            return read_submission(path), ""
+        if session.standard_input is None:
+            stream = sys.stdin.buffer if sys.stdin is not None else None
+            session.standard_input = stream.read(SIZE + 1) if stream else b""
+        return decode_submission(session.standard_input), ""
+    except Unreadable as error:
+        return None, error.sentence
+
+
+def _graded(
+    session: Session, card: Card, path: str, seed: int | None, quietly: bool = False
+) -> Report:
+    """Grade, and enter the attempt into the progress."""
+    from drills.grade import Report, grade
+
+    session.drill = card.name
+    session.seed = secrets.randbits(32) if seed is None else seed
+    filename = "standard input" if path == STANDARD_INPUT else workspace.shown(Path(path))
+    source, why = _read(session, path)
+    if source is None:
+        report = Report(card.name, session.seed, filename, "", Reason.UNREADABLE, why)
+    else:
+        report = grade(card.name, source, filename=filename, seed=session.seed)
+    if report.reason not in _UNCOUNTED and not quietly:
+        costs = {cost.what: (cost.yours, cost.unit) for cost in report.costs}
+
+        def enter(record: Record) -> None:
+            progress.note_attempt(record, report.passed, costs)
+
+        session.record(card.name, enter)
+    return report
+
+
+def _told(session: Session, card: Card, report: Report, path: str) -> tuple[int, dict[str, Any]]:
+    """Write the feedback; gives the exit code and the data."""
+    from drills import feedback
+
+    terminal = session.terminal
+    if not terminal.json:
+        text = feedback.text(
+            report,
+            card,
+            colour=terminal.colour,
+            unicode=terminal.unicode,
+            width=terminal.width,
+        )
+        session.say(text.rstrip("\n"))
+        if not report.passed and report.reason not in _UNCOUNTED:
+            session.say(f"A hint: drills hint {card.name}")
+        elif report.passed:
+            session.say(f"The worked answer: drills solution {card.name}")
+    return (RIGHT if report.passed else WRONG), _data(session, card, report, path)
+
+
+def _data(session: Session, card: Card, report: Report, path: str) -> dict[str, Any]:
+    from drills import feedback
+
+    data = feedback.as_dict(report, card)
+    state = progress.load(session.progress_file).of(card.name).state
+    file = None if path == STANDARD_INPUT else str(Path(path).absolute())
+    return {**data, "file": file, "state": state}
+
+
+def _settled(path: Path) -> object:
+    """What identifies a version of the file, once it has stopped changing; None if it is gone."""
+    before = _version(path)
+    while True:
+        time.sleep(_LOOKS / 4)
+        now = _version(path)
+        if now == before:
+            return now
+        before = now
+
+
+def _version(path: Path) -> tuple[int, int, int] | None:
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_mtime_ns, status.st_size, status.st_ino

@@ -1,0 +1,103 @@
+"""An exercise in words: its task, its examples with their answers, its hints."""
+
+from __future__ import annotations
+
+import textwrap
+from typing import Any
+
+from drills import exercise as catalogue
+from drills.exercise import Card, Hint
+from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED
+from drills.terminal import Terminal
+
+STATE_WORDS = {NOT_ATTEMPTED: "not attempted", ATTEMPTED: "attempted", SOLVED: "solved"}
+STATE_SIGNS = {NOT_ATTEMPTED: "○", ATTEMPTED: "◐", SOLVED: "●"}
+_STATE_ASCII = {NOT_ATTEMPTED: "[ ]", ATTEMPTED: "[/]", SOLVED: "[x]"}
+_STATE_STYLES = {NOT_ATTEMPTED: "dim", ATTEMPTED: "warn", SOLVED: "good"}
+
+
+def chapter_title(number: int) -> str:
+    """The title of a chapter of the course."""
+    from course import CHAPTERS
+
+    return next((c.title for c in CHAPTERS if c.number == number), "")
+
+
+def facts(card: Card) -> str:
+    """One line: chapter, difficulty, minutes."""
+    return (
+        f"chapter {card.chapter} ({chapter_title(card.chapter)}), "
+        f"difficulty {card.difficulty} of 5, about {card.minutes} minutes"
+    )
+
+
+def sign(state: str, terminal: Terminal) -> str:
+    """The state as a sign that does not need its colour."""
+    signs = STATE_SIGNS if terminal.unicode else _STATE_ASCII
+    return terminal.paint(signs[state], _STATE_STYLES[state])
+
+
+def cut(text: str, width: int) -> str:
+    """The text, or as much of it as fits."""
+    return text if len(text) <= width else text[: max(width - 3, 0)] + "..."
+
+
+def task(card: Card) -> str:
+    """The prompt in Markdown, without the title."""
+    return card.prompt().split("\n", 1)[1].strip() + "\n"
+
+
+def examples(card: Card) -> list[tuple[str, str]]:
+    """The public examples: the call and what the worked answer gives."""
+    from drills.grade import describe
+    from drills.verify import example_result
+
+    exercise = catalogue.exercise(card.name)
+    pairs: list[tuple[str, str]] = []
+    for text in exercise.examples:
+        result: Any = example_result(card, exercise, text)
+        pairs.append((text, describe(result)))
+    return pairs
+
+
+def markdown_lines(text: str, terminal: Terminal) -> list[str]:
+    """Markdown as the lines of a terminal."""
+    import io
+
+    from rich.console import Console
+    from rich.markdown import Markdown
+
+    page = io.StringIO()
+    console = Console(
+        file=page,
+        width=terminal.width,
+        force_terminal=terminal.colour,
+        color_system="standard" if terminal.colour else None,
+        legacy_windows=False,
+        emoji=False,
+    )
+    console.print(Markdown(text, hyperlinks=False))
+    lines = [line.rstrip() for line in page.getvalue().rstrip("\n").split("\n")]
+    return [line for i, line in enumerate(lines) if line or (i and lines[i - 1])]
+
+
+def say_examples(card: Card, terminal: Terminal) -> None:
+    """Write the examples."""
+    pairs = examples(card)
+    if not pairs:
+        return
+    terminal.say()
+    terminal.say(terminal.paint("Examples" if len(pairs) > 1 else "Example", "head"))
+    for call, result in pairs:
+        wide = terminal.width
+        lines = textwrap.wrap(call, wide, initial_indent="  >>> ", subsequent_indent="  ... ")
+        lines += textwrap.wrap(result, wide, initial_indent="  ", subsequent_indent="  ")
+        for line in lines:
+            terminal.say(line)
+
+
+def say_hint(number: int, of: int, hint: Hint, terminal: Terminal) -> None:
+    """Write one step of the ladder."""
+    head = terminal.paint(f"Hint {number} of {of}", "head")
+    terminal.wrap(f"{head}  {hint.symptom}", "  ", "")
+    terminal.wrap(hint.text, "  ")

@@ -1,0 +1,230 @@
+"""One run of a command: its options, its output, and how every way to fail is reported.
+
+Exit codes: 0 right (or done), 1 wrong, 2 misuse, 3 the grader itself could not run, 130 stopped.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import click
+
+from drills import progress, workspace
+from drills.exercise import UnknownExercise
+from drills.terminal import SCHEMA, Terminal, listed
+from drills.workspace import Misuse
+
+RIGHT, WRONG, MISUSE, FAILED, STOPPED = 0, 1, 2, 3, 130
+
+
+@dataclass
+class Session:
+    """What a command works with.
+
+    Attributes:
+        command: its name, as it stands in the JSON.
+        terminal: where it writes.
+        work: the folder of the answers.
+        seed, drill: of the grading that runs, for the report of a failure of ours.
+        standard_input: what was read from it; it can be read only once.
+        notices: what the learner should know besides the result.
+    """
+
+    command: str
+    terminal: Terminal
+    work: Path
+    seed: int | None = None
+    drill: str = ""
+    standard_input: bytes | None = None
+    notices: list[str] = field(default_factory=list)
+
+    @property
+    def progress_file(self) -> Path | None:
+        """Where the progress is kept, None to keep none."""
+        return workspace.progress_file(self.work)
+
+    def records(self) -> progress.Loaded:
+        """The progress; what is wrong with its file is said."""
+        loaded = progress.load(self.progress_file)
+        self.notices += loaded.notices
+        return loaded
+
+    def record(self, name: str, edit: Callable[[progress.Record], None]) -> progress.Record | None:
+        """Change the record of an exercise; None, and a notice, where that is not possible."""
+        try:
+            loaded = progress.change(self.progress_file, name, edit)
+        except progress.ProgressProblem as problem:
+            self.notices.append(str(problem))
+            return None
+        self.notices += loaded.notices
+        return loaded.of(name)
+
+    def say(self, text: str = "") -> None:
+        """Write a text."""
+        self.terminal.say(text)
+
+    def wrap(self, text: str, indent: str = "", first: str | None = None) -> None:
+        """Write a paragraph."""
+        self.terminal.wrap(text, indent, first)
+
+    def finish(self, code: int, payload: dict[str, Any]) -> int:
+        """Write the notices and, where it is asked for, the line of JSON; gives the exit code."""
+        for notice in self.notices:
+            self.terminal.complain(f"Note: {notice}")
+        head = {"schema": SCHEMA, "command": self.command, "exit": code}
+        self.terminal.line_of_json({**head, **payload, "notices": self.notices})
+        self.notices = []
+        return code
+
+    def may_replace(self, question: str) -> bool:
+        """Ask a person; false where there is nobody to ask."""
+        if self.terminal.json or sys.stdin is None or not sys.stdin.isatty():
+            return False
+        return click.confirm(question, default=False)
+
+
+Body = Callable[..., int]
+
+
+def options(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The options that every command has."""
+    work = click.option(
+        "--work", metavar="FOLDER", help="Folder of your answers (else DRILLS_WORK, else work)."
+    )
+    as_json = click.option("--json", "as_json", is_flag=True, help="End with one line of JSON.")
+    return as_json(work(function))
+
+
+def body(function: Body) -> Callable[..., int]:
+    """Hand a command its session in place of the common options."""
+
+    @functools.wraps(function)
+    def run(*args: Any, as_json: bool, work: str | None, **kwargs: Any) -> int:
+        context = click.get_current_context()
+        above = context.parent.params if context.parent else {}
+        as_json = as_json or bool(above.get("as_json"))
+        name = context.info_name or "drills"
+        name = "list" if context.parent is None else name
+        session = Session(name, Terminal(as_json), workspace.folder(work or above.get("work")))
+        context.find_root().meta["session"] = session
+        return function(session, *args, **kwargs)
+
+    return run
+
+
+class Commands(click.Group):
+    """The group of commands; it turns every way to end into an exit code and a sentence."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        """In the order in which they were written, which is the order of their use."""
+        return list(self.commands)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """The command of that name; a mistyped one gets the nearest."""
+        if args and self.get_command(ctx, args[0]) is None and not args[0].startswith("-"):
+            import difflib
+
+            near = difflib.get_close_matches(args[0], list(self.commands), n=3, cutoff=0.5)
+            meant = f" Did you mean {listed(near)}?" if near else ""
+            raise Misuse(f"There is no command {args[0]!r}.{meant} See drills --help.", near)
+        return super().resolve_command(ctx, args)
+
+    def main(
+        self,
+        args: Sequence[str] | None = None,
+        prog_name: str | None = None,
+        complete_var: str | None = None,
+        standalone_mode: bool = True,
+        windows_expand_args: bool = True,
+        **extra: Any,
+    ) -> Any:
+        """Run a command and exit with its code."""
+        given = list(sys.argv[1:] if args is None else args)
+        code = self._code(given, prog_name or "drills", extra)
+        if standalone_mode:
+            sys.exit(code)
+        return code
+
+    def _code(self, args: list[str], prog_name: str, extra: dict[str, Any]) -> int:
+        known: dict[str, Any] = {}
+
+        def start() -> int:
+            with self.make_context(prog_name, list(args), **extra) as context:
+                try:
+                    result = self.invoke(context)
+                finally:
+                    known.update(context.meta)
+                return result if isinstance(result, int) else RIGHT
+
+        try:
+            return start()
+        except click.exceptions.Exit as stop:
+            return stop.exit_code
+        except (KeyboardInterrupt, click.Abort, EOFError):
+            return self._end(args, known, STOPPED, "interrupted", "Stopped.")
+        except (Misuse, UnknownExercise) as error:
+            text = str(error)
+            if isinstance(error, UnknownExercise):
+                text = text[:1].upper() + text[1:]
+                text += "" if error.nearest else ". drills list shows them all."
+            return self._end(args, known, MISUSE, "misuse", text, error.nearest)
+        except click.ClickException as error:
+            text = error.format_message()
+            path = (
+                error.ctx.command_path if isinstance(error, click.UsageError) and error.ctx else ""
+            )
+            text += f" See {path} --help." if path else ""
+            return self._end(args, known, MISUSE, "misuse", text)
+        except Exception as error:
+            if os.environ.get("DRILLS_DEBUG"):
+                raise
+            return self._end(args, known, FAILED, "grader", _failure(error, known.get("session")))
+
+    def _end(
+        self,
+        args: list[str],
+        known: dict[str, Any],
+        code: int,
+        kind: str,
+        message: str,
+        nearest: list[str] | None = None,
+    ) -> int:
+        session = known.get("session")
+        if session is None:
+            before_end = args[: args.index("--")] if "--" in args else args
+            terminal = Terminal("--json" in before_end)
+            name = next((word for word in args if word in self.commands), "")
+            session = Session(name, terminal, Path())
+        session.terminal.complain(message)
+        error = {"kind": kind, "message": message, "nearest": nearest or []}
+        if code == FAILED:
+            error |= {"drill": session.drill or None, "seed": session.seed}
+        return session.finish(code, {"error": error})
+
+
+def _failure(error: Exception, session: Session | None) -> str:
+    """One sentence on a failure of ours, and how to report it."""
+    said = " ".join(str(error).split())[:200]
+    what = f"{type(error).__name__}: {said}" if said else type(error).__name__
+    if isinstance(error, ModuleNotFoundError):
+        return (
+            f"The package {error.name} is not installed, and this command needs it. "
+            "Set everything up with: make setup"
+        )
+    again = "drills " + " ".join(sys.argv[1:]) if len(sys.argv) > 1 else "drills"
+    on = ""
+    if session and session.drill:
+        on = f" on {session.drill} with seed {session.seed}"
+        again = f"drills check {session.drill} --seed {session.seed}"
+    return (
+        f"The grader itself failed{on} ({what}). That is our fault, not yours, and nothing was "
+        f"recorded. Please report what this prints: DRILLS_DEBUG=1 {again}"
+    )

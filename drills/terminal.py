@@ -1,0 +1,145 @@
+"""What the commands write: text that fits the terminal, or one line of JSON.
+
+Nothing here fails because of where the output goes: a locale without Unicode gets ASCII, a pipe
+gets no colour, a reader that has gone away ends the output and not the command.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import sys
+import textwrap
+import unicodedata
+from collections.abc import Iterable
+from typing import Any, TextIO
+
+SCHEMA = "drills/1"
+
+_STYLES = {"good": "32", "bad": "31", "warn": "33", "dim": "2", "head": "1"}
+_WIDEST, _NARROWEST = 100, 40
+
+# What a text of the course may hold, in ASCII; other characters lose their accents or are escaped.
+_ASCII = str.maketrans(
+    {
+        **dict(zip("─━│┃┌┐└┘├┤┬┴┼╭╮╰╯╷╵╶╴┏┓┗┛┡┩╇╞╪╡═║", "--||" + "+" * 27 + "=|", strict=False)),
+        **{"█": "#", "░": ".", "▌": "|", "•": "*", "·": ".", "✓": "v", "✗": "x", "✘": "x"},
+        **{"…": "...", "–": "-", "—": "-", "−": "-", "→": "->", "←": "<-", "×": "x", "÷": "/"},
+        **{"‘": "'", "’": "'", "“": '"', "”": '"', "≤": "<=", "≥": ">=", "≠": "!=", "≈": "~"},
+        **{"°": " deg", "±": "+-", "²": "^2", "³": "^3", "√": "sqrt", "π": "pi", "∞": "inf"},
+        **{"α": "alpha", "β": "beta", "γ": "gamma", "δ": "delta", "ε": "epsilon", "θ": "theta"},
+        **{"λ": "lambda", "μ": "mu", "ρ": "rho", "σ": "sigma", "τ": "tau", "φ": "phi"},
+        **{"ω": "omega", "Δ": "Delta", "∆": "Delta", "Σ": "Sigma", "Ω": "Omega", "ζ": "zeta"},
+        **{"○": "o", "◐": "/", "●": "*"},
+    }
+)
+
+
+class Terminal:
+    """Where a command writes.
+
+    Args:
+        as_json: whether nothing but the final line of JSON goes to standard output.
+    """
+
+    def __init__(self, as_json: bool = False) -> None:
+        self.json = as_json
+        self.unicode = _speaks_unicode(sys.stdout)
+        self.colour = _wants_colour(sys.stdout)
+        columns = shutil.get_terminal_size((80, 24)).columns
+        self.width = max(_NARROWEST, min(columns, _WIDEST))
+
+    def say(self, text: str = "") -> None:
+        """Write a text to standard output, unless JSON is asked for."""
+        if not self.json:
+            _write(sys.stdout, text + "\n", self.unicode)
+
+    def wrap(self, text: str, indent: str = "", first: str | None = None) -> None:
+        """Write a paragraph that fits the width."""
+        for line in wrapped(text, self.width, indent, first):
+            self.say(line)
+
+    def complain(self, text: str) -> None:
+        """Write a sentence to standard error, unless JSON is asked for: there it is in the line."""
+        if not self.json:
+            for line in wrapped(text, self.width):
+                _write(sys.stderr, line + "\n", _speaks_unicode(sys.stderr))
+
+    def paint(self, text: str, style: str) -> str:
+        """The text in a colour, where there is colour."""
+        return f"\x1b[{_STYLES[style]}m{text}\x1b[0m" if self.colour else text
+
+    def line_of_json(self, payload: dict[str, Any]) -> None:
+        """Write the one line, in ASCII, if JSON is asked for."""
+        if self.json:
+            text = json.dumps(payload, ensure_ascii=True, allow_nan=False)
+            _write(sys.stdout, text + "\n", True)
+
+
+def wrapped(text: str, width: int, indent: str = "", first: str | None = None) -> list[str]:
+    """The lines of a paragraph; words that are longer than a line are left whole."""
+    return textwrap.wrap(
+        text,
+        width,
+        initial_indent=indent if first is None else first,
+        subsequent_indent=indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+    ) or [""]
+
+
+def to_ascii(text: str) -> str:
+    """The text in ASCII: names for Greek letters, plain signs for drawn ones."""
+    if text.isascii():
+        return text
+    plain = unicodedata.normalize("NFKD", text.translate(_ASCII))
+    plain = "".join(c for c in plain if not unicodedata.combining(c))
+    return plain.encode("ascii", "backslashreplace").decode("ascii")
+
+
+def bar(part: int, whole: int, width: int = 10) -> str:
+    """A bar of `width` characters of which the given share is full."""
+    full = round(width * part / whole) if whole else 0
+    # Neither full nor empty before it is true.
+    full = min(max(full, int(part > 0)), width - int(part < whole)) if whole else 0
+    return "█" * full + "░" * (width - full)
+
+
+def listed(words: Iterable[str], joint: str = "or") -> str:
+    """The words as a sentence lists them: "a, b or c"."""
+    items = list(words)
+    return f" {joint} ".join([", ".join(items[:-1]), items[-1]] if len(items) > 1 else items)
+
+
+def _write(stream: TextIO | None, text: str, unicode: bool) -> None:
+    if stream is None:  # closed before the start
+        return
+    text = text if unicode else to_ascii(text)
+    encoding = getattr(stream, "encoding", None) or "utf-8"
+    text = text.encode(encoding, "backslashreplace").decode(encoding)
+    try:
+        stream.write(text)
+        stream.flush()
+    except BrokenPipeError:
+        # The reader has seen enough. The rest goes nowhere, also what the interpreter flushes last.
+        with contextlib.suppress(OSError, ValueError):
+            nowhere = os.open(os.devnull, os.O_WRONLY)
+            os.dup2(nowhere, stream.fileno())
+            os.close(nowhere)
+
+
+def _speaks_unicode(stream: TextIO | None) -> bool:
+    encoding = (getattr(stream, "encoding", None) or "ascii").lower().replace("-", "")
+    if not encoding.startswith("utf"):
+        return False
+    # Python writes UTF-8 under LC_ALL=C too; whoever reads it there was promised ASCII.
+    told = os.environ.get("PYTHONIOENCODING") or os.environ.get("PYTHONUTF8") == "1"
+    return bool(told) or os.environ.get("LC_ALL") not in ("C", "POSIX")
+
+
+def _wants_colour(stream: TextIO | None) -> bool:
+    if os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
+        return False
+    return stream is not None and stream.isatty()

@@ -1,0 +1,195 @@
+"""The learner's files: where they are, which exercise one answers, and how none is lost."""
+
+from __future__ import annotations
+
+import ast
+import contextlib
+import os
+import tempfile
+import warnings
+from pathlib import Path
+
+from drills import exercise as catalogue
+from drills.exercise import Card
+
+ROOT = Path(__file__).resolve().parent.parent
+NO_PROGRESS = "none"  # as DRILLS_PROGRESS: keep no progress, show none
+
+
+class Misuse(Exception):
+    """The command can't do what it was asked; the message says what to do instead."""
+
+    def __init__(self, message: str, nearest: list[str] | None = None) -> None:
+        super().__init__(message)
+        self.nearest = nearest or []
+
+
+def folder(chosen: str | None = None) -> Path:
+    """The folder of the answers.
+
+    Args:
+        chosen: on the command line; else DRILLS_WORK, else `work` in the project when the current
+            folder is inside it, else `work` in the current folder.
+    """
+    if chosen or os.environ.get("DRILLS_WORK"):
+        return Path(chosen or os.environ["DRILLS_WORK"]).expanduser()
+    here = Path.cwd()
+    inside = (ROOT / "pyproject.toml").exists() and here.is_relative_to(ROOT)
+    return (ROOT if inside else here) / "work"
+
+
+def progress_file(work: Path) -> Path | None:
+    """The progress file: DRILLS_PROGRESS, else in the work folder; None to keep none."""
+    told = os.environ.get("DRILLS_PROGRESS")
+    if told == NO_PROGRESS:
+        return None
+    return Path(told).expanduser() if told else work / "progress.json"
+
+
+def answer(work: Path, name: str) -> Path:
+    """Where the answer to an exercise is."""
+    return work / f"{name}.py"
+
+
+def shown(path: Path) -> str:
+    """The path as a message shows it: from the current folder where it is inside."""
+    with contextlib.suppress(ValueError, OSError):
+        return str(path.absolute().relative_to(Path.cwd()))
+    return str(path)
+
+
+def start_text(card: Card) -> str:
+    """The starter under a header that says what to do next."""
+    facts = f"chapter {card.chapter}, difficulty {card.difficulty} of 5, about {card.minutes} min"
+    return (
+        f"# {card.name}: {card.title}\n"
+        f"# {facts}\n"
+        f"#\n"
+        f"# The task:  drills show {card.name}\n"
+        f"# Check it:  drills check {card.name}\n"
+        f"\n" + card.starter()
+    )
+
+
+def is_untouched(path: Path, card: Card) -> bool:
+    """Whether the file holds the starter as `start` wrote it."""
+    try:
+        return path.read_bytes() == start_text(card).encode()
+    except OSError:
+        return False
+
+
+def write_start(path: Path, card: Card, replace: bool) -> Path | None:
+    """Write the starter; what was there is kept under a numbered name.
+
+    Args:
+        path: of the answer.
+        card: of the exercise.
+        replace: whether a file that is there may give way.
+
+    Returns:
+        The backup, if there was something to keep.
+
+    Raises:
+        FileExistsError: there is a file and `replace` is false.
+        Misuse: the file can't be written.
+    """
+    text = start_text(card)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if not replace:
+            _write_new(path, text)
+            return None
+        if os.path.lexists(path) and not path.is_file():
+            raise Misuse(f"{shown(path)} is not a file, so it is left alone.")
+        backup = _back_up(path)
+        _write_over(path, text)
+        return backup
+    except FileExistsError:
+        if path.parent.is_dir():
+            raise
+        raise Misuse(f"{shown(path.parent)} is a file; the answers need a folder there.") from None
+    except OSError as error:
+        raise Misuse(f"{shown(path)} can't be written: {error.strerror}.") from None
+
+
+def chosen_card(target: str, source: str | None) -> Card:
+    """The exercise that a file answers: the one of its name, else the one whose entry it defines.
+
+    Args:
+        target: the file as it was given, "-" for standard input.
+        source: its text, None if it can't be read.
+
+    Raises:
+        Misuse: no exercise fits, or several do.
+    """
+    cards = catalogue.cards()
+    stem = Path(target).stem
+    named = [card for card in cards if card.name == stem]
+    if named:
+        return named[0]
+    defined = top_level_names(source or "")
+    fitting = [card for card in cards if card.entry in defined]
+    if len(fitting) == 1:
+        return fitting[0]
+    what = "Standard input" if target == "-" else shown(Path(target))
+    say_which = f"Say which one: drills check NAME --file {target}"
+    if fitting:
+        names = " and ".join(card.name for card in fitting)
+        raise Misuse(f"{what} fits several exercises: {names}. {say_which}")
+    raise Misuse(f"{what} defines nothing that an exercise asks for. {say_which}")
+
+
+def top_level_names(source: str) -> set[str]:
+    """The names that a text binds at its top level; none if it isn't Python."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            body = ast.parse(source).body
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        return set()
+    found: set[str] = set()
+    for node in body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            found.add(node.name)
+        elif isinstance(node, ast.Assign):
+            found |= {target.id for target in node.targets if isinstance(target, ast.Name)}
+    return found
+
+
+def _write_new(path: Path, text: str) -> None:
+    with path.open("x", encoding="utf-8", newline="\n") as file:
+        file.write(text)
+
+
+def _write_over(path: Path, text: str) -> None:
+    handle, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        os.chmod(part, 0o644)
+        os.replace(part, path)
+    except OSError:
+        os.unlink(part)
+        raise
+
+
+def _back_up(path: Path) -> Path | None:
+    """Copy the file to the first free `NAME.py.bak-N`."""
+    try:
+        content = path.read_bytes()
+    except FileNotFoundError:
+        return None
+    number = 1
+    while True:
+        backup = path.with_name(f"{path.name}.bak-{number}")
+        try:
+            with backup.open("xb") as file:
+                file.write(content)
+                file.flush()
+                os.fsync(file.fileno())
+            return backup
+        except FileExistsError:
+            number += 1
