@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, Case, describe_call
+from drills.grade import Attempt, Case, describe_call, start_child
 from drills.reasons import Reason
 from drills.values import Mismatch, as_float64
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
+    from drills.sandbox import Child
 
 GIVEN = Path(__file__).with_name("given.py").read_text(encoding="utf-8")
 CLOSED_FORM = "the motion has a closed form; rounding of some dozens of flights stays below 1e-9"
@@ -134,14 +136,8 @@ def chart(attempt: Attempt) -> WorkPrecision:
         for dt in steps
     }
 
-    def yours(dt: float) -> Result:
-        return Result(attempt.learner.child.given("drive", 1.0, dt, e, g, steps[dt]), steps[dt])
-
-    def worked(dt: float) -> Result:
-        y, v = 1.0, 0.0
-        for _ in range(steps[dt]):
-            y, v = bounce_step(y, v, dt, e, g)
-        return Result([y], steps[dt])
+    def driven(child: Child) -> Callable[[float], Result]:
+        return lambda dt: Result(child.given("drive", 1.0, dt, e, g, steps[dt]), steps[dt])
 
     def late(dt: float) -> Result:
         y, v = 1.0, 0.0
@@ -155,22 +151,24 @@ def chart(attempt: Attempt) -> WorkPrecision:
         return Result(runners[dt].run(steps[dt])[0][1:2] - size, steps[dt])
 
     unit, all_steps = "steps", list(steps)
-    end = bounce_step(1.0, 0.0, time, e, g)[0]
-    return measure(
-        [
-            Method("yours", yours, all_steps, style="yours", unit=unit),
-            Method("worked answer", worked, all_steps, unit=unit),
-            Method("impact at the end of the step", late, all_steps, unit=unit),
-            Method("MuJoCo Euler, one-step contact", library, all_steps, "oracle", unit),
-        ],
-        [end],
-        reference_check=[problems.bounce_height(time, 1.0, e, g)],
-        tolerance=1e-3,
-        failed_above=5.0,
-        repeats=3,
-        question="Height of a bouncing ball after 1.5 s",
-        error_unit="m",
-    )
+    # The worked answer goes through a pipe too, so that the two times can be compared.
+    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
+        worked.load()
+        return measure(
+            [
+                Method("yours", driven(attempt.learner.child), all_steps, style="yours", unit=unit),
+                Method("worked answer", driven(worked), all_steps, unit=unit),
+                Method("impact at the end of the step", late, all_steps, unit=unit),
+                Method("MuJoCo Euler, one-step contact", library, all_steps, "oracle", unit),
+            ],
+            [bounce_step(1.0, 0.0, time, e, g)[0]],
+            reference_check=[problems.bounce_height(time, 1.0, e, g)],
+            tolerance=1e-3,
+            failed_above=5.0,
+            repeats=3,
+            question="Height of a bouncing ball after 1.5 s",
+            error_unit="m",
+        )
 
 
 _LOOP = """import math

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, Case, describe_call
+from drills.grade import Attempt, Case, describe_call, start_child
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
+    from drills.sandbox import Child
 
 
 def judge(attempt: Attempt) -> None:
@@ -61,7 +64,7 @@ def _refused(attempt: Attempt) -> None:
     for label, args in (same, worse):
         attempt.require_error(
             label,
-            lambda args=args: attempt.call(*args),
+            partial(attempt.call, *args),
             sentence="Runs whose differences do not get smaller have no order; a number here "
             "would be believed.",
             call=describe_call(attempt.card.entry, args),
@@ -75,7 +78,6 @@ def chart(attempt: Attempt) -> WorkPrecision:
     from course.measure.work_precision import Method, Result, measure
     from course.oracles import mujoco
     from course.rigid_body import problems, simulate
-    from solutions.rigid_body import observed_order
 
     problem = problems.pendulum()
     system, time = problem.system, problem.duration
@@ -88,13 +90,12 @@ def chart(attempt: Attempt) -> WorkPrecision:
     def three(dt: float) -> list[np.ndarray]:
         return [angle(counts[dt] * factor) for factor in (1, 2, 4)]
 
-    def yours(dt: float) -> Result:
-        _, limit = attempt.learner.child.call(attempt.card.entry, *three(dt), 2.0)
-        return Result(np.asarray(limit, dtype=float), 7 * counts[dt])
+    def driven(child: Child) -> Callable[[float], Result]:
+        def run(dt: float) -> Result:
+            _, limit = child.call(attempt.card.entry, *three(dt), 2.0)
+            return Result(np.asarray(limit, dtype=float), 7 * counts[dt])
 
-    def worked(dt: float) -> Result:
-        coarse, medium, fine = three(dt)
-        return Result(observed_order(coarse, medium, fine)[1], 7 * counts[dt])
+        return run
 
     def single(dt: float) -> Result:
         return Result(angle(finest[dt]), finest[dt])
@@ -110,21 +111,24 @@ def chart(attempt: Attempt) -> WorkPrecision:
         return Result(runners[dt].run(finest[dt])[0], finest[dt])
 
     all_steps = list(counts)
-    return measure(
-        [
-            Method("yours", yours, all_steps, style="yours"),
-            Method("worked answer", worked, all_steps),
-            Method("Verlet, the finest run alone", single, all_steps),
-            Method("MuJoCo Euler, one run", library, all_steps, style="oracle"),
-        ],
-        problem.truth(time)[0],
-        reference_check=problems.tight_reference(system, time)[0],
-        tolerance=1e-5,
-        failed_above=10.0,
-        repeats=3,
-        question="A pendulum's angle after 2 s, extrapolated",
-        error_unit="rad",
-    )
+    # The worked answer goes through a pipe too, so that the two times can be compared.
+    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
+        worked.load()
+        return measure(
+            [
+                Method("yours", driven(attempt.learner.child), all_steps, style="yours"),
+                Method("worked answer", driven(worked), all_steps),
+                Method("Verlet, the finest run alone", single, all_steps),
+                Method("MuJoCo Euler, one run", library, all_steps, style="oracle"),
+            ],
+            problem.truth(time)[0],
+            reference_check=problems.tight_reference(system, time)[0],
+            tolerance=1e-5,
+            failed_above=10.0,
+            repeats=3,
+            question="A pendulum's angle after 2 s, extrapolated",
+            error_unit="rad",
+        )
 
 
 _ORDER = "order = math.log(growth) / math.log(ratio)"

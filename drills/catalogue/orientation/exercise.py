@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, Case, describe_call
+from drills.grade import Attempt, Case, describe_call, start_child
 from drills.reasons import Reason
 from drills.values import Mismatch, as_float64
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
+    from drills.sandbox import Child
 
 Array = NDArray[np.float64]
 
@@ -137,7 +139,6 @@ def chart(attempt: Attempt) -> WorkPrecision:
     from course.measure.work_precision import Method, Result, measure
     from course.oracles import mujoco
     from course.rigid_body import problems, quaternion
-    from solutions.rigid_body import update_orientation
 
     time = 5.0
     problem = problems.tumble(duration=time)
@@ -153,14 +154,8 @@ def chart(attempt: Attempt) -> WorkPrecision:
         for dt, n in steps.items()
     }
 
-    def yours(dt: float) -> Result:
-        return Result(attempt.learner.child.given("drive", start, rates[dt], dt), steps[dt])
-
-    def worked(dt: float) -> Result:
-        q = start
-        for rate in rates[dt]:
-            q = update_orientation(q, rate, dt)
-        return Result(q, steps[dt])
+    def driven(child: Child) -> Callable[[float], Result]:
+        return lambda dt: Result(child.given("drive", start, rates[dt], dt), steps[dt])
 
     def added(dt: float) -> Result:
         q = start
@@ -178,22 +173,25 @@ def chart(attempt: Attempt) -> WorkPrecision:
         return float(quaternion.angle_between(answer / length, truth))
 
     unit, all_steps = "updates", list(steps)
-    return measure(
-        [
-            Method("yours", yours, all_steps, style="yours", unit=unit),
-            Method("worked answer", worked, all_steps, unit=unit),
-            Method("rate added, rescaled", added, all_steps, unit=unit),
-            Method("MuJoCo Euler", library, all_steps, style="oracle", unit=unit),
-        ],
-        problem.truth(time)[0],
-        angle,
-        reference_check=problems.tight_reference(problem.system, time)[0],
-        tolerance=1e-2,
-        failed_above=4.0,
-        repeats=3,
-        question="Attitude of a tumbling body after 5 s",
-        error_unit="rad",
-    )
+    # The worked answer goes through a pipe too, so that the two times can be compared.
+    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
+        worked.load()
+        return measure(
+            [
+                Method("yours", driven(attempt.learner.child), all_steps, style="yours", unit=unit),
+                Method("worked answer", driven(worked), all_steps, unit=unit),
+                Method("rate added, rescaled", added, all_steps, unit=unit),
+                Method("MuJoCo Euler", library, all_steps, style="oracle", unit=unit),
+            ],
+            problem.truth(time)[0],
+            angle,
+            reference_check=problems.tight_reference(problem.system, time)[0],
+            tolerance=1e-2,
+            failed_above=4.0,
+            repeats=3,
+            question="Attitude of a tumbling body after 5 s",
+            error_unit="rad",
+        )
 
 
 _RETURN = "    return turned / np.linalg.norm(turned)\n"

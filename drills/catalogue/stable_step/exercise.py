@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, Case, describe_call
+from drills.grade import Attempt, Case, describe_call, start_child
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
+    from drills.sandbox import Child
 
 Array = NDArray[np.float64]
 
@@ -103,47 +105,75 @@ def _simulated(attempt: Attempt) -> None:
 
 
 def chart(attempt: Attempt) -> WorkPrecision:
-    """The limit of a stiff spring: computed, or found by trying steps in MuJoCo."""
+    """The limit of a row of masses: computed, or found by trying steps in MuJoCo."""
     from course.measure import stability
-    from course.measure.work_precision import Method, Result, measure
+    from course.measure.work_precision import Method, Result, max_norm, measure
     from course.oracles import mujoco
     from solutions.rigid_body import largest_stable_step
 
-    stiffness, mass = 1e5, 1.0
-    omega = math.sqrt(stiffness / mass)
-    K, M = np.array([[stiffness]]), np.array([[mass]])
+    n, spring, weight = 5, 1e4, 0.5
+    # Slide joints in a row: a coordinate is the stretch of a spring, a joint carries all beyond it.
+    K = spring * np.eye(n)
+    M = weight * (n - np.maximum.outer(np.arange(n), np.arange(n)))
+    body = ""
+    for _ in range(n):
+        body = (
+            f'<body><joint type="slide" stiffness="{spring}"/>'
+            f'<inertial pos="0 0 0" mass="{weight}" diaginertia="1 1 1"/>{body}</body>'
+        )
+    flags = '<flag autoreset="disable" contact="disable" constraint="disable"/>'
+    xml = (
+        f'<mujoco><option integrator="Euler" gravity="0 0 0">{flags}</option>'
+        f"<worldbody>{body}</worldbody></mujoco>"
+    )
+    runner = mujoco.Runner(xml, np.zeros(n), np.zeros(n), "Euler")
+    # A chain that is held at one end: the frequencies of its fixed-free modes.
+    omega = 2.0 * math.sqrt(spring / weight) * math.sin((2 * n - 1) / (2 * n + 1) * 0.5 * math.pi)
 
-    def yours(_: float) -> Result:
-        return Result([float(np.asarray(attempt.learner.child.call(attempt.card.entry, K, M)))], 1)
+    def computed(child: Child) -> Callable[[float], Result]:
+        def run(_: float) -> Result:
+            return Result([float(np.asarray(child.call(attempt.card.entry, K, M)))], 1)
 
-    def worked(_: float) -> Result:
-        return Result([largest_stable_step(K, M)], 1)
+        return run
 
     def bisected(width: float) -> Result:
         tried = 0
 
-        def stable(x: float) -> bool:
+        def one_step(state: Array) -> Array:
+            runner.q0, runner.v0 = state[:n], state[n:]
+            return np.concatenate(runner.run(1))
+
+        def stable(dt: float) -> bool:
             nonlocal tried
             tried += 1
-            return stability.is_stable_by_matrix(mujoco.oscillator_step("Euler", x), 2)
+            runner.dt = dt
+            return stability.is_stable_by_matrix(one_step, 2 * n)
 
-        return Result([stability.limit(stable, 1.0, 3.0, width) / omega], tried)
+        return Result([stability.limit(stable, 1.0 / omega, 3.0 / omega, width)], tried)
 
-    unit = "models tried"
-    return measure(
-        [
-            Method("yours", yours, [1.0], style="yours", unit=unit),
-            Method("worked answer", worked, [1.0], unit=unit),
-            Method("MuJoCo Euler, bisected", bisected, [1e-1, 1e-2, 1e-3, 1e-4], "oracle", unit),
-        ],
-        [2.0 / omega],
-        reference_check=[2.0 / math.sqrt(stiffness / mass)],
-        tolerance=1e-2 * 2.0 / omega,
-        failed_above=1.0,
-        repeats=3,
-        question="Largest stable step at 1e5 N/m and 1 kg",
-        error_unit="s",
-    )
+    def error(answer: Array, truth: Array) -> float:
+        # An error of exactly zero is luck: nothing is known better than its rounding.
+        return max(max_norm(answer, truth), 1e-16 * float(truth[0]))
+
+    unit, widths = "steps tried", [1e-1, 1e-2, 1e-3, 1e-4]
+    # The worked answer goes through a pipe too, so that the two times can be compared.
+    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
+        worked.load()
+        return measure(
+            [
+                Method("yours", computed(attempt.learner.child), [1.0], style="yours", unit=unit),
+                Method("worked answer", computed(worked), [1.0], unit=unit),
+                Method("MuJoCo Euler, bisected", bisected, widths, "oracle", unit),
+            ],
+            [2.0 / omega],
+            error,
+            reference_check=[largest_stable_step(K, M)],
+            tolerance=1e-2 * 2.0 / omega,
+            failed_above=1.0,
+            repeats=3,
+            question="Largest stable step of five masses in a row",
+            error_unit="s",
+        )
 
 
 _PLAIN = """import numpy as np

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, Case, describe_call
+from drills.grade import Attempt, Case, describe_call, start_child
 from drills.values import Mismatch, as_float64
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
+    from drills.sandbox import Child
 
 Array = NDArray[np.float64]
 ACCURATE = "RK4 errs by less than 1e-7 in these runs; the bug changes the first digits"
@@ -138,18 +140,20 @@ def chart(attempt: Attempt) -> WorkPrecision:
     steps = {time / n: n for n in (25, 50, 100, 200, 400)}
     runners = {dt: mujoco.free_body(system.params, system.q0, system.v0, dt, "RK4") for dt in steps}
 
-    def yours(dt: float) -> Result:
-        q, _ = attempt.learner.child.call(
-            attempt.card.entry, system.q0, system.v0, system.params, dt, steps[dt]
-        )
-        return Result(np.asarray(q, dtype=float), 4 * steps[dt])
+    def driven(child: Child) -> Callable[[float], Result]:
+        def run(dt: float) -> Result:
+            start = system.q0, system.v0, system.params
+            q, _ = child.call(attempt.card.entry, *start, dt, steps[dt])
+            return Result(np.asarray(q, dtype=float), 4 * steps[dt])
+
+        return run
 
     def course(name: str) -> Method:
         def run(dt: float) -> Result:
             end = simulate(system, name, dt, steps[dt], every=steps[dt])
             return Result(end.q[-1], 4 * steps[dt])
 
-        return Method(f"course, {name}", run, list(steps))
+        return Method(f"compiled {name}", run, list(steps))
 
     def library(dt: float) -> Result:
         return Result(runners[dt].run(steps[dt])[0], runners[dt].evaluations(steps[dt]))
@@ -160,22 +164,25 @@ def chart(attempt: Attempt) -> WorkPrecision:
             return math.inf
         return float(quaternion.angle_between(answer / length, truth))
 
-    return measure(
-        [
-            Method("yours", yours, list(steps), style="yours"),
-            course("rk4_renormalised"),
-            course("rk4"),
-            Method("MuJoCo RK4", library, list(steps), style="oracle"),
-        ],
-        problem.truth(time)[0],
-        angle,
-        reference_check=problems.tight_reference(system, time)[0],
-        tolerance=1e-3,
-        failed_above=4.0,
-        repeats=3,
-        question="Attitude of a tumbling body after 4 s",
-        error_unit="rad",
-    )
+    # The worked answer goes through a pipe too, so that the two times can be compared.
+    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
+        worked.load()
+        return measure(
+            [
+                Method("yours", driven(attempt.learner.child), list(steps), style="yours"),
+                Method("worked answer", driven(worked), list(steps)),
+                course("rk4"),
+                Method("MuJoCo RK4", library, list(steps), style="oracle"),
+            ],
+            problem.truth(time)[0],
+            angle,
+            reference_check=problems.tight_reference(system, time)[0],
+            tolerance=1e-3,
+            failed_above=4.0,
+            repeats=3,
+            question="Attitude of a tumbling body after 4 s",
+            error_unit="rad",
+        )
 
 
 _SIGN = ("-np.cross(omega, inertia * omega)", "np.cross(omega, inertia * omega)")

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, describe_call
+from drills.grade import Attempt, describe_call, start_child
 from drills.reasons import Reason
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
+    from drills.sandbox import Child
 
 GIVEN = Path(__file__).with_name("given.py").read_text(encoding="utf-8")
 UNITS = {"positions": "m", "velocities": "m/s", "acceleration": "m/s^2"}
@@ -156,18 +158,21 @@ def chart(attempt: Attempt) -> WorkPrecision:
     pull = float(system.params[0])
     steps = {time / n: n for n in (50, 100, 200, 400, 800, 1600)}
 
-    def yours(dt: float) -> Result:
-        end, calls = attempt.learner.child.given(
-            "drive", system.q0, system.v0, "pendulum", [pull], dt, steps[dt]
-        )
-        return Result(end, calls)
+    def driven(child: Child) -> Callable[[float], Result]:
+        def run(dt: float) -> Result:
+            start = system.q0, system.v0, "pendulum", [pull]
+            end, calls = child.given("drive", *start, dt, steps[dt])
+            return Result(end, calls)
 
-    def course(name: str, evaluations: int) -> Method:
+        return run
+
+    def course(name: str) -> Method:
         def run(dt: float) -> Result:
             end = simulate(system, name, dt, steps[dt], every=steps[dt])
-            return Result(end.q[-1], evaluations * steps[dt])
+            # Verlet keeps its last evaluation and needs one before the first step.
+            return Result(end.q[-1], steps[dt] + (name == "velocity_verlet"))
 
-        return Method(f"course, {name}", run, list(steps))
+        return Method(f"compiled {name}", run, list(steps))
 
     def library(name: str) -> Method:
         runners = {
@@ -182,22 +187,26 @@ def chart(attempt: Attempt) -> WorkPrecision:
 
         return Method(f"MuJoCo {name}", run, list(steps), style="oracle")
 
-    return measure(
-        [
-            Method("yours", yours, list(steps), style="yours"),
-            course("velocity_verlet", 1),
-            course("semi_implicit_euler", 1),
-            library("Euler"),
-            library("RK4"),
-        ],
-        problem.truth(time)[0],
-        reference_check=problems.tight_reference(system, time)[0],
-        tolerance=1e-3,
-        failed_above=10.0,
-        repeats=3,
-        question="A pendulum's angle after 2 s",
-        error_unit="rad",
-    )
+    # The worked answer goes through a pipe too, so that the two times can be compared.
+    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
+        worked.load()
+        return measure(
+            [
+                Method("yours", driven(attempt.learner.child), list(steps), style="yours"),
+                Method("worked answer", driven(worked), list(steps)),
+                course("velocity_verlet"),
+                course("semi_implicit_euler"),
+                library("Euler"),
+                library("RK4"),
+            ],
+            problem.truth(time)[0],
+            reference_check=problems.tight_reference(system, time)[0],
+            tolerance=1e-3,
+            failed_above=10.0,
+            repeats=3,
+            question="A pendulum's angle after 2 s",
+            error_unit="rad",
+        )
 
 
 _V_HALF = "    v_half = v + 0.5 * dt * a\n"
