@@ -343,6 +343,17 @@ class Attempt:
         self._add(Check("the answer's parts", reason, sentence, call, describe(got), wanted))
         return None
 
+    def numbers(
+        self, name: str, got: Any, shape: tuple[int, ...], *, call: str = ""
+    ) -> Array | None:
+        """What came back as finite float64 of that shape, or None after a failed check."""
+        try:
+            return as_float64(got, shape)
+        except Mismatch as wrong:
+            said = wrong.sentence[0].upper() + wrong.sentence[1:]
+            self._add(Check(name, wrong.reason, said, call, describe(got)))
+            return None
+
     def cost(self, what: str, unit: str, *, yours: float, reference: float) -> None:
         """Say what the submission spent beside the reference."""
         self.report.costs.append(Cost(what, unit, yours, reference))
@@ -412,9 +423,24 @@ def judge_function(
         )
     if attempt.failed:
         return
+    repeat_calls(attempt, [(case.args, got) for case, got in first], repeated)
+    if not attempt.failed:
+        attempt.time_call(*cases[-1].args)
+
+
+def repeat_calls(
+    attempt: Attempt, first: Sequence[tuple[tuple[Any, ...], Any]], repeated: int = 3
+) -> None:
+    """Make some of the calls again: the bits must be the same.
+
+    Args:
+        attempt: the grading, of a function.
+        first: arguments and answer of each call.
+        repeated: how many are made again.
+    """
     for i in attempt.rng.choice(len(first), size=min(repeated, len(first)), replace=False):
-        case, before = first[i]
-        again = attempt.call(*case.args)
+        args, before = first[i]
+        again = attempt.call(*args)
         same = identical(before, again)
         attempt.require(
             "same call, same answer",
@@ -422,11 +448,9 @@ def judge_function(
             sentence="The same call gave another answer the second time.",
             got=describe(again),
             expected=describe(before),
-            call=describe_call(attempt.card.entry, case.args),
+            call=describe_call(attempt.card.entry, args),
             reason=Reason.NOT_DETERMINISTIC,
         )
-    if not attempt.failed:
-        attempt.time_call(*cases[-1].args)
 
 
 def grade(
