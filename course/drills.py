@@ -366,7 +366,6 @@ class DomainRandomizer:
     def __init__(
         self,
         model: Any,
-        *,
         friction: tuple[float, float] = (0.4, 1.2),
         mass: tuple[float, float] = (0.7, 1.3),
         damping: tuple[float, float] = (0.0, 0.5),

@@ -1,0 +1,177 @@
+"""Domain randomisation: the arrays of the learner's model are judged on a model of this side."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from drills.catalogue.randomize.bench import (
+    ALLOWED,
+    ENTRY,
+    Bench,
+    draw_setting,
+    move_data,
+    same_arrays,
+)
+from drills.catalogue.randomize.many_draws import (
+    distributions,
+    equal_ends,
+    noise_added,
+    refusals,
+    repeated,
+    reused_actions,
+)
+from drills.catalogue.randomize.one_draw import one_draw
+from drills.catalogue.randomize.slips import SLIPS
+from drills.exercise import Exercise
+from drills.grade import Attempt
+from drills.sandbox import Limits
+
+if TYPE_CHECKING:
+    from course.measure.work_precision import WorkPrecision
+
+GIVEN = Path(__file__).with_name("given.py").read_text(encoding="utf-8")
+
+
+def judge(attempt: Attempt) -> None:
+    """One draw in every detail, then repetition, restoring, distributions, delay and noise."""
+    seeds = [int(seed) for seed in attempt.rng.integers(1 << 32, size=6)]
+    bench = Bench(attempt, draw_setting(attempt.rng))
+    after = bench.learner.given("arrays", bench.model)
+    same_arrays(attempt, "the constructor leaves the model", bench.before, after)
+    move_data(bench)
+    first = one_draw(bench, seeds[0])
+    if first is None:
+        return
+    repeated(bench, first, seeds)
+    if attempt.failed:
+        return
+    distributions(bench, seeds[2])
+    reused_actions(bench, seeds[3])
+    noise_added(bench, seeds[4])
+    if attempt.failed:
+        return
+    equal_ends(bench, seeds[5])
+    refusals(bench)
+    if not attempt.failed:
+        _time(bench)
+
+
+def _time(bench: Bench) -> None:
+    """Time of one randomisation, without the way between the processes."""
+    attempt, count = bench.attempt, 200
+    child, rng = attempt.learner.child, bench.generator(1)
+    child.given("timed", bench.randomizer, bench.data, rng, 1)
+    single = child.elapsed
+    child.given("timed", bench.randomizer, bench.data, rng, count + 1)
+    yours = max(child.elapsed - single, 0.0) / count
+    here = attempt.reference
+    model = here.given_new("build", bench.setting.xml, 1.0)
+    data, own = here.given_new("fresh", model), here.given_new("generator", 1)
+    randomizer = here.new(ENTRY, model)
+    here.given("timed", randomizer, data, own, count)
+    attempt.cost("time per randomisation", "s", yours=yours, reference=here.elapsed / count)
+
+
+def chart(attempt: Attempt) -> WorkPrecision:
+    """Time of 20 randomisations against the worst derived constant, over the size of the model."""
+    import mujoco
+
+    from course.measure.work_precision import Method, Result, measure
+    from course.oracles.mujoco_randomize import recompiled, worst_constant
+
+    count = 20
+    sizes = {1.0 / n: n for n in (2, 4, 8, 16, 32)}  # a larger parameter means less work
+    texts = {parameter: _chain(n) for parameter, n in sizes.items()}
+    defaults = {p: mujoco.MjModel.from_xml_string(xml) for p, xml in texts.items()}
+
+    def error(parameter: float, model: Any) -> float:
+        one = np.ones(model.nbody)
+        one[1:] = model.body_mass[1:] / defaults[parameter].body_mass[1:]
+        return worst_constant(model, recompiled(texts[parameter], one))[0] + 1e-17
+
+    def randomized(name: str, style: str, side: Any, given: Callable[..., Any]) -> Method:
+        prepared, errors = {}, {}
+        for parameter, xml in texts.items():
+            model = side.given_new("build", xml, 1.0)
+            data, rng = side.given_new("fresh", model), side.given_new("generator", 1)
+            prepared[parameter] = side.new(ENTRY, model), data, rng
+            given("timed", *prepared[parameter], 1)
+            here = copy.copy(defaults[parameter])
+            arrays = given("arrays", model)
+            for field in ALLOWED & arrays.keys():
+                getattr(here, field)[...] = arrays[field]
+            errors[parameter] = error(parameter, here)
+
+        def run(parameter: float) -> Result:
+            given("timed", *prepared[parameter], count)
+            return Result(errors[parameter], count * sizes[parameter])
+
+        return Method(name, run, list(sizes), style=style, unit="bodies drawn")
+
+    def compiled(parameter: float) -> Result:
+        rng = np.random.default_rng(2)
+        for _ in range(count):
+            factors = rng.uniform(0.7, 1.3, size=defaults[parameter].nbody)
+            recompiled(texts[parameter], factors, friction=0.5)
+        return Result(check[parameter], count * sizes[parameter])
+
+    def constants_of(parameter: float) -> float:
+        """A compiled model against one whose constants were recomputed."""
+        rng = np.random.default_rng(2)
+        factors = rng.uniform(0.7, 1.3, size=defaults[parameter].nbody)
+        model = copy.copy(defaults[parameter])
+        model.body_mass[:] *= factors
+        model.body_inertia[:] *= factors[:, None]
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+        return worst_constant(recompiled(texts[parameter], factors), model)[0] + 1e-17
+
+    check = {parameter: constants_of(parameter) for parameter in sizes}
+    return measure(
+        [
+            randomized("yours", "yours", attempt.learner.child, attempt.learner.child.given),
+            randomized("reference", "ours", attempt.reference, attempt.reference.given),
+            Method("MjSpec compiled anew", compiled, list(sizes), "oracle", "bodies drawn"),
+        ],
+        0.0,
+        reference_check=0.0,
+        tolerance=1e-9,
+        failed_above=1e3,
+        repeats=3,
+        question="20 randomisations of a chain of 2 to 32 bodies",
+        error_unit="1, worst derived constant",
+    )
+
+
+def _chain(bodies: int) -> str:
+    """A hanging chain of capsules, every second joint damped, with a motor at the top."""
+    inside = ""
+    for number in range(bodies, 0, -1):
+        damping = 0.1 if number % 2 else 0.0
+        inside = (
+            f'<body pos="0 0 {-0.2 if number > 1 else 8}"><joint name="j{number}" axis="0 1 0" '
+            f'damping="{damping}"/><geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.03"/>'
+            f"{inside}</body>"
+        )
+    return (
+        '<mujoco><worldbody><geom type="plane" size="5 5 0.1"/>'
+        f'{inside}</worldbody><actuator><motor joint="j1"/></actuator></mujoco>'
+    )
+
+
+EXERCISE = Exercise(
+    judge=judge,
+    given=GIVEN,
+    limits=Limits(call=5.0, total=40.0),
+    examples=(
+        "__import__('given').walk(DomainRandomizer((m := __import__('given').pendulum())), m)",
+        "__import__('given').walk(DomainRandomizer((m := __import__('given').pendulum()), "
+        "damping=(0.2, 0.2), delay=(2, 2), idle=-1.0), m)",
+    ),
+    chart=chart,
+    slips=SLIPS,
+)

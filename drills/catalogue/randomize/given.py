@@ -1,0 +1,116 @@
+"""The child's side of the drill: builds the model and reads everything back as plain numbers."""
+
+import copy
+
+import mujoco
+import numpy as np
+
+
+def build(xml, tuned):
+    """A model in which somebody has set one constant by hand: `tuned` times the compiled one."""
+    model = mujoco.MjModel.from_xml_string(xml)
+    model.dof_invweight0[:] *= tuned
+    return model
+
+
+def fresh(model):
+    return mujoco.MjData(model)
+
+
+def generator(seed):
+    return np.random.default_rng(seed)
+
+
+def arrays(model):
+    """Copies of all arrays of a model, by name."""
+    fields = {name: getattr(model, name) for name in dir(model) if not name.startswith("_")}
+    found = {name: value for name, value in fields.items() if isinstance(value, np.ndarray)}
+    plain = {name: v.astype(np.uint8) if v.dtype == bool else v for name, v in found.items()}
+    return {name: value.copy() for name, value in plain.items() if value.size}
+
+
+def move(data, qpos, qvel, ctrl, time):
+    """Put a state into the data."""
+    data.qpos[:], data.qvel[:], data.ctrl[:], data.time = qpos, qvel, ctrl, time
+
+
+def state(data):
+    """What must stay."""
+    parts = np.ravel(data.qpos), np.ravel(data.qvel), np.ravel(data.ctrl)
+    return {"qpos": parts[0], "qvel": parts[1], "ctrl": parts[2], "time": float(data.time)}
+
+
+def computed(data):
+    """What must be that of the model as it is now."""
+    return {
+        name: np.array(getattr(data, name)) for name in ("qfrc_bias", "qfrc_passive", "subtree_com")
+    }
+
+
+def draw(randomizer, model, data, rng, count, actions):
+    """Many draws: what was written, and what `delay` gives back for the actions after each."""
+    written = {"geom_friction": [], "body_mass": [], "body_inertia": [], "dof_damping": []}
+    sent = []
+    for number in range(count):
+        randomizer.randomize(data, rng)
+        for name, values in written.items():
+            values.append(getattr(model, name).copy())
+        own = [np.array(action) + 100.0 * number for action in actions]
+        sent.append([copy.deepcopy(randomizer.delay(action)) for action in own])
+    return {name: np.array(values) for name, values in written.items()} | {"delayed": sent}
+
+
+def delay_reused(randomizer, actions):
+    """The actions handed over in one array, which is written again and again."""
+    buffer = np.empty_like(actions[0])
+    back = []
+    for action in actions:
+        buffer[...] = action
+        back.append(copy.deepcopy(randomizer.delay(buffer)))
+    return back
+
+
+def observe(randomizer, observation, rng):
+    """One observation: the array that was handed over, afterwards, and what came back."""
+    handed = np.array(observation)
+    back = randomizer.observe(handed, rng)
+    shared = isinstance(back, np.ndarray) and bool(np.shares_memory(back, handed))
+    return {"handed": handed.copy(), "back": copy.deepcopy(back), "shared": shared}
+
+
+def observe_often(randomizer, observation, rng, count):
+    handed = np.array(observation)
+    return [copy.deepcopy(randomizer.observe(handed, rng)) for _ in range(count)]
+
+
+def timed(randomizer, data, rng, count):
+    for _ in range(count):
+        randomizer.randomize(data, rng)
+
+
+def walk(randomizer, model):
+    """For the public examples: one draw in words of the model."""
+    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    masses, dampings = model.body_mass.copy(), model.dof_damping.copy()
+    randomizer.randomize(data, rng)
+    drawn = {
+        "friction": np.unique(model.geom_friction[:, 0]),
+        "mass factors": model.body_mass[1:] / masses[1:],
+        "damping": model.dof_damping.copy(),
+        "delayed": [float(randomizer.delay(action)) for action in (1.0, 2.0, 3.0, 4.0, 5.0)],
+    }
+    randomizer.restore(data)
+    drawn["restored"] = bool(
+        np.array_equal(model.body_mass, masses) and np.array_equal(model.dof_damping, dampings)
+    )
+    return drawn
+
+
+def pendulum():
+    """A block on a plane and an undamped pendulum."""
+    return mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom type="plane" size="2 2 0.1" friction="0.9"/>'
+        '<body pos="0 0 0.1"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="1"/></body>'
+        '<body pos="1 0 1"><joint axis="0 1 0"/><geom type="sphere" pos="0 0 -0.4" size="0.05" '
+        'mass="0.5"/></body></worldbody></mujoco>'
+    )

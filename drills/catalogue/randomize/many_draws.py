@@ -1,0 +1,384 @@
+"""Many draws: repetition, restoring, distributions, delay, noise, and ranges of one value."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drills.catalogue.randomize.bench import (
+    ALLOWED,
+    CHANCE,
+    CONSTANTS,
+    DRAWS,
+    ENTRY,
+    FAR,
+    PRIMARY,
+    ROUNDING,
+    Array,
+    Arrays,
+    Bench,
+    Setting,
+    same_arrays,
+)
+from drills.catalogue.randomize.one_draw import check_constants, check_state
+from drills.grade import describe
+from drills.values import Mismatch, as_float64
+
+
+def repeated(bench: Bench, first: Arrays, seeds: list[int]) -> None:
+    """Draw often, draw the first one again, restore, and only then say what was wrong."""
+    attempt, learner = bench.attempt, bench.learner
+    action = [np.zeros(bench.default.nu)]
+    bench.draw(40, seeds[1], action)
+    again = bench.randomize(seeds[0])
+    state = learner.given("state", bench.data)
+    learner.method(bench.randomizer, "restore", bench.data)
+    restored = learner.given("arrays", bench.model)
+    now = learner.given("state", bench.data)
+
+    gaps = [
+        float(np.max(np.abs(again[k] - first[k]) / np.maximum(np.abs(first[k]), 1e-9)))
+        for k in PRIMARY
+    ]
+    gap = max(gaps) if np.isfinite(gaps).all() else np.inf
+    back = _equal(restored, bench.before, ("body_mass", "body_inertia", "dof_damping"))
+    drifted = bool(
+        np.any(bench.factors(again["body_mass"]) < bench.setting.mass[0])
+        or np.any(bench.factors(again["body_mass"]) > bench.setting.mass[1])
+        or np.any(again["dof_damping"] > bench.default.dof_damping + 2.0 * bench.setting.damping[1])
+    )
+    views = drifted and not back
+    slip = "defaults_are_views" if views else "compounding" if drifted else ""
+    attempt.require(
+        "the same seed after 40 draws",
+        gap <= 1e-9,
+        sentence="The same seed gives another model than at first"
+        + (": the values drift away." if drifted else ". What else does a draw depend on?"),
+        error=gap,
+        tolerance=1e-9,
+        unit="1",
+        why=ROUNDING,
+        slip=slip,
+    )
+
+    def named(changed: list[str]) -> str:
+        if views:
+            return "defaults_are_views"
+        if set(changed) <= set(CONSTANTS):
+            return "restored_by_recomputing"
+        return "" if back else "not_restored"
+
+    same_arrays(
+        attempt,
+        "restored bit for bit",
+        bench.before,
+        restored,
+        slip=named,
+        sentence="After restore these arrays differ from what they were: ",
+    )
+    if not attempt.failed:
+        check_state(bench, bench.before, state, now, "restore")
+        actions = [np.full(bench.default.nu, float(k)) for k in range(1, 4)]
+        due = [learner.method(bench.randomizer, "delay", action) for action in actions]
+        attempt.compare(
+            "no delay after restore",
+            due,
+            np.array(actions),
+            tolerance=0.0,
+            unit="1",
+            why="an action is handed on as it is",
+            call="delay(action)",
+        )
+
+
+def _equal(a: Arrays, b: Arrays, names: tuple[str, ...]) -> bool:
+    return all(np.array_equal(a[name], b[name]) for name in names)
+
+
+def _distance(values: Array, low: float, high: float) -> float:
+    """Kolmogorov-Smirnov distance from the uniform distribution between two ends."""
+    x = np.sort((values - low) / (high - low))
+    n = x.size
+    return float(max(np.max(np.arange(1, n + 1) / n - x), np.max(x - np.arange(n) / n)))
+
+
+def distributions(bench: Bench, seed: int) -> None:
+    attempt, setting = bench.attempt, bench.setting
+    actions = [np.full(bench.default.nu, float(k)) for k in range(1, 8)]
+    drawn = bench.draw(DRAWS, seed, actions)
+    factors = bench.factors(drawn["body_mass"])
+    added = (drawn["dof_damping"] - bench.default.dof_damping)[:, bench.damped]
+    for name, values, (low, high), unit in (
+        ("distribution of friction", drawn["geom_friction"][:, :1, 0], setting.friction, "1"),
+        ("distribution of mass factors", factors, setting.mass, "1"),
+        ("distribution of damping", added, setting.damping, "N m s/rad"),
+    ):
+        distance = max(_distance(column, low, high) for column in values.T)
+        attempt.require(
+            name,
+            distance <= FAR,
+            sentence=f"{DRAWS} draws are not uniform between {low:.4g} and {high:.4g} {unit}: they "
+            f"range from {values.min():.4g} to {values.max():.4g}, with a mean of "
+            f"{values.mean():.4g}.",
+            error=distance,
+            tolerance=FAR,
+            unit="1",
+            why=CHANCE,
+        )
+    for name, values, slip in (
+        ("a factor for each body", factors, "one_factor_for_all"),
+        ("a draw for each joint", added, "one_damping_for_all"),
+    ):
+        same = bool(np.all(np.ptp(values, axis=1) < 1e-9))
+        attempt.require(
+            name,
+            not same,
+            sentence="In every draw all of them got the same value.",
+            slip=slip,
+        )
+    if not attempt.failed:
+        _lags(bench, drawn["delayed"], actions)
+
+
+def _lags(bench: Bench, delayed: Any, actions: list[Array]) -> None:
+    """How many calls late the actions come, after each draw."""
+    attempt, (low, high), idle = bench.attempt, bench.setting.delay, bench.setting.idle
+    shape = (DRAWS, len(actions), bench.default.nu)
+    try:
+        got = as_float64(delayed, shape, "what delay returned")
+    except Mismatch as wrong:
+        said = wrong.sentence[0].upper() + wrong.sentence[1:]
+        attempt.require(
+            "what delay returns", False, sentence=said, reason=wrong.reason, call="delay(action)"
+        )
+        return
+    sent = np.array(actions)[None] + 100.0 * np.arange(DRAWS)[:, None, None]
+    lags = []
+    for theirs, ours in zip(got, sent, strict=True):
+        fits = [k for k in range(len(actions)) if _shifted(theirs, ours, k, idle)]
+        lags.append(fits[0] if fits else -1)
+    counts = np.bincount([lag for lag in lags if lag >= 0], minlength=high + 2)
+    strange = lags.count(-1)
+    slip = ""
+    if strange:
+        place = lags.index(-1)
+        said = f"delay returned {describe(got[place, :, 0])} for {describe(sent[place, :, 0])}."
+        positive = got[..., 0] > 0.5
+        if (positive & (got[..., 0] < sent[:, :1, 0] - 0.5)).any():
+            slip = "old_actions_kept"
+        elif np.array_equal(got[:, -1], sent[:, -1]):
+            slip = "newest_returned"
+    elif counts[0] == DRAWS:
+        said, slip = "Every action comes back at once, whatever the delay.", "newest_returned"
+    elif counts[: low + 1].tolist()[:low] != [0] * low or counts[high + 1 :].any():
+        said, slip = f"Delays of {_listed(counts)} calls came up.", "one_call_off"
+    else:
+        said, slip = f"In {DRAWS} draws only delays of {_listed(counts)} calls came up.", ""
+        if counts[high] == 0:
+            slip = "end_excluded"
+    expected = DRAWS / (high - low + 1)
+    # Chance of one count to be this far off, by Hoeffding: as for the other distributions.
+    off = float(np.max(np.abs(counts[low : high + 1] - expected))) / DRAWS
+    attempt.require(
+        "delays that were drawn",
+        bool(not strange and counts[low : high + 1].sum() == DRAWS and off <= FAR),
+        sentence=said,
+        got=f"{_listed(counts)} calls",
+        expected=f"{low} to {high} calls, equally often",
+        error=off,
+        tolerance=FAR,
+        unit="1",
+        why=CHANCE,
+        slip=slip,
+        call="delay(action)",
+    )
+
+
+def _shifted(theirs: Array, ours: Array, lag: int, idle: float) -> bool:
+    return bool(np.all(theirs[:lag] == idle) and np.all(theirs[lag:] == ours[: len(ours) - lag]))
+
+
+def _listed(counts: NDArray[Any]) -> str:
+    return ", ".join(str(lag) for lag in np.flatnonzero(counts))
+
+
+def reused_actions(bench: Bench, seed: int) -> None:
+    """The caller's array may be used again; two delays of the same draw are the same."""
+    if bench.attempt.failed:
+        return
+    actions = [bench.attempt.rng.normal(size=bench.default.nu) for _ in range(9)]
+    bench.randomize(seed)
+    plain = [bench.learner.method(bench.randomizer, "delay", action) for action in actions]
+    bench.randomize(seed)
+    reused = bench.learner.given("delay_reused", bench.randomizer, actions)
+    bench.attempt.compare(
+        "actions handed over in one array",
+        reused,
+        np.asarray(plain, dtype=float),
+        tolerance=0.0,
+        unit="1",
+        why="the same actions, in an array that the caller writes again",
+        call="delay(action)",
+        slip="action_not_copied",
+    )
+
+
+def noise_added(bench: Bench, seed: int) -> None:
+    attempt, learner, sigma = bench.attempt, bench.learner, bench.setting.noise
+    truth = attempt.rng.uniform(-2.0, 2.0, size=5)
+    rng = bench.generator(seed)
+    back = learner.method(bench.randomizer, "observe", truth, rng)
+    attempt.compare(
+        "one observation",
+        back,
+        truth,
+        tolerance=8.0 * sigma,
+        unit="1",
+        why="eight standard deviations: once in 1e15",
+        call="observe(observation, rng)",
+    )
+    one = learner.given("observe", bench.randomizer, truth, rng)
+    attempt.require(
+        "observe leaves its argument",
+        bool(np.array_equal(one["handed"], truth)) and not one["shared"],
+        sentence="The array that was handed to observe holds the noise as well.",
+        got=describe(one["handed"]),
+        expected=describe(truth),
+        slip="noise_in_place",
+        call="observe(observation, rng)",
+    )
+    if attempt.failed:
+        return
+    seen = learner.given("observe_often", bench.randomizer, truth, rng, DRAWS)
+    try:
+        noise = as_float64(seen, (DRAWS, truth.size), "what observe returned") - truth
+    except Mismatch as wrong:
+        attempt.require("what observe returns", False, sentence=wrong.sentence, reason=wrong.reason)
+        return
+    frozen = bool(np.all(np.ptp(noise, axis=0) < 1e-12))
+    moving = attempt.require(
+        "noise is new in each call",
+        not frozen,
+        sentence=f"{DRAWS} calls had the same noise.",
+        slip="same_noise",
+        call="observe(observation, rng)",
+    )
+    single = bool(np.all(np.ptp(noise, axis=1) < 1e-12))
+    moving &= attempt.require(
+        "noise is new in each component",
+        not single,
+        sentence="All components of an observation got the same noise.",
+        slip="one_noise_for_all",
+        call="observe(observation, rng)",
+    )
+    if not moving:
+        return
+    # The standard deviation of n normal numbers is known to 1 / sqrt(2 n); six times that.
+    allowed = 6.0 / np.sqrt(2.0 * noise.size)
+    ratio = float(noise.std() / sigma)
+    attempt.require(
+        "standard deviation of the noise",
+        abs(ratio - 1.0) <= allowed,
+        sentence=f"The noise has {ratio:.3g} times the standard deviation asked for.",
+        got=f"{noise.std():.4g}",
+        expected=f"{sigma:.4g}",
+        error=abs(ratio - 1.0),
+        tolerance=allowed,
+        unit="1",
+        why=CHANCE,
+        slip="variance_for_deviation" if abs(ratio / sigma - 1.0) < 0.15 else "",
+    )
+    mean = float(np.max(np.abs(noise.mean(axis=0)))) / sigma
+    attempt.require(
+        "mean of the noise",
+        mean <= 6.0 / np.sqrt(DRAWS),
+        sentence=f"The noise of a component has a mean of {mean:.3g} standard deviations.",
+        error=mean,
+        tolerance=6.0 / np.sqrt(DRAWS),
+        unit="1",
+        why=CHANCE,
+    )
+    distance = max(_normal_distance(column / sigma) for column in noise.T)
+    attempt.require(
+        "normal distribution of the noise",
+        distance <= FAR,
+        sentence="The noise is not normally distributed.",
+        error=distance,
+        tolerance=FAR,
+        unit="1",
+        why=CHANCE,
+    )
+
+
+def _normal_distance(values: Array) -> float:
+    from math import erf, sqrt
+
+    return _distance(np.array([0.5 + 0.5 * erf(x / sqrt(2.0)) for x in values]), 0.0, 1.0)
+
+
+def equal_ends(bench: Bench, seed: int) -> None:
+    """Ranges of one value, which leave nothing to chance."""
+    attempt, setting = bench.attempt, bench.setting
+    lag = int(attempt.rng.integers(0, 4))
+    fixed = Setting(
+        setting.xml, setting.tuned, (0.6, 0.6), (1.5, 1.5), (0.2, 0.2), (lag, lag), 0, 0
+    )
+    other = Bench(attempt, fixed)
+    arrays = other.randomize(seed)
+    if not same_arrays(attempt, "nothing else changes", other.before, arrays, ALLOWED):
+        return
+    truth = {
+        "geom_friction": np.full(other.default.ngeom, 0.6),
+        "body_mass": 1.5 * other.default.body_mass,
+        "dof_damping": other.default.dof_damping + 0.2 * other.damped,
+    }
+    for name, want in truth.items():
+        got = arrays[name][:, 0] if name == "geom_friction" else arrays[name]
+        unit = {"geom_friction": "1", "body_mass": "kg", "dof_damping": "N m s/rad"}[name]
+        attempt.compare(
+            f"{name} of a range with equal ends", got, want, tolerance=1e-9, unit=unit, why=ROUNDING
+        )
+    check_constants(other, arrays)
+    actions = [np.full(other.default.nu, float(k)) for k in range(1, 7)]
+    due = [attempt.learner.method(other.randomizer, "delay", action) for action in actions]
+    attempt.compare(
+        f"a delay of {lag} calls",
+        due,
+        np.array([np.zeros(other.default.nu)] * lag + actions[: len(actions) - lag]),
+        tolerance=0.0,
+        unit="1",
+        why="an action is handed on as it is",
+        call="delay(action)",
+    )
+    truth_seen = attempt.rng.normal(size=3)
+    seen = attempt.learner.method(other.randomizer, "observe", truth_seen, other.generator(seed))
+    attempt.compare(
+        "an observation without noise", seen, truth_seen, tolerance=0.0, unit="1", why="noise is 0"
+    )
+
+
+def refusals(bench: Bench) -> None:
+    good = bench.setting.ranges
+    for place, value, what in (
+        (0, (1.0, 0.5), "friction with its ends the wrong way round"),
+        (0, (0.0, 0.5), "friction that may be zero"),
+        (1, (0.0, 2.0), "a mass factor that may be zero"),
+        (1, (0.5, float("nan")), "a mass factor that is not a number"),
+        (2, (-0.1, 0.5), "negative damping"),
+        (3, (-1, 2), "a negative delay"),
+        (3, (0, 1.5), "a delay that is not whole"),
+        (4, -0.1, "negative noise"),
+    ):
+        ranges = [*good[:place], value, *good[place + 1 :]]
+
+        def request(ranges: list[Any] = ranges) -> Any:
+            return bench.learner.new(ENTRY, bench.model, *ranges)
+
+        bench.attempt.require_error(
+            what,
+            request,
+            sentence=f"The constructor must refuse {what}.",
+            call=f"DomainRandomizer(model, {', '.join(map(describe, ranges))})",
+        )
