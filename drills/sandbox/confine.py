@@ -1,8 +1,8 @@
 """What the child process takes away from itself before it runs foreign code.
 
-Loaded by path in the child. Linux has four layers: resource limits, no capabilities, Landlock (files,
-TCP, signals) and a system-call filter. Elsewhere the resource limits remain. Each function returns
-what it reached, as a short text for `drills doctor`.
+Loaded by path in the child. Linux has four layers: resource limits, no capabilities, Landlock
+(files, TCP, signals) and a system-call filter. Elsewhere the resource limits remain. Each function
+returns what it reached, as a short text for `drills doctor`.
 
 Sources: man pages prctl(2), capset(2), seccomp(2), landlock(7); Linux' Documentation/userspace-api.
 """
@@ -42,7 +42,7 @@ def _prctl(option: int, *values: int) -> int:
 
 
 def limit(wanted: dict[str, int]) -> str:
-    """Set resource limits, soft and hard. The limit on processes is on top of those that run now."""
+    """Set resource limits, soft and hard; that on processes is on top of those that run now."""
     missed = []
     for name, value in wanted.items():
         kind = getattr(resource, f"RLIMIT_{name}", None)

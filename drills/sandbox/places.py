@@ -1,4 +1,4 @@
-"""Which files the child may read: Python, its packages and the system's libraries, not the course."""
+"""Which files the child may read: Python, packages, the system's libraries; not the course."""
 
 from __future__ import annotations
 
@@ -33,14 +33,12 @@ def search_path() -> list[str]:
 
 
 def _hidden(path: str) -> bool:
-    name = os.path.basename(path)
-    place = os.path.dirname(path)
-    return (
-        (name in HIDDEN and (place == str(HERE) or place in map(os.path.realpath, search_path())))
-        or name.startswith(OURS)
-        or name.startswith("__editable__")
-        or path == str(HERE)
-    )
+    """Whether a path belongs to the course, in a checkout or among the installed packages."""
+    place, name = os.path.split(path)
+    if place == str(HERE) and name in HIDDEN:
+        return True
+    installed = place in map(os.path.realpath, search_path())
+    return installed and (name in HIDDEN or name.startswith((OURS, "__editable__")))
 
 
 @functools.cache

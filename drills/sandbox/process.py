@@ -30,6 +30,7 @@ from drills.sandbox import places, scratch, tree, wire
 SCRIPT = Path(__file__).with_name("child.py")
 START = 60.0  # s, for the interpreter, numpy and the drill's own module: not the learner's time
 WATCH = 0.03  # s, between two looks from outside
+SPIN = 1e-4  # s, to look for an answer without sleeping
 KEPT = 16 << 10  # bytes of output kept for the feedback
 LAYERS = frozenset({"capabilities", "landlock", "seccomp", "procfs"})
 
@@ -46,6 +47,9 @@ class Limits:
     memory: int = 1 << 30  # bytes resident
     output: int = 1 << 20  # bytes printed in all
     disk: int = 16 << 20  # bytes in the scratch folder in all, and in each file
+
+
+DEFAULT = Limits()
 
 
 @dataclass(frozen=True)
@@ -170,7 +174,7 @@ class Child:
         filename: str,
         entry: str,
         given: str = "",
-        limits: Limits = Limits(),  # noqa: B008
+        limits: Limits = DEFAULT,
         _layers: frozenset[str] = LAYERS,
     ) -> None:
         self.changed = False
@@ -218,6 +222,7 @@ class Child:
             "NUMBA_CACHE_DIR": self._folder,
             "PATH": "/usr/bin:/bin",
             "LANG": "C.UTF-8",
+            "MUJOCO_GL": "off",  # MuJoCo looks for a window by starting a process
             "DRILLS_CHILD": token,
         }
         for library in ("OMP", "OPENBLAS", "MKL", "VECLIB_MAXIMUM", "NUMEXPR", "NUMBA"):
@@ -285,10 +290,12 @@ class Child:
         process = self._process
         left: list[int] = []
         if process is not None:
-            left = self._tree.kill()
+            self._tree.kill()
+            patience = time.monotonic() + 10
+            while self._status() is None and time.monotonic() < patience:
+                time.sleep(0.0005)
+            left = self._tree.kill()  # what that death has orphaned
             process.wait()
-            # What was orphaned by that last death is ours to end as well.
-            left = self._tree.kill() if self._tree.seen else left
             tree.ROOTS.discard(process.pid)
         for file in self._files:
             os.close(file)
@@ -442,6 +449,7 @@ class Child:
         repeat: int = 1,
         seconds: float | None = None,
     ) -> dict[str, Any]:
+        self.changed = False
         request = {
             "do": "call",
             "where": where,
@@ -543,7 +551,9 @@ class Child:
                     self._watch(where)
                     self._next_watch = time.monotonic() + WATCH
                 pause = max(0.0, min(deadline, self._next_watch) - time.monotonic())
-                for file, _ in self._poll.poll(math.ceil(1e3 * pause)):
+                # Most answers are there at once; to sleep and be woken would take longer.
+                wait = 0 if now - start < SPIN else math.ceil(1e3 * pause)
+                for file, _ in self._poll.poll(wait):
                     if file == self._prints:
                         self._drain(where)
                     elif file == self._requests:
@@ -633,7 +643,9 @@ class Child:
         resident = self._tree.resident(others)
         self._peak = max(self._peak, resident)
         if resident > limits.memory:
-            text = f"{_size(resident)} of memory were in use {where}; the limit is {_size(limits.memory)}."
+            text = (
+                f"{_size(resident)} of memory were in use {where} (limit {_size(limits.memory)})."
+            )
             raise self._end(Reason.OUT_OF_MEMORY, text)
         problem = scratch.excess(self._folder, limits.disk)
         if problem:
@@ -644,8 +656,10 @@ class Child:
                 raise self._gone(where)
 
     def _status(self) -> int | None:
-        """How the process ended, as `Popen.returncode`; None while it runs. It is not reaped, so that
-        its number stays ours until its group is killed."""
+        """How the process ended, as `Popen.returncode`; None while it runs.
+
+        It is not reaped, so that its number stays ours until its group is killed.
+        """
         assert self._process is not None
         if not hasattr(os, "waitid"):
             return self._process.poll()
@@ -659,7 +673,7 @@ class Child:
 
     def _gone(self, where: str) -> Ended:
         """The verdict on a reply pipe that is at its end."""
-        patience = time.monotonic() + 1.0
+        patience = time.monotonic() + 0.5
         while (status := self._status()) is None and time.monotonic() < patience:
             time.sleep(0.002)
         if status is None:

@@ -35,7 +35,7 @@ def excess(folder: str, limit: int) -> str:
 
 
 def remove(folder: str) -> None:
-    """Remove a folder, when nobody can change it any more: closed folders, deep ones and many files.
+    """Remove a folder that nobody can change any more, however closed, deep or full it is.
 
     Each subfolder is first moved to the top, so that no path ever gets long.
     """

@@ -3,10 +3,10 @@
 Both ends load this file: the grader as a module of its package, the child by path. What arrives is
 never trusted: `decode` accepts exactly the forms that `encode` writes, within fixed bounds.
 
-A JSON number, string, true, false, null or array stands for itself. All else is an object of one key:
-`i` an int beyond 2**53 (hexadecimal), `f` NaN or an infinity, `t` a tuple, `d` a dictionary, `a` an
-array as [dtype, shape, base64], `x` a value that does not travel (its type's name), `h` an object
-that stays in the child.
+A JSON number, string, true, false, null or array stands for itself. All else is an object of one
+key: `i` an int beyond 2**53 (hexadecimal), `f` NaN or an infinity, `t` a tuple, `d` a dictionary,
+`a` an array as [dtype, shape, base64], `x` a value that does not travel (its type's name), `h` an
+object that stays in the child.
 """
 
 from __future__ import annotations
@@ -45,13 +45,21 @@ class Malformed(ValueError):
     """The bytes are not a message."""
 
 
-def type_name(value: object) -> str:
+def _refuse(constant: str) -> Any:
+    raise Malformed(f"{constant} is not JSON")
+
+
+WRITER = json.JSONEncoder(allow_nan=False, separators=(",", ":"))
+READER = json.JSONDecoder(parse_constant=_refuse)
+
+
+def type_name(value: Any) -> str:
     """The name of a value's type, short enough to print."""
     kind = type(value)
     try:
         module, name = str(kind.__module__), str(kind.__qualname__)
         if kind is ARRAYS:
-            return f"array of dtype {value.dtype.name}"[:120]  # type: ignore[attr-defined]
+            return f"array of dtype {value.dtype.name}"[:120]
         return (name if module in ("builtins", "submission") else f"{module}.{name}")[:120]
     except BaseException:  # a metaclass may do anything
         return "object"
@@ -209,14 +217,10 @@ def pack(message: dict[str, Any]) -> bytes:
     Raises:
         TooLarge: longer than one message may be.
     """
-    payload = json.dumps(message, allow_nan=False, separators=(",", ":")).encode("ascii")
+    payload = WRITER.encode(message).encode("ascii")
     if len(payload) > FRAME:
         raise TooLarge("too large to hand over")
     return HEAD.pack(len(payload)) + payload
-
-
-def _refuse(constant: str) -> Any:
-    raise Malformed(f"{constant} is not JSON")
 
 
 def unpack(payload: bytes) -> dict[str, Any]:
@@ -229,7 +233,7 @@ def unpack(payload: bytes) -> dict[str, Any]:
     if sum(payload.count(mark) for mark in (b"[", b"{", b",")) > 3 * NODES + TEXT:
         raise Malformed("too many values")
     try:
-        message = json.loads(payload.decode("ascii"), parse_constant=_refuse)
+        message = READER.decode(payload.decode("ascii"))
     except (ValueError, RecursionError, MemoryError) as error:
         raise Malformed("not JSON") from error
     if type(message) is not dict:
