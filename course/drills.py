@@ -156,6 +156,7 @@ def rrt(
     path = trace(nodes, parents) if found else None
     return path, nodes[: len(parents)].copy(), np.array(parents), np.reshape(samples, (-1, 2))
 
+
 # --- PID ------------------------------------------------------------------------------------------
 
 
@@ -313,8 +314,8 @@ class Joint:
 
 
 def closed_loop(
-    controller: PID,
-    joint: Joint,
+    controller: Any,
+    joint: Any,
     setpoints: ArrayLike,
     blocked: ArrayLike = False,
     noise: ArrayLike = 0.0,
