@@ -55,6 +55,8 @@ def text(
         page.wrapped(
             f"Write {card.signatures[0].text} in {clean(report.filename)}, then check again."
         )
+    if report.call:
+        page.labelled("call", report.call)
     if report.problem:
         page.problem(report)
     failed = [check for check in report.checks if not check.passed]
@@ -116,7 +118,7 @@ class _Page:
             word = self.paint("NOT ATTEMPTED YET", "head")
         else:
             word = self.paint("NOT RIGHT", "bad")
-        self.lines.append(f"{word}  {card.name}: {card.title}")
+        self.lines.append(f"{word}  {self.cut(f'{card.name}: {card.title}', self.width - 20)}")
         if report.passed:
             self.wrapped(f"All {len(report.checks)} checks hold.")
         elif report.reason is not Reason.NOT_ATTEMPTED:
@@ -157,21 +159,20 @@ class _Page:
         if not math.isnan(check.error):
             allowed = f", {check.tolerance:.3g} allowed" if not math.isnan(check.tolerance) else ""
             self.labelled("error", f"{check.error:.3g} {check.unit}{allowed}")
-        if check.why:
+        if check.why and not math.isnan(check.error):
             self.labelled("tolerance", check.why)
 
     def cases(self, checks: list[Check]) -> None:
         good = sum(check.passed for check in checks)
         self.heading(f"Checks: {good} of {len(checks)} hold")
-        rows = sorted(checks, key=lambda check: check.passed)[:SHOWN_CASES]
-        for check in rows:
-            note = check.sentence
-            if check.passed and not math.isnan(check.error):
-                note = f"error {check.error:.2g} {check.unit}, {check.tolerance:.2g} allowed"
-            line = f"{check.name}: {note}" if note else check.name
-            self.lines.append(f"  {self.mark(check.passed)} {self.cut(line, self.width - 5)}")
-        if len(checks) > len(rows):
-            self.lines.append(f"    and {len(checks) - len(rows)} more")
+        rows = grouped(checks)
+        for worst, count in rows[:SHOWN_CASES]:
+            times = f" ({count} cases)" if count > 1 else ""
+            note = check_note(worst)
+            line = f"{worst.name}{times}: {note}" if note else f"{worst.name}{times}"
+            self.lines.append(f"  {self.mark(worst.passed)} {self.cut(line, self.width - 5)}")
+        if len(rows) > SHOWN_CASES:
+            self.lines.append(f"    and {len(rows) - SHOWN_CASES} more kinds of check")
 
     def costs(self, costs: list[Cost]) -> None:
         self.heading("Cost beside the reference")
@@ -192,7 +193,27 @@ class _Page:
         if report.reason is not Reason.NOT_ATTEMPTED:
             self.lines.append("")
             note = f"seed {report.seed} (the same cases again: --seed {report.seed})"
-            self.lines.append(self.paint(note, "dim"))
+            self.lines.append(self.paint(self.cut(note, self.width), "dim"))
+
+
+def grouped(checks: list[Check]) -> list[tuple[Check, int]]:
+    """Checks of one name and reason together: the worst, and their number; failures first."""
+    groups: dict[tuple[str, Reason], list[Check]] = {}
+    for check in checks:
+        groups.setdefault((check.name, check.reason), []).append(check)
+
+    def badness(check: Check) -> float:
+        return -math.inf if math.isnan(check.error) else check.error
+
+    rows = [(max(group, key=badness), len(group)) for group in groups.values()]
+    return sorted(rows, key=lambda row: row[0].passed)
+
+
+def check_note(check: Check) -> str:
+    """What is to be said of one check in a line."""
+    if check.passed and not math.isnan(check.error):
+        return f"error {check.error:.2g} {check.unit}, {check.tolerance:.2g} allowed"
+    return check.sentence
 
 
 def cost_text(cost: Cost) -> str:
@@ -224,6 +245,7 @@ def as_dict(report: Report, card: Card) -> dict[str, Any]:
         "file": clean(report.filename),
         "slip": report.slip or None,
         "diagnosis": report.diagnosis or None,
+        "call": clean(report.call) or None,
         "problem": problem
         and {
             "type": clean(problem.type),
@@ -286,6 +308,8 @@ def html(report: Report, card: Card) -> str:
         parts.append(f"<p>{escape(report.sentence)}</p>")
     if report.diagnosis:
         parts.append(f"<p><b>Likely cause.</b> {escape(report.diagnosis)}</p>")
+    if report.call:
+        parts.append(f"<p>call <code>{escape(report.call)}</code></p>")
     if report.problem:
         parts.append(f"<pre>{escape(_problem_text(report))}</pre>")
     if report.checks:
@@ -312,15 +336,17 @@ def _table(checks: list[Check]) -> str:
     style = 'style="text-align:left;vertical-align:top"'
     heads = ("", "check", "call", "got", "expected", "error", "allowed")
     rows = ["<tr>" + "".join(f"<th {style}>{head}</th>" for head in heads) + "</tr>"]
-    for check in sorted(checks, key=lambda check: check.passed)[:SHOWN_CASES]:
+    groups = grouped(checks)
+    for check, count in groups[:SHOWN_CASES]:
         colour = "#2e7d32" if check.passed else "#c62828"
         mark = f'<b style="color:{colour}">{_MARKS[check.passed][0]}</b>'
         error = "" if math.isnan(check.error) else f"{check.error:.2g} {check.unit}"
         allowed = "" if math.isnan(check.tolerance) else f"{check.tolerance:.2g} {check.unit}"
+        times = f" ({count} cases, the worst:)" if count > 1 else ""
         note = f"<br><small>{_escaped(check.sentence)}</small>" if check.sentence else ""
         cells = (
             mark,
-            _escaped(check.name) + note,
+            _escaped(check.name) + times + note,
             f"<code>{_escaped(check.call)}</code>" if check.call else "",
             f"<code>{_escaped(check.got)}</code>" if check.got else "",
             f"<code>{_escaped(check.expected)}</code>" if check.expected else "",
@@ -328,8 +354,8 @@ def _table(checks: list[Check]) -> str:
             _escaped(allowed),
         )
         rows.append("<tr>" + "".join(f"<td {style}>{cell}</td>" for cell in cells) + "</tr>")
-    rest = len(checks) - SHOWN_CASES
-    more = f"<p><small>and {rest} more</small></p>" if rest > 0 else ""
+    rest = len(groups) - SHOWN_CASES
+    more = f"<p><small>and {rest} more kinds of check</small></p>" if rest > 0 else ""
     return f"<table>{''.join(rows)}</table>{more}"
 
 

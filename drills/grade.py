@@ -45,6 +45,7 @@ from drills.values import (
 )
 
 Array = NDArray[np.float64]
+SHOWN = 160  # characters of a value in the feedback
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,7 @@ class Report:
     checks: list[Check] = field(default_factory=list)
     slip: str = ""
     diagnosis: str = ""
+    call: str = ""
     problem: Problem | None = None
     costs: list[Cost] = field(default_factory=list)
     output: str = ""
@@ -149,6 +151,7 @@ class Learner:
         self.child = child
         self.steps: list[Step] = []
         self.loading = 0.0  # s, the submission's top level
+        self.asked = ""  # the last request, as one would type it
         self.longest = 0.0  # s, the slowest request so far by this side's clock
         self._attempt = attempt
 
@@ -176,6 +179,7 @@ class Learner:
         self, kind: str, name: str, handle: Handle | None, args: Any, kwargs: dict[str, Any]
     ) -> Any:
         kept = _copied(args), _copied(kwargs)
+        self.asked = describe_call(name, *kept) if kind in ("call", "new", "method") else ""
         try:
             result = _request(self.child, kind, name, handle, args, kwargs)
         except Raised as raised:
@@ -184,7 +188,7 @@ class Learner:
         self.longest = max(self.longest, self.child.elapsed)
         self.steps.append(Step(kind, name, handle, *kept, result))
         if kind in ("call", "method", "new") and self.child.changed:
-            self._attempt.inputs_changed(describe_call(name, kept[0], kept[1]))
+            self._attempt.inputs_changed(self.asked)
         return result
 
 
@@ -249,12 +253,12 @@ class Attempt:
         """
         truth = np.asarray(expected, dtype=np.float64)
         base: dict[str, Any] = {"name": name, "call": call, "unit": unit, "why": why}
-        base |= {"tolerance": tolerance, "expected": describe(truth)}
+        base |= {"tolerance": tolerance, "expected": describe(truth, SHOWN)}
         try:
             values = as_float64(got, truth.shape)
         except Mismatch as wrong:
             said = wrong.sentence[0].upper() + wrong.sentence[1:]
-            self._add(Check(**base, reason=wrong.reason, sentence=said, got=describe(got)))
+            self._add(Check(**base, reason=wrong.reason, sentence=said, got=describe(got, SHOWN)))
             return False
         error, place = worst(values, truth)
         if not (error <= tolerance):
@@ -263,9 +267,9 @@ class Attempt:
                 f"Off by {error:.3g} {unit}{at}: {values[place]:.6g}, not {truth[place]:.6g}."
             )
             base |= {"reason": Reason.WRONG_VALUE, "sentence": sentence, "slip": slip}
-            self._add(Check(**base, error=error, got=describe(values)))
+            self._add(Check(**base, error=error, got=describe(values, SHOWN)))
             return False
-        self._add(Check(**base, reason=Reason.RIGHT, error=error, got=describe(values)))
+        self._add(Check(**base, reason=Reason.RIGHT, error=error, got=describe(values, SHOWN)))
         return True
 
     def require(
@@ -616,6 +620,7 @@ def _repeated(place: Child | InProcess, steps: Sequence[Step]) -> Iterator[tuple
 
 def _stopped(attempt: Attempt, stop: Exception) -> None:
     report = attempt.report
+    report.call = attempt.learner.asked if isinstance(stop, Ended | Raised) else ""
     if isinstance(stop, Ended):
         report.reason, report.sentence = stop.reason, stop.sentence
     elif isinstance(stop, Mismatch):

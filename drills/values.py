@@ -183,7 +183,7 @@ def identical(a: Any, b: Any) -> bool:
 def close(a: Any, b: Any, relative: float = 1e-9) -> bool:
     """Whether two results are the same but for rounding; lists are as good as arrays."""
     if isinstance(a, Failure) or isinstance(b, Failure):
-        return bool(a == b)
+        return type(a) is type(b) and bool(a == b)
     if isinstance(a, dict) and isinstance(b, dict):
         return a.keys() == b.keys() and all(close(a[key], b[key], relative) for key in a)
     x, y = _as_numbers(a), _as_numbers(b)
