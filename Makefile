@@ -13,8 +13,9 @@ EXTRAS := learning,oracles,lab,test
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 unexport PYTHONPATH PYTHONHOME
-# The compiler's one-line announcements are for a person, not for an output that is compared.
-QUIET := COURSE_QUIET=1
+# The compiler's one-line announcements and a learner's progress are for a person, not for an output
+# that is compared.
+QUIET := COURSE_QUIET=1 DRILLS_PROGRESS=none
 
 .NOTPARALLEL:
 .PHONY: help setup lab test lint types pytest nbval warm charts notebooks clean

@@ -89,7 +89,8 @@ def run(notebook: NotebookNode, folder: Path) -> NotebookNode:
         coalesce_streams=True,
         resources={"metadata": {"path": str(folder)}},
     )
-    client.execute(env={**os.environ, "COURSE_QUIET": "1"})
+    # Neither the compiler's announcements nor the progress of whoever builds it belong in it.
+    client.execute(env={**os.environ, "COURSE_QUIET": "1", "DRILLS_PROGRESS": "none"})
     executed.metadata = nbformat.from_dict({"kernelspec": dict(_KERNELSPEC)})
     for cell in executed.cells:
         for output in cell.get("outputs", []):

@@ -179,6 +179,7 @@ def show(session: Session, name: str) -> int:
 @click.option("--seed", type=SEED, help="Draw the hidden cases from this seed, to replay a run.")
 @click.option("--all", "everything", is_flag=True, help="Check every answer in the work folder.")
 @click.option("--rendered", is_flag=True, help="Add the feedback as text and HTML to the JSON.")
+@click.option("--called", metavar="TEXT", help="How messages call the file.")
 @options
 @body
 def check(
@@ -188,13 +189,14 @@ def check(
     seed: int | None,
     everything: bool,
     rendered: bool,
+    called: str | None,
 ) -> int:
     """Grade an answer: NAME of a drill, a FILE, or - for standard input."""
     if everything:
         if target or file:
             raise Misuse("Check one answer or --all of them, not both.")
         return grading.check_all(session, seed)
-    return grading.check(session, target, file, seed, rendered)
+    return grading.check(session, target, file, seed, rendered, called)
 
 
 @cli.command()
@@ -298,7 +300,7 @@ def status(session: Session) -> int:
     """Show your progress, chapter by chapter."""
     loaded, terminal = session.records(), session.terminal
     cards = catalogue.cards()
-    rows = []
+    rows: list[dict[str, Any]] = []
     for number in sorted({card.chapter for card in cards}):
         here = [card for card in cards if card.chapter == number]
         states = [loaded.of(card.name).state for card in here]

@@ -28,11 +28,16 @@ _LOOKS = 0.2  # s between two looks at a watched file
 
 
 def check(
-    session: Session, target: str | None, file: str | None, seed: int | None, rendered: bool
+    session: Session,
+    target: str | None,
+    file: str | None,
+    seed: int | None,
+    rendered: bool = False,
+    called: str | None = None,
 ) -> int:
     """Grade one answer and say what was found."""
     card, path = _found(session, target, file)
-    report = _graded(session, card, path, seed)
+    report = _graded(session, card, path, seed, called=called)
     code, payload = _told(session, card, report, path)
     if rendered:
         from drills import feedback
@@ -184,14 +189,20 @@ def _read(session: Session, path: str) -> tuple[str | None, str]:
 
 
 def _graded(
-    session: Session, card: Card, path: str, seed: int | None, quietly: bool = False
+    session: Session,
+    card: Card,
+    path: str,
+    seed: int | None,
+    quietly: bool = False,
+    called: str | None = None,
 ) -> Report:
     """Grade, and enter the attempt into the progress."""
     from drills.grade import Report, grade
 
     session.drill = card.name
     session.seed = secrets.randbits(32) if seed is None else seed
-    filename = "standard input" if path == STANDARD_INPUT else workspace.shown(Path(path))
+    from_pipe = path == STANDARD_INPUT
+    filename = called or ("standard input" if from_pipe else workspace.shown(Path(path)))
     source, why = _read(session, path)
     if source is None:
         report = Report(card.name, session.seed, filename, "", Reason.UNREADABLE, why)

@@ -204,7 +204,7 @@ class Commands(click.Group):
             name = next((word for word in args if word in self.commands), "")
             session = Session(name, terminal, Path())
         session.terminal.complain(message)
-        error = {"kind": kind, "message": message, "nearest": nearest or []}
+        error: dict[str, Any] = {"kind": kind, "message": message, "nearest": nearest or []}
         if code == FAILED:
             error |= {"drill": session.drill or None, "seed": session.seed}
         return session.finish(code, {"error": error})

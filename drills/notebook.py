@@ -1,0 +1,325 @@
+"""Exercises in a notebook: cards, badges, and `check` for what a cell defines.
+
+    from drills.notebook import badges, card, check
+
+    check(my_function)
+
+The kernel only reads the source. It is graded by a fresh process, which runs the submission in a
+process of its own, so nothing that a submission does can reach the kernel.
+"""
+
+from __future__ import annotations
+
+import difflib
+import html as markup
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from drills import exercise as catalogue
+from drills import present, progress, workspace
+from drills.borrowed import Assembled, Borrowed, Unusable, assemble, defined_by, own_source
+from drills.exercise import Card
+from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED
+from drills.reasons import Reason
+from drills.terminal import listed
+
+_CELL = "this cell"
+_GRACE = 5.0  # s that an interrupted grader has to end its child
+# Text and ground are both set, so that a light and a dark page show the same contrast.
+_BADGE_COLOURS = {
+    NOT_ATTEMPTED: ("#5f6368", "#ffffff"),
+    ATTEMPTED: ("#8a5300", "#ffffff"),
+    SOLVED: ("#1b6e35", "#ffffff"),
+}
+
+
+class Shown:
+    """Something to look at: HTML or Markdown in a notebook, plain text elsewhere."""
+
+    def __init__(self, text: str, html: str = "", markdown: str = "", png: bytes = b"") -> None:
+        self._bundle = {"text/plain": text}
+        if html:
+            self._bundle["text/html"] = html
+        if markdown:
+            self._bundle["text/markdown"] = markdown
+        self._png = png
+
+    def __repr__(self) -> str:
+        return self._bundle["text/plain"]
+
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
+        return {**self._bundle, **({"image/png": self._png} if self._png else {})}
+
+
+class Result(Shown):
+    """The verdict on what a cell defines.
+
+    Attributes:
+        drill: name of the exercise, "" when none fits.
+        passed: whether it is right.
+        reason: a `drills.reasons.Reason`; None if the grader itself could not run.
+        sentence: what that means here.
+        carried: what came along from other cells.
+        details: the whole report, as `drills check --json` gives it; {} when nothing was graded.
+    """
+
+    def __init__(
+        self,
+        drill: str,
+        reason: Reason | None,
+        sentence: str,
+        text: str,
+        html: str,
+        carried: list[str] | None = None,
+        details: dict[str, Any] | None = None,
+        source: str = "",
+    ) -> None:
+        super().__init__(text, html)
+        self.drill = drill
+        self.reason = reason
+        self.passed = reason is Reason.RIGHT
+        self.sentence = sentence
+        self.carried = carried or []
+        self.details = details or {}
+        self._source = source
+
+    def chart(self) -> Shown:
+        """Speed against accuracy: this answer beside the reference and a library."""
+        if not self.passed:
+            return Shown("Only a right answer goes on the chart.")
+        with tempfile.TemporaryDirectory() as folder:
+            picture = Path(folder) / "chart.png"
+            options = ["--file", "-", "-o", str(picture), "--json"]
+            data = _run(["chart", self.drill, *options], self._source)
+            if "error" in data:
+                return Shown(data["error"]["message"])
+            if not picture.exists():
+                return Shown(data.get("sentence", "There is no picture."))
+            return Shown(data["table"], png=picture.read_bytes())
+
+
+def check(obj: Any, name: str | None = None, seed: int | None = None) -> Result:
+    """Grade a function or a class that a cell defines.
+
+    Args:
+        obj: the function or class itself.
+        name: of the exercise; found by the name of `obj` if None.
+        seed: of the hidden cases, to repeat a run; drawn afresh if None.
+
+    Returns:
+        The verdict; its last line in a cell shows it. A mistake of the learner never raises.
+
+    Raises:
+        KeyboardInterrupt: when the cell is interrupted; the grading has then ended.
+    """
+    try:
+        card = _card_for(obj, name)
+    except (Unusable, catalogue.UnknownExercise) as error:
+        return _refused(None, Reason.MISSING_NAME, str(error))
+    try:
+        parts = assemble(obj)
+    except Unusable as error:
+        return _refused(card, Reason.UNREADABLE, str(error))
+    except Borrowed as error:
+        return _untouched(card, obj) or _refused(card, Reason.BORROWED_NAME, str(error))
+    return _untouched(card, parts) or _graded(card, parts, seed)
+
+
+def card(name: str) -> Shown:
+    """The card of an exercise: what it is about, the task, the hints to unfold.
+
+    Raises:
+        UnknownExercise: with the nearest names.
+    """
+    one = catalogue.card(name)
+    facts = f"difficulty {one.difficulty} of 5, about {one.minutes} minutes"
+    parts = [
+        f"### {one.title}",
+        f"*{facts}. It teaches: {one.teaches}.*",
+        present.task(one).strip(),
+    ]
+    pairs = present.examples(one)
+    if pairs:
+        lines = [line for call, answer in pairs for line in (f">>> {call}", answer)]
+        parts.append("```python\n" + "\n".join(lines) + "\n```")
+    for number, hint in enumerate(one.hints, 1):
+        parts.append(
+            f"<details><summary>Hint {number}: {_escaped(hint.symptom)}</summary>\n\n"
+            f"{hint.text}\n\n</details>"
+        )
+    plain = [f"{one.title} ({facts})", "", present.task(one).strip(), ""]
+    plain += [f"Hint {number}: {hint.symptom}" for number, hint in enumerate(one.hints, 1)]
+    return Shown("\n".join(plain), markdown="\n\n".join(parts))
+
+
+def badges(chapter: int) -> Shown:
+    """A row with the state of each exercise of a chapter: not attempted, attempted, solved."""
+    loaded = progress.load(_progress_file())
+    spans, words = [], []
+    for one in catalogue.cards():
+        if one.chapter != chapter:
+            continue
+        state = loaded.of(one.name).state
+        ground, ink = _BADGE_COLOURS[state]
+        sign, word = present.STATE_SIGNS[state], present.STATE_WORDS[state]
+        spans.append(
+            f'<span title="{_escaped(one.title)}" style="display:inline-block;'
+            f"margin:2px 6px 2px 0;padding:2px 10px;border-radius:10px;background:{ground};"
+            f'color:{ink};white-space:nowrap">{sign} {_escaped(one.name)}: {word}</span>'
+        )
+        words.append(f"{sign} {one.name}: {word}")
+    if not words:
+        return Shown(f"Chapter {chapter} has no graded exercises.")
+    notes = "".join(f"<p>{_escaped(notice)}</p>" for notice in loaded.notices)
+    return Shown("\n".join([*words, *loaded.notices]), html=f"<div>{''.join(spans)}</div>{notes}")
+
+
+def solution(name: str, give_up: bool = False) -> Shown:
+    """The worked answer of an exercise, after a pass or with `give_up=True`.
+
+    Raises:
+        UnknownExercise: with the nearest names.
+    """
+    one = catalogue.card(name)
+    arguments = ["solution", one.name, "--json", *(["--give-up"] if give_up else [])]
+    data = _run(arguments, "")
+    if "error" in data:
+        if data["error"]["kind"] != "misuse":
+            return Shown(data["error"]["message"])
+        return Shown(
+            f"{one.name} is not solved yet. solution({one.name!r}, give_up=True) shows the answer, "
+            "and your progress will say so."
+        )
+    text = data["solution"]
+    return Shown(text, markdown=f"```python\n{text}```\n\n{one.insight}")
+
+
+def _card_for(obj: Any, name: str | None) -> Card:
+    if name is not None:
+        return catalogue.card(name)
+    cards = catalogue.cards()
+    if isinstance(obj, str):
+        raise Unusable(f"check takes the function itself, not its name: check({obj}).")
+    defined = defined_by(obj)
+    if not defined:
+        raise Unusable(
+            f"check takes the function or the class itself, not a value of type "
+            f"{type(obj).__name__}: check(my_function), without calling it."
+        )
+    for one in cards:
+        if one.entry == defined:
+            return one
+    near = difflib.get_close_matches(defined, [one.entry for one in cards], n=3, cutoff=0.5)
+    meant = f" Did you mean {listed(near)}?" if near else ""
+    raise Unusable(f"No exercise asks for {defined}.{meant}")
+
+
+def _untouched(card: Card, what: Any) -> Result | None:
+    """The result for a starter that is as it was, else None. It is no attempt: nothing is kept."""
+    from drills.grade import is_starter
+
+    source = what.source if isinstance(what, Assembled) else own_source(what)
+    if not is_starter(card, source):
+        return None
+    from drills import feedback
+    from drills.grade import Report
+    from drills.reasons import SENTENCES
+
+    reason = Reason.NOT_ATTEMPTED
+    report = Report(card.name, 0, _CELL, source, reason, SENTENCES[reason])
+    text = f"{card.name}: not attempted yet. Write {card.entry} above, then run this cell again."
+    return Result(card.name, reason, SENTENCES[reason], text, feedback.html(report, card))
+
+
+def _refused(card: Card | None, reason: Reason | None, sentence: str) -> Result:
+    """A verdict that needs no grading."""
+    title = _escaped(card.title) if card else ""
+    html = (
+        '<div style="border-left:4px solid #c62828;padding:2px 0 2px 12px"><p><span style="'
+        'background:#c62828;color:#fff;border-radius:4px;padding:1px 8px;font-weight:600">'
+        f"Not graded</span> <b>{title}</b></p><p>{_escaped(sentence)}</p></div>"
+    )
+    name = card.name if card else ""
+    return Result(name, reason, sentence, f"{name}: {sentence}" if name else sentence, html)
+
+
+def _graded(card: Card, parts: Assembled, seed: int | None) -> Result:
+    command = ["check", card.name, "--file", "-", "--json", "--rendered", "--called", _CELL]
+    command += ["--seed", str(seed)] if seed is not None else []
+    data = _run(command, parts.source)
+    if "error" in data:
+        return _refused(card, None, data["error"]["message"])
+    text, html = data.pop("text"), data.pop("html")
+    if parts.carried:
+        note = f"Graded with what it uses from other cells: {', '.join(parts.carried)}."
+        text += f"\n{note}\n"
+        html += f"<p><small>{_escaped(note)}</small></p>"
+    for notice in data["notices"]:
+        text += f"\nNote: {notice}\n"
+        html += f"<p><small>Note: {_escaped(notice)}</small></p>"
+    reason = Reason(data["reason"])
+    return Result(
+        card.name, reason, data["sentence"], text, html, parts.carried, data, parts.source
+    )
+
+
+def _run(arguments: list[str], text: str) -> dict[str, Any]:
+    """Run a command in a fresh process and return its line of JSON.
+
+    An interrupt ends the process, and with it what it has started, and is then raised on.
+    """
+    # Without -P the notebook's folder would come first, and a file numpy.py there be imported.
+    command = [sys.executable, "-P", "-m", "drills", *arguments]
+    search = [str(workspace.ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    process = subprocess.Popen(
+        command,
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,  # the interrupt of a cell reaches the kernel alone
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(search), "PYTHONIOENCODING": "utf-8"},
+    )
+    try:
+        out, errors = process.communicate(text.encode("utf-8", "surrogatepass"))
+    except BaseException:
+        _end(process)
+        raise
+    lines = out.decode("utf-8", "replace").strip().splitlines()
+    try:
+        data = json.loads(lines[-1])
+    except (IndexError, ValueError):
+        said = errors.decode("utf-8", "replace").strip().splitlines()
+        what = said[-1] if said else f"exit code {process.returncode}"
+        message = f"The grader itself could not run ({what}). drills doctor may say why."
+        return {"error": {"kind": "grader", "message": message}}
+    assert isinstance(data, dict)
+    return data
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """End the grader: asked first, so that it ends its own child, then killed."""
+    for number in (signal.SIGINT, signal.SIGKILL):
+        try:
+            process.send_signal(number)
+            process.wait(_GRACE)
+            break
+        except subprocess.TimeoutExpired:
+            continue
+    for pipe in (process.stdin, process.stdout, process.stderr):
+        if pipe is not None:
+            pipe.close()
+
+
+def _escaped(text: str) -> str:
+    # Dollar signs would start a formula in a notebook.
+    return markup.escape(text).replace("$", "&#36;")
+
+
+def _progress_file() -> Path | None:
+    return workspace.progress_file(workspace.folder())
