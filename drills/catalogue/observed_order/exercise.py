@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, Case, describe_call, start_child
+from drills.grade import Attempt, Case, describe_call, repeat_calls, start_child
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
@@ -19,10 +19,13 @@ if TYPE_CHECKING:
 def judge(attempt: Attempt) -> None:
     """Values, then the two ways in which three runs have no order."""
     cases = _cases(attempt.rng)
+    made: list[tuple[tuple[Any, ...], Any]] = []
     for index in attempt.rng.permutation(len(cases)):
         case = cases[index]
         call = describe_call(attempt.card.entry, case.args)
-        parts = attempt.parts(attempt.call(*case.args), ("order", "limit"), call=call)
+        got = attempt.call(*case.args)
+        made.append((case.args, got))
+        parts = attempt.parts(got, ("order", "limit"), call=call)
         if parts is None:
             continue
         order, limit = attempt.expected(*case.args)
@@ -30,6 +33,8 @@ def judge(attempt: Attempt) -> None:
         attempt.compare(f"{case.label}: order", parts[0], order, tolerance=1e-9, unit="1", **check)
         attempt.compare(f"{case.label}: limit", parts[1], limit, tolerance=1e-9, unit="m", **check)
     _refused(attempt)
+    if not attempt.failed:
+        repeat_calls(attempt, made)
     if not attempt.failed:
         attempt.time_call(*cases[0].args)
 

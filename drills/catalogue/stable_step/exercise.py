@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, Case, describe_call, start_child
+from drills.grade import Attempt, Case, describe_call, repeat_calls, start_child
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
@@ -22,12 +22,14 @@ Array = NDArray[np.float64]
 def judge(attempt: Attempt) -> None:
     """Values, each to 1e-9 of itself; then whether a simulation agrees."""
     cases = _cases(attempt.rng)
+    made: list[tuple[tuple[Any, ...], Any]] = []
     for index in attempt.rng.permutation(len(cases)):
         case = cases[index]
+        made.append((case.args, attempt.call(*case.args)))
         right = float(attempt.expected(*case.args))
         attempt.compare(
             case.label,
-            attempt.call(*case.args),
+            made[-1][1],
             right,
             tolerance=1e-9 * right,
             unit="s",
@@ -36,6 +38,9 @@ def judge(attempt: Attempt) -> None:
         )
     if not attempt.failed:
         _simulated(attempt)
+    if not attempt.failed:
+        repeat_calls(attempt, made)
+    if not attempt.failed:
         attempt.time_call(*cases[0].args)
 
 
@@ -84,14 +89,17 @@ def _simulated(attempt: Attempt) -> None:
     """A run just below and one just above the submission's own answer."""
     springs, masses = attempt.rng.uniform(100.0, 900.0, 5), attempt.rng.uniform(0.5, 2.0, 4)
     K, M = _chain(springs), np.diag(masses)
-    limit = float(np.asarray(attempt.call(K, M)))
+    limit = attempt.numbers("a simulation agrees", attempt.call(K, M), ())
+    if limit is None:
+        return
     A, tops = np.linalg.solve(M, K), []
     for factor in (0.995, 1.005):
-        dt, x, v, top = factor * limit, attempt.rng.normal(size=4), np.zeros(4), 0.0
-        for _ in range(800):
-            v = v - dt * (A @ x)
-            x = x + dt * v
-            top = max(top, float(np.max(np.abs(x))))
+        dt, x, v, top = factor * float(limit), attempt.rng.normal(size=4), np.zeros(4), 0.0
+        with np.errstate(all="ignore"):
+            for _ in range(800):
+                v = v - dt * (A @ x)
+                x = x + dt * v
+                top = max(top, float(np.max(np.abs(x))))
         tops.append(top)
     attempt.require(
         "a simulation agrees",
@@ -168,7 +176,7 @@ def chart(attempt: Attempt) -> WorkPrecision:
             [2.0 / omega],
             error,
             reference_check=[largest_stable_step(K, M)],
-            tolerance=1e-2 * 2.0 / omega,
+            tolerance=1e-4,
             failed_above=1.0,
             repeats=3,
             question="Largest stable step of five masses in a row",
