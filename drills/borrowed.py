@@ -118,6 +118,7 @@ class _Assembly:
         self.early: set[str] = set()  # names needed while the cell is run from top to bottom
         self.sources: dict[str, str] = {}  # definitions of other cells
         self.uses: dict[str, set[str]] = {}  # and the names that each of them uses
+        self.annotated = False  # whether one of them has annotations
 
     def result(self) -> Assembled:
         name = self.obj.__name__
@@ -137,8 +138,8 @@ class _Assembly:
         before = [text for name, text in self.sources.items() if name in self.early]
         after = [text for name, text in self.sources.items() if name not in self.early]
         simple = list(dict.fromkeys(self.simple))
-        annotated = any(_is_annotated(node) for node in self.kept) or bool(self.sources)
-        needed_first = annotated or bool(before) or any(_bound(s) & self.early for s in simple)
+        annotated = self.annotated or any(map(_is_annotated, self.kept))
+        needed_first = annotated or any(_bound(line) & self.early for line in simple)
         body = "\n".join("; ".join(parts) for parts in lines)
         head = ["from __future__ import annotations", *simple]
         if before:
@@ -156,8 +157,12 @@ class _Assembly:
             self.kept.append(node)
             self.early |= _names_when_run(node)
 
-    def _definition(self, obj: Any, name: str, alias: str) -> None:
+    def _helper(self, alias: str, obj: Any, names: dict[str, Any]) -> None:
         """Bring along a function or class, and what it uses."""
+        name = obj.__name__
+        if name == "<lambda>":
+            self._lambda(alias, obj, names)
+            return
         cell, node = _located(obj, name)
         at_home = cell.filename == self.home.filename
         if at_home:
@@ -167,9 +172,20 @@ class _Assembly:
         if not at_home:
             self.sources[alias] = cell.text(node) + ("\n\n\n" + extra if extra else "")
             self.uses[alias] = _global_names(node)
+            self.annotated |= _is_annotated(node)
             self.carried.append(alias)
         elif extra:
             self.sources[alias] = extra
+
+    def _lambda(self, name: str, function: types.FunctionType, names: dict[str, Any]) -> None:
+        cell = _cell(function.__code__.co_filename)
+        node = _assignment(cell, name) if cell else None
+        if cell is None or node is None:
+            raise Unusable(name)
+        self._needs(node, cell, names, name)
+        self.sources[name] = cell.text(node)
+        self.uses[name] = _global_names(node)
+        self.carried.append(name)
 
     def _needs(self, node: ast.stmt, cell: _Cell, names: dict[str, Any], user: str) -> None:
         for name in sorted(_global_names(node)):
@@ -212,8 +228,13 @@ class _Assembly:
             alias = f" as {name}" if name != original else ""
             self.simple.append(f"from {module} import {original}{alias}")
         elif isinstance(_bare(value), types.FunctionType | type):
-            inner = _bare(value)
-            self._definition(inner, inner.__name__, name)
+            try:
+                self._helper(name, _bare(value), names)
+            except Unusable:
+                raise Borrowed(
+                    f"{user} uses {name}, whose source was not found. The answer is graded on its "
+                    f"own: define {name} in the cell of {user}, at its top level."
+                ) from None
         else:
             raise Borrowed(
                 f"{user} uses {name}, a value of type {type(value).__name__} that is defined in "
