@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from drills.exercise import Exercise, Slip
 from drills.grade import Attempt, Case, describe_call, repeat_calls, start_child
+from drills.values import Mismatch, as_float64
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
@@ -22,7 +23,6 @@ Array = NDArray[np.float64]
 GIVEN = Path(__file__).with_name("given.py").read_text(encoding="utf-8")
 RELATIVE = 1e-12
 WHY = "a closed form: only rounding is left, which grows with the arm's length and the angles"
-HALF_PRECISION = ("float16", "float32")
 
 
 def judge(attempt: Attempt) -> None:
@@ -33,15 +33,16 @@ def judge(attempt: Attempt) -> None:
         case = cases[index]
         got = attempt.call(*case.args)
         made.append((case.args, got))
+        truth = np.asarray(attempt.expected(*case.args))
         attempt.compare(
             case.label,
             got,
-            attempt.expected(*case.args),
+            truth,
             tolerance=_tolerance(case),
             unit="m",
             why=WHY,
             call=describe_call(attempt.card.entry, case.args),
-            slip="single_precision" if _is_single(got, attempt.expected(*case.args)) else "",
+            slip=_coarse(got, truth),
         )
     if not attempt.failed:
         repeat_calls(attempt, made)
@@ -63,9 +64,7 @@ def _cases(rng: np.random.Generator) -> list[Case]:
         Case((lengths(), np.array([quarter, 0.0, 0.0])), "stretched along y"),
         Case((lengths(), np.array([0.0, math.pi, 0.0])), "folded back"),
         Case((lengths(), np.array([quarter, -quarter, quarter])), "a staircase"),
-        Case(
-            (lengths(), np.array([0.0, 0.0, rng.uniform(0.3, 2.5)])), "only the last joint turned"
-        ),
+        Case((lengths(), np.array([0.0, 0.0, rng.uniform(0.3, 2.5)])), "the last joint alone"),
         Case((lengths(), -rng.uniform(0.1, 1.0, 3)), "all clockwise"),
         Case((lengths(), rng.uniform(20.0, 60.0, 3)), "many turns"),
         Case((np.array([1.0, 0.0, 0.5]), angles()), "a link of no length"),
@@ -80,14 +79,17 @@ def _tolerance(case: Case) -> float:
     return float(RELATIVE * (1.0 + lengths.sum()) * (1.0 + np.abs(thetas).sum()))
 
 
-def _is_single(got: Any, expected: Array) -> bool:
-    """Whether it is right to the digits that half or single precision holds, and of that type."""
-    if not isinstance(got, np.ndarray) or got.dtype.name not in HALF_PRECISION:
-        return False
-    if got.shape != expected.shape:
-        return False
-    rounding = 8.0 * float(np.finfo(got.dtype).eps) * max(1.0, float(np.abs(expected).max()))
-    return bool(np.abs(got.astype(np.float64) - expected).max() <= rounding)
+def _coarse(got: Any, expected: Array) -> str:
+    """The slip that shows in an answer which is right but for its digits, or ""."""
+    try:
+        values = as_float64(got, expected.shape)
+    except Mismatch:
+        return ""
+    scale, error = max(1.0, float(np.abs(expected).max())), float(np.abs(values - expected).max())
+    if error <= 1e-5 * scale and np.array_equal(values, values.astype(np.float32)):
+        return "single_precision"
+    decimals = next((k for k in range(2, 11) if np.array_equal(values, values.round(k))), None)
+    return "" if decimals is None or error > 10.0**-decimals else "rounded"
 
 
 def chart(attempt: Attempt) -> WorkPrecision:
@@ -263,11 +265,15 @@ EXERCISE = Exercise(
         ),
         Slip(
             "single_precision",
-            "The answer is right to single precision: somewhere it is rounded to 32 bits or fewer. "
-            "Seven digits are gone when differences of positions are taken; keep float64.",
-            edits=_returning(
-                "np.vstack((np.zeros(2), np.cumsum(links, axis=0))).astype(np.float32)"
-            ),
+            "The answer is right to single precision only: somewhere it became float32, of "
+            "seven digits. A difference of two near positions then has hardly any. Keep float64.",
+            edits=((_RETURN, _RETURN.replace("\n", ".astype(np.float32)\n")),),
+        ),
+        Slip(
+            "rounded",
+            "The answer is rounded to a few decimals. Round when you print, never what you return: "
+            "the next computation needs the digits.",
+            edits=_returning("np.round(np.vstack((np.zeros(2), np.cumsum(links, axis=0))), 6)"),
         ),
     ),
 )
