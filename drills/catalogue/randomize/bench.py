@@ -27,8 +27,8 @@ CONSTANTS = (
     "dof_invweight0",
     "tendon_invweight0",
 )
-PRIMARY = ("geom_friction", "body_mass", "body_inertia", "dof_damping")
-ALLOWED = {*PRIMARY, *CONSTANTS, "pair_friction", "geom_priority"}
+PRIMARY = ("geom_friction", "pair_friction", "body_mass", "body_inertia", "dof_damping")
+ALLOWED = {*PRIMARY, *CONSTANTS, "geom_priority"}
 ROUNDING = "a product and a sum: rounding, and nothing else"
 CHANCE = "a right answer is farther off once in 1e9 checks"
 
@@ -54,10 +54,12 @@ class Setting:
 
 def draw_setting(rng: np.random.Generator) -> Setting:
     low = float(rng.uniform(0.2, 0.5))
+    high = low + float(rng.uniform(0.6, 1.0))
+    # The floor is rougher than any draw, so that a draw for the other geom alone never shows.
     return Setting(
-        xml=_scene(rng),
+        xml=_scene(rng, floor=high + float(rng.uniform(0.1, 0.5))),
         tuned=float(rng.uniform(1.1, 1.4)),
-        friction=(low, low + float(rng.uniform(0.6, 1.0))),
+        friction=(low, high),
         mass=(float(rng.uniform(0.4, 0.7)), float(rng.uniform(1.3, 2.0))),
         damping=(float(rng.uniform(0.05, 0.1)), float(rng.uniform(0.4, 0.6))),
         delay=(1, 4),
@@ -66,17 +68,17 @@ def draw_setting(rng: np.random.Generator) -> Setting:
     )
 
 
-def _scene(rng: np.random.Generator) -> str:
+def _scene(rng: np.random.Generator, floor: float) -> str:
     """A sled, a box, a puck with a contact pair of its own, and an arm, with drawn numbers."""
     sled, box, link, hand = (f"{value:.6f}" for value in rng.uniform(0.4, 2.5, size=4))
-    floor, slide, shoulder = (f"{value:.6f}" for value in rng.uniform(0.3, 0.9, size=3))
+    slide, shoulder = (f"{value:.6f}" for value in rng.uniform(0.3, 0.9, size=2))
     a, b = rng.uniform(0.2, 0.45, size=2)
     return f"""
 <mujoco>
   <compiler angle="radian"/>
   <option timestep="0.001" cone="elliptic"/>
   <worldbody>
-    <geom name="floor" type="plane" size="9 9 0.1" friction="{floor} 0.005 0.0001"/>
+    <geom name="floor" type="plane" size="9 9 0.1" friction="{floor:.6f} 0.005 0.0001"/>
     <site name="post" pos="0.4 2 1"/>
     <body name="sled" pos="0 0 0.05">
       <joint name="sled_x" type="slide" axis="1 0 0"/>
@@ -120,6 +122,21 @@ def _scene(rng: np.random.Generator) -> str:
 """
 
 
+class Unreadable(Exception):
+    """What came back from the given module is not what it sends: the submission changed it."""
+
+
+def alike(value: Any, like: Any) -> bool:
+    """Whether a value has the keys, types, shapes and dtypes of another one."""
+    if type(value) is not type(like):
+        return False
+    if isinstance(like, dict):
+        return value.keys() == like.keys() and all(alike(value[key], like[key]) for key in like)
+    if isinstance(like, np.ndarray):
+        return value.dtype == like.dtype and value.shape == like.shape
+    return True
+
+
 class Bench:
     """One model in the child with its randomizer, and the same model on this side."""
 
@@ -131,7 +148,9 @@ class Bench:
         self.default.dof_invweight0[:] *= setting.tuned
         self.model = self.learner.given_new("build", setting.xml, setting.tuned)
         self.data = self.learner.given_new("fresh", self.model)
-        self.before: Arrays = self.learner.given("arrays", self.model)
+        self.own = self.attempt.reference.given_new("build", setting.xml, setting.tuned)
+        self.own_data = self.attempt.reference.given_new("fresh", self.own)
+        self.before: Arrays = self.attempt.reference.given("arrays", self.own)
         single = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
         self.damped = np.isin(self.default.jnt_type, single)[self.default.dof_jntid]
         self.randomizer = self.learner.new(ENTRY, self.model, *setting.ranges)
@@ -140,23 +159,51 @@ class Bench:
         """A generator in the child."""
         return self.learner.given_new("generator", seed)
 
+    def read(self, name: str, *args: Any, like: Any) -> Any:
+        """What a function of the given module reads in the child.
+
+        Raises:
+            Unreadable: if it is not like what the same function reads here.
+        """
+        value = self.learner.given(name, *args)
+        if not alike(value, like):
+            raise Unreadable(name)
+        return value
+
+    def arrays(self) -> Arrays:
+        """The arrays of the model as it is in the child."""
+        return self.read("arrays", self.model, like=self.before)
+
+    def state(self) -> dict[str, Any]:
+        """The state of the data in the child."""
+        like = self.attempt.reference.given("state", self.own_data)
+        return self.read("state", self.data, like=like)
+
+    def computed(self) -> Arrays:
+        """What MuJoCo computed in the data in the child."""
+        like = self.attempt.reference.given("computed", self.own_data)
+        return self.read("computed", self.data, like=like)
+
     def randomize(self, seed: int) -> Arrays:
         """One draw; returns the arrays of the model after it."""
         self.learner.method(self.randomizer, "randomize", self.data, self.generator(seed))
-        return self.learner.given("arrays", self.model)
+        return self.arrays()
 
     def draw(self, count: int, seed: int, actions: list[Array]) -> dict[str, Any]:
         """Many draws, each followed by these actions."""
-        rng = self.generator(seed)
-        return self.learner.given(
-            "draw", self.randomizer, self.model, self.data, rng, count, actions
-        )
+        like: dict[str, Any] = {k: np.repeat(self.before[k][None], count, axis=0) for k in PRIMARY}
+        like["delayed"] = []
+        args = self.randomizer, self.model, self.data, self.generator(seed), count, actions
+        return self.read("draw", *args, like=like)
 
     def here(self, arrays: Arrays) -> Any:
-        """A model of this side with the arrays that may change; only for checked arrays."""
+        """A model of this side with these masses, frictions, ..., and constants computed here."""
+        import mujoco
+
         model = copy.copy(self.default)
-        for name in ALLOWED & arrays.keys():
+        for name in ALLOWED - {*CONSTANTS}:
             getattr(model, name)[...] = arrays[name]
+        mujoco.mj_setConst(model, mujoco.MjData(model))
         return model
 
     def factors(self, mass: Array) -> Array:
@@ -178,7 +225,7 @@ def same_arrays(
     attempt: Attempt,
     name: str,
     before: Arrays,
-    after: Any,
+    after: Arrays,
     allowed: set[str] | frozenset[str] = frozenset(),
     slip: Callable[[list[str]], str] = lambda changed: "",
     sentence: str = "Changed, and should be as before: ",
@@ -186,13 +233,7 @@ def same_arrays(
     changed = [
         key
         for key in before
-        if key not in allowed
-        and not (
-            isinstance(after.get(key), np.ndarray)
-            and after[key].dtype == before[key].dtype
-            and after[key].shape == before[key].shape
-            and after[key].tobytes() == before[key].tobytes()
-        )
+        if key not in allowed and after[key].tobytes() != before[key].tobytes()
     ]
     return attempt.require(
         name,

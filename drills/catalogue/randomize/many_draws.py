@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from math import erfc
 from typing import Any
 
 import numpy as np
@@ -22,8 +23,13 @@ from drills.catalogue.randomize.bench import (
     Setting,
     same_arrays,
 )
-from drills.catalogue.randomize.one_draw import check_constants, check_state
-from drills.grade import describe
+from drills.catalogue.randomize.one_draw import (
+    check_constants,
+    check_state,
+    contact_frictions,
+    friction_slip,
+)
+from drills.grade import Attempt, describe
 from drills.values import Mismatch, as_float64
 
 
@@ -33,10 +39,10 @@ def repeated(bench: Bench, first: Arrays, seeds: list[int]) -> None:
     action = [np.zeros(bench.default.nu)]
     bench.draw(40, seeds[1], action)
     again = bench.randomize(seeds[0])
-    state = learner.given("state", bench.data)
+    state = bench.state()
     learner.method(bench.randomizer, "restore", bench.data)
-    restored = learner.given("arrays", bench.model)
-    now = learner.given("state", bench.data)
+    restored = bench.arrays()
+    now = bench.state()
 
     gaps = [
         float(np.max(np.abs(again[k] - first[k]) / np.maximum(np.abs(first[k]), 1e-9)))
@@ -104,14 +110,20 @@ def _distance(values: Array, low: float, high: float) -> float:
     return float(max(np.max(np.arange(1, n + 1) / n - x), np.max(x - np.arange(n) / n)))
 
 
-def distributions(bench: Bench, seed: int) -> None:
+def distributions(bench: Bench, first: Arrays, seed: int) -> None:
+    """Whether many draws are spread as asked, and each body and joint has its own."""
     attempt, setting = bench.attempt, bench.setting
     actions = [np.full(bench.default.nu, float(k)) for k in range(1, 8)]
     drawn = bench.draw(DRAWS, seed, actions)
     factors = bench.factors(drawn["body_mass"])
     added = (drawn["dof_damping"] - bench.default.dof_damping)[:, bench.damped]
     for name, values, (low, high), unit in (
-        ("distribution of friction", drawn["geom_friction"][:, :1, 0], setting.friction, "1"),
+        (
+            "distribution of friction",
+            drawn["geom_friction"][..., 0].max(axis=1, keepdims=True),
+            setting.friction,
+            "1",
+        ),
         ("distribution of mass factors", factors, setting.mass, "1"),
         ("distribution of damping", added, setting.damping, "N m s/rad"),
     ):
@@ -149,10 +161,7 @@ def _lags(bench: Bench, delayed: Any, actions: list[Array]) -> None:
     try:
         got = as_float64(delayed, shape, "what delay returned")
     except Mismatch as wrong:
-        said = wrong.sentence[0].upper() + wrong.sentence[1:]
-        attempt.require(
-            "what delay returns", False, sentence=said, reason=wrong.reason, call="delay(action)"
-        )
+        _mismatch(attempt, "what delay returns", wrong, "delay(action)")
         return
     sent = np.array(actions)[None] + 100.0 * np.arange(DRAWS)[:, None, None]
     lags = []
@@ -196,6 +205,41 @@ def _lags(bench: Bench, delayed: Any, actions: list[Array]) -> None:
     )
 
 
+def _effective_frictions(bench: Bench, drawn: dict[str, Any], first: Arrays) -> Array | None:
+    """The one coefficient that the contacts get in each draw, shape (draws, 1)."""
+    found = np.empty((DRAWS, 1))
+    model = bench.here(first)
+    for number in range(DRAWS):
+        arrays = first | {name: drawn[name][number] for name in ("geom_friction", "pair_friction")}
+        model.geom_friction[:] = arrays["geom_friction"]
+        model.pair_friction[:] = arrays["pair_friction"]
+        contacts = contact_frictions(model)
+        values = np.array([*contacts.values()])
+        if not np.ptp(values) <= 1e-12:
+            text = ", ".join(f"{name}: {mu:.4g}" for name, mu in contacts.items())
+            bench.attempt.require(
+                "friction of all contacts in many draws",
+                False,
+                sentence="In one of many draws the contacts do not all have the draw: " + text,
+                slip=friction_slip(bench, arrays),
+            )
+            return None
+        found[number] = values[0]
+    return found
+
+
+def _mismatch(attempt: Attempt, name: str, wrong: Mismatch, call: str) -> None:
+    said = wrong.sentence[0].upper() + wrong.sentence[1:]
+    attempt.require(name, False, sentence=said, reason=wrong.reason, call=call)
+
+
+def _same(got: Any, expected: Array) -> bool:
+    try:
+        return bool(np.array_equal(as_float64(got, expected.shape), expected))
+    except Mismatch:
+        return False
+
+
 def _shifted(theirs: Array, ours: Array, lag: int, idle: float) -> bool:
     return bool(np.all(theirs[:lag] == idle) and np.all(theirs[lag:] == ours[: len(ours) - lag]))
 
@@ -205,18 +249,32 @@ def _listed(counts: NDArray[Any]) -> str:
 
 
 def reused_actions(bench: Bench, seed: int) -> None:
-    """The caller's array may be used again; two delays of the same draw are the same."""
+    """The caller's array may be written again while its actions are under way."""
     if bench.attempt.failed:
         return
-    actions = [bench.attempt.rng.normal(size=bench.default.nu) for _ in range(9)]
+    attempt, idle, (low, high) = bench.attempt, bench.setting.idle, bench.setting.delay
+    actions = attempt.rng.normal(size=(9, bench.default.nu))
+    expected = [
+        np.vstack((np.full((k, bench.default.nu), idle), actions[: 9 - k])) for k in range(9)
+    ]
     bench.randomize(seed)
     plain = [bench.learner.method(bench.randomizer, "delay", action) for action in actions]
+    lags = [k for k in range(low, high + 1) if _same(plain, expected[k])]
+    found = attempt.require(
+        "a delay",
+        bool(lags),
+        sentence=f"What delay returned is no delay of {low} to {high} calls.",
+        got=describe(plain),
+        call="delay(action)",
+    )
+    if not found:
+        return
     bench.randomize(seed)
-    reused = bench.learner.given("delay_reused", bench.randomizer, actions)
-    bench.attempt.compare(
+    reused = bench.learner.given("delay_reused", bench.randomizer, [*actions])
+    attempt.compare(
         "actions handed over in one array",
         reused,
-        np.asarray(plain, dtype=float),
+        expected[lags[0]],
         tolerance=0.0,
         unit="1",
         why="the same actions, in an array that the caller writes again",
@@ -239,7 +297,8 @@ def noise_added(bench: Bench, seed: int) -> None:
         why="eight standard deviations: once in 1e15",
         call="observe(observation, rng)",
     )
-    one = learner.given("observe", bench.randomizer, truth, rng)
+    like = {"handed": truth, "shared": False}
+    one = bench.read("observe", bench.randomizer, truth, rng, like=like)
     attempt.require(
         "observe leaves its argument",
         bool(np.array_equal(one["handed"], truth)) and not one["shared"],
@@ -255,7 +314,7 @@ def noise_added(bench: Bench, seed: int) -> None:
     try:
         noise = as_float64(seen, (DRAWS, truth.size), "what observe returned") - truth
     except Mismatch as wrong:
-        attempt.require("what observe returns", False, sentence=wrong.sentence, reason=wrong.reason)
+        _mismatch(attempt, "what observe returns", wrong, "observe(observation, rng)")
         return
     frozen = bool(np.all(np.ptp(noise, axis=0) < 1e-12))
     moving = attempt.require(
@@ -300,22 +359,19 @@ def noise_added(bench: Bench, seed: int) -> None:
         unit="1",
         why=CHANCE,
     )
-    distance = max(_normal_distance(column / sigma) for column in noise.T)
+    beyond = float(np.mean(np.abs(noise) > 2.0 * sigma))
+    share = erfc(np.sqrt(2.0))  # of normal numbers, beyond two standard deviations
+    allowed = 7.0 * np.sqrt(share * (1.0 - share) / noise.size)
     attempt.require(
         "normal distribution of the noise",
-        distance <= FAR,
-        sentence="The noise is not normally distributed.",
-        error=distance,
-        tolerance=FAR,
+        abs(beyond - share) <= allowed,
+        sentence=f"Of the noise {beyond:.3%} is beyond two standard deviations. Of normal noise "
+        f"it is {share:.3%}.",
+        error=abs(beyond - share),
+        tolerance=allowed,
         unit="1",
         why=CHANCE,
     )
-
-
-def _normal_distance(values: Array) -> float:
-    from math import erf, sqrt
-
-    return _distance(np.array([0.5 + 0.5 * erf(x / sqrt(2.0)) for x in values]), 0.0, 1.0)
 
 
 def equal_ends(bench: Bench, seed: int) -> None:
@@ -329,17 +385,29 @@ def equal_ends(bench: Bench, seed: int) -> None:
     arrays = other.randomize(seed)
     if not same_arrays(attempt, "nothing else changes", other.before, arrays, ALLOWED):
         return
-    truth = {
-        "geom_friction": np.full(other.default.ngeom, 0.6),
-        "body_mass": 1.5 * other.default.body_mass,
-        "dof_damping": other.default.dof_damping + 0.2 * other.damped,
-    }
-    for name, want in truth.items():
-        got = arrays[name][:, 0] if name == "geom_friction" else arrays[name]
-        unit = {"geom_friction": "1", "body_mass": "kg", "dof_damping": "N m s/rad"}[name]
+    factors = other.factors(arrays["body_mass"])
+    added = arrays["dof_damping"] - other.default.dof_damping
+    for name, got, want, unit in (
+        ("mass factors", factors, np.full(factors.shape, 1.5), "1"),
+        ("added damping", added, 0.2 * other.damped, "N m s/rad"),
+    ):
         attempt.compare(
-            f"{name} of a range with equal ends", got, want, tolerance=1e-9, unit=unit, why=ROUNDING
+            f"{name} of a range with equal ends",
+            got,
+            want,
+            tolerance=1e-9,
+            unit=unit,
+            why=ROUNDING,
         )
+    found = contact_frictions(other.here(arrays))
+    attempt.compare(
+        "friction of a range with equal ends",
+        [*found.values()],
+        np.full(len(found), 0.6),
+        tolerance=1e-9,
+        unit="1",
+        why=ROUNDING,
+    )
     check_constants(other, arrays)
     actions = [np.full(other.default.nu, float(k)) for k in range(1, 7)]
     due = [attempt.learner.method(other.randomizer, "delay", action) for action in actions]
