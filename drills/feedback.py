@@ -158,7 +158,7 @@ class _Page:
             self.labelled("expected", check.expected)
         if not math.isnan(check.error):
             allowed = f", {check.tolerance:.3g} allowed" if not math.isnan(check.tolerance) else ""
-            self.labelled("error", f"{check.error:.3g} {check.unit}{allowed}")
+            self.labelled("error", f"{quantity(check.error, check.unit, 3)}{allowed}")
         if check.why and not math.isnan(check.error):
             self.labelled("tolerance", check.why)
 
@@ -209,10 +209,15 @@ def grouped(checks: list[Check]) -> list[tuple[Check, int]]:
     return sorted(rows, key=lambda row: row[0].passed)
 
 
+def quantity(value: float, unit: str, digits: int = 2) -> str:
+    """A number with its unit; the unit 1 is not written."""
+    return f"{value:.{digits}g}" if unit in ("", "1") else f"{value:.{digits}g} {unit}"
+
+
 def check_note(check: Check) -> str:
     """What is to be said of one check in a line."""
     if check.passed and not math.isnan(check.error):
-        return f"error {check.error:.2g} {check.unit}, {check.tolerance:.2g} allowed"
+        return f"error {quantity(check.error, check.unit)}, {check.tolerance:.2g} allowed"
     return check.sentence
 
 
@@ -340,8 +345,8 @@ def _table(checks: list[Check]) -> str:
     for check, count in groups[:SHOWN_CASES]:
         colour = "#2e7d32" if check.passed else "#c62828"
         mark = f'<b style="color:{colour}">{_MARKS[check.passed][0]}</b>'
-        error = "" if math.isnan(check.error) else f"{check.error:.2g} {check.unit}"
-        allowed = "" if math.isnan(check.tolerance) else f"{check.tolerance:.2g} {check.unit}"
+        error = "" if math.isnan(check.error) else quantity(check.error, check.unit)
+        allowed = "" if math.isnan(check.tolerance) else quantity(check.tolerance, check.unit)
         times = f" ({count} cases, the worst:)" if count > 1 else ""
         note = f"<br><small>{_escaped(check.sentence)}</small>" if check.sentence else ""
         cells = (

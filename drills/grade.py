@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import math
 import secrets
+import statistics
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -263,9 +264,8 @@ class Attempt:
         error, place = worst(values, truth)
         if not (error <= tolerance):
             at = f" at index {place}" if place else ""
-            sentence = (
-                f"Off by {error:.3g} {unit}{at}: {values[place]:.6g}, not {truth[place]:.6g}."
-            )
+            off = f"{error:.3g}" if unit in ("", "1") else f"{error:.3g} {unit}"
+            sentence = f"Off by {off}{at}: {values[place]:.6g}, not {truth[place]:.6g}."
             base |= {"reason": Reason.WRONG_VALUE, "sentence": sentence, "slip": slip}
             self._add(Check(**base, error=error, got=describe(values, SHOWN)))
             return False
@@ -362,15 +362,32 @@ class Attempt:
         """Say what the submission spent beside the reference."""
         self.report.costs.append(Cost(what, unit, yours, reference))
 
-    def time_call(self, *args: Any, repeat: int = 200) -> None:
-        """Time one call of the function, here and there, by this side's clock."""
-        child = self.learner.child
-        child.call(self.card.entry, *args, repeat=1)
-        single = child.elapsed
-        child.call(self.card.entry, *args, repeat=repeat + 1)
-        yours = max(child.elapsed - single, 0.0) / repeat
-        self.reference.call(self.card.entry, *args, repeat=repeat)
-        self.cost("time per call", "s", yours=yours, reference=self.reference.elapsed / repeat)
+    def time_call(
+        self,
+        *args: Any,
+        here: tuple[Any, ...] | None = None,
+        repeat: int = 300,
+        what: str = "time per call",
+    ) -> None:
+        """Time one call of the function, there and here in turn, by this side's clock.
+
+        Args:
+            args: of the call.
+            here: arguments of the reference, where a handle needs its counterpart.
+            repeat: calls in a row; fewer where they would take longer than 0.2 s.
+            what: what is timed.
+        """
+        child, entry, yours, ours = self.learner.child, self.card.entry, [], []
+        for _ in range(3):
+            child.call(entry, *args, repeat=1)
+            single = child.elapsed  # with the way there and back
+            many = max(1, min(repeat, int(0.2 / max(single, 1e-6))))
+            child.call(entry, *args, repeat=many + 1)
+            yours.append((child.elapsed - single) / many)
+            self.reference.call(entry, *(here or args), repeat=many)
+            ours.append(self.reference.elapsed / many)
+        middle = max(statistics.median(yours), 0.0)
+        self.cost(what, "s", yours=middle, reference=statistics.median(ours))
 
     def inputs_changed(self, call: str) -> None:
         """Record that a call changed one of its arguments."""

@@ -156,16 +156,12 @@ def _reversal(attempt: Attempt) -> None:
 
 
 def _time(attempt: Attempt) -> None:
-    q, v, many = np.array([1.0, 0.5]), np.zeros(2), 200
-    child, field = attempt.learner.child, attempt.learner.given_new("field", "spring", [4.0, 0.0])
-    child.call(attempt.card.entry, q, v, -4.0 * q, field, 0.01, repeat=1)
-    single = child.elapsed
-    child.call(attempt.card.entry, q, v, -4.0 * q, field, 0.01, repeat=many + 1)
-    yours = max(child.elapsed - single, 0.0) / many
+    q, v = np.array([1.0, 0.5]), np.zeros(2)
+    theirs = attempt.learner.given_new("field", "spring", [4.0, 0.0])
     ours = attempt.reference.given_new("field", "spring", [4.0, 0.0])
-    attempt.reference.call(attempt.card.entry, q, v, -4.0 * q, ours, 0.01, repeat=many)
-    reference = attempt.reference.elapsed / many
-    attempt.cost("time per step", "s", yours=yours, reference=reference)
+    attempt.time_call(
+        *(q, v, -4.0 * q, theirs, 0.01), here=(q, v, -4.0 * q, ours, 0.01), what="time per step"
+    )
 
 
 def chart(attempt: Attempt) -> WorkPrecision:
