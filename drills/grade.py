@@ -377,11 +377,14 @@ class Attempt:
             repeat: calls in a row; fewer where they would take longer than 0.2 s.
             what: what is timed.
         """
-        child, entry, yours, ours = self.learner.child, self.card.entry, [], []
-        for _ in range(3):
+        child, entry = self.learner.child, self.card.entry
+        single = math.inf  # one call, with the way there and back
+        for _ in range(4):
             child.call(entry, *args, repeat=1)
-            single = child.elapsed  # with the way there and back
-            many = max(1, min(repeat, int(0.2 / max(single, 1e-6))))
+            single = min(single, child.elapsed)
+        many = max(1, min(repeat, int(0.2 / max(single, 1e-6))))
+        yours, ours = [], []
+        for _ in range(3):
             child.call(entry, *args, repeat=many + 1)
             yours.append((child.elapsed - single) / many)
             self.reference.call(entry, *(here or args), repeat=many)
