@@ -160,6 +160,7 @@ _MODULES = (
     "rigid_body.loop",
     "rigid_body.mujoco",
     "contact",
+    "randomisation",
 )
 
 
