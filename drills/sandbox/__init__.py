@@ -1,7 +1,6 @@
 """A throw-away process for a submission. See `drills.sandbox.process.Child`."""
 
-from drills.sandbox.process import (
-    Child,
+from drills.sandbox.outcome import (
     Ended,
     Foreign,
     Frame,
@@ -14,6 +13,7 @@ from drills.sandbox.process import (
     StartFailed,
     SyntaxProblem,
 )
+from drills.sandbox.process import Child
 from drills.sandbox.protections import Protection, protections
 from drills.sandbox.submission import Unreadable, decode_submission, read_submission
 

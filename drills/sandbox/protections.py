@@ -7,7 +7,8 @@ import sys
 from dataclasses import dataclass
 
 from drills.sandbox import places, tree
-from drills.sandbox.process import Child, Ended, Raised, StartFailed
+from drills.sandbox.outcome import Ended, Raised, StartFailed
+from drills.sandbox.process import Child
 
 PROBE = """
 import os, signal, socket
