@@ -10,9 +10,12 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from course import notebooks
 from course.measure import stability
 from course.oracles import mujoco
 from course.rigid_body import planar, problems, quaternion
+from drills.exercise import Card, cards
+from drills.grade import is_starter
 from solutions import rigid_body as solutions
 
 # A busy machine is no defect of the code: no example has a deadline.
@@ -60,6 +63,26 @@ def test_the_answers_stand_alone():
         )
     }
     assert imported == {"__future__", "collections.abc", "math", "numpy", "numpy.typing"}
+
+
+def exercises() -> list[Card]:
+    return [card for card in cards() if card.chapter == 1 and not card.drill]
+
+
+def test_the_chapter_has_its_exercises():
+    names = {card.name for card in exercises()}
+    assert names >= {"verlet", "orientation", "bounce", "tumble", "stable_step", "observed_order"}
+
+
+@pytest.mark.parametrize("card", exercises(), ids=lambda card: card.name)
+def test_an_exercise_is_in_the_notebook_with_its_card_its_starter_and_its_check(card):
+    """Card, starter, check, in this order; and the starter is the catalogue's."""
+    source = Path(__file__).parents[1] / "notebooks" / "source" / "01_rigid_body.py"
+    cells = [cell.source.strip() for cell in notebooks.read_source(source).cells]
+    place = cells.index(f'card("{card.name}")')
+    assert is_starter(card, cells[place + 1])
+    assert cells[place + 2] == f"check({card.entry})"
+    assert card.solution == f"solutions.rigid_body:{card.entry}"
 
 
 # --- velocity Verlet ------------------------------------------------------------------------------

@@ -6,13 +6,18 @@
 # | | |
 # |---|---|
 # | **You will be able to** | write the equations of motion of any rigid body and say where each term comes from; represent and update orientation without singularities or drift; choose an integrator by its measured error per unit of work; predict the step at which it fails, to half a percent; read a simulation that explodes, tunnels or gains energy and name the cause |
-# | **Time** | about three hours with the experiments, ninety minutes without |
+# | **Time** | about three hours with the experiments, ninety minutes without; the six graded exercises of section 7 are another ninety minutes |
 # | **Know first** | vectors, matrices, derivatives; Python with NumPy |
 # | **Code** | `course.rigid_body`; plain functions, the ones the tests run |
 #
 # Two habits of this course: a number in the text comes from the cell above it or from a check that you
 # can run yourself (`python -m course.derivations 1` runs all of this chapter's), and a statement that is
 # often heard but false is shown together with the evidence against it.
+
+# %% tags=["nbval-ignore-output"]
+from drills.notebook import badges, card, check
+
+badges(1)
 
 # %%
 import inspect
@@ -299,14 +304,14 @@ source(rigid_body.rk4)
 # fixed $L$ by an elliptic integral of the third kind. Twenty seconds at 1 ms:
 
 # %%
-tumble = problems.tumble()
+tumbling = problems.tumble()
 for name in ("semi_implicit_euler", "implicit_midpoint", "rk4", "rk4_renormalised"):
-    run = rigid_body.simulate(tumble.system, name, 1e-3, 20_000, every=20_000)
-    ends = [(run.q[i], run.v[i], tumble.system.params) for i in (0, -1)]
+    run = rigid_body.simulate(tumbling.system, name, 1e-3, 20_000, every=20_000)
+    ends = [(run.q[i], run.v[i], tumbling.system.params) for i in (0, -1)]
     energy = [problems.tumble_energy(*end) for end in ends]
     momentum = [problems.angular_momentum(*end) for end in ends]
     drift = np.linalg.norm(momentum[1] - momentum[0]) / np.linalg.norm(momentum[0])
-    figures = (tumble.error(run.q[-1]), abs(energy[1] / energy[0] - 1), drift)
+    figures = (tumbling.error(run.q[-1]), abs(energy[1] / energy[0] - 1), drift)
     # Below 1e-11 one would read the rounding of this machine.
     error, by_energy, by_momentum = (f"{x:.0e}" if x > 1e-11 else "<1e-11" for x in figures)
     print(
@@ -535,13 +540,244 @@ print(read("quaternion_drift"))
 # | fast object passes a thin wall | $vh$ larger than both thicknesses together, or a contact that is too soft | print $vh/d$; record the depth | sweep the motion or find the impact time; stiffen the contact |
 # | orientation drifts, matrix no longer orthogonal | quaternion was added, not multiplied | $\lvert q\rvert-1$ over time | $q\exp(h\omega)$ |
 # | a jump of $2\pi$, or a controller that turns the long way | $q$ compared with $-q$ | dot product of the two | take the shorter of the two |
-# | energy and $\lvert q\rvert$ perfect, yet the angular momentum of a free body turns in space | body rate multiplied on the world side | $L$ in the world over time | $q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$ for world rates |
+# | energy and $\lvert q\rvert$ perfect, yet the angular momentum of a free body turns in space | body rate multiplied on the world side, or the gyroscopic term with the wrong sign | $L$ in the world over time; then a spin about one principal axis, from a tilted start, and three equal moments: both have no gyroscopic term | $q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$ for world rates; $I\dot\omega=-\omega\times(I\omega)$ |
 # | satellite speeds up without torque | gyroscopic term explicit at a large step | kinetic energy over time | RK4, implicit midpoint, smaller step |
 # | joints creep with no command | gravity on and no motor holds it; or a soft constraint, not the integrator | switch gravity off; halve $h$ | compensate gravity; stiffen the constraint |
 #
 # ## 7 · Exercises
 #
-# The graded exercises of this chapter come with the autograder. These formulas are checked now, symbolically: any equivalent form is right, and a wrong one gets numbers at which it differs. Change the texts.
+# Six graded exercises. Each has a card with the task, a few answers and three hints to unfold, a cell to change, and a check. `check` runs what your
+# cell defines in a process of its own, on cases drawn afresh every time, and says what is right, what is wrong and, where it recognises the mistake, why. Keep its result for more:
+# `check(verlet_step).chart()` puts a right answer on a work-precision chart beside the worked answer and MuJoCo. `drills.notebook.solution("verlet")` shows the worked answer after a pass.
+# The same exercises run in a terminal, in your own editor: `drills start verlet`, `drills check verlet`.
+
+# %% [markdown]
+# ### Integrators
+#
+# Section 1 has the formula; here it has to cost one evaluation, and to run backwards.
+
+# %%
+card("verlet")
+
+
+# %%
+def verlet_step(q, v, a, acceleration, dt):
+    """One step of velocity Verlet.
+
+    Args:
+        q, v, a: positions [m], velocities [m/s] and acceleration at q [m/s^2], shape (n,) each.
+        acceleration: function q -> acceleration, to be called once.
+        dt: step [s].
+
+    Returns:
+        The new (q, v, a).
+    """
+    # Explicit Euler: change this into velocity Verlet.
+    q_new = np.asarray(q) + dt * np.asarray(v)
+    v_new = np.asarray(v) + dt * np.asarray(a)
+    return q_new, v_new, acceleration(q_new)
+
+
+# %%
+check(verlet_step)
+
+# %% [markdown]
+# ### Orientation
+#
+# Exact for every angle, also for none.
+
+# %%
+card("orientation")
+
+
+# %%
+def update_orientation(q, omega, dt):
+    """The orientation after turning for dt at a constant body rate.
+
+    Args:
+        q: unit quaternion (w, x, y, z), body to world, shape (4,).
+        omega: angular velocity in the body frame, shape (3,) [rad/s].
+        dt: step [s].
+
+    Returns:
+        Unit quaternion (w, x, y, z), shape (4,).
+    """
+    # It does not turn yet.
+    return np.array(q, dtype=float)
+
+
+# %%
+check(update_orientation)
+
+# %% [markdown]
+# ### Impacts
+#
+# Sections 1 and 6 show what a bounce at the end of the step does. Do it right.
+
+# %%
+card("bounce")
+
+
+# %%
+def bounce_step(y, v, dt, restitution, gravity=9.81):
+    """Height and velocity of a bouncing point after dt.
+
+    Args:
+        y: height above the floor, not negative [m].
+        v: velocity, upwards positive [m/s].
+        dt: length of the step [s].
+        restitution: speed after an impact over speed before, 0 to 1.
+        gravity: downwards, positive [m/s^2].
+
+    Returns:
+        (y, v) at the end of the step.
+    """
+    # Free flight: the floor is missing.
+    return y + v * dt - 0.5 * gravity * dt**2, v - gravity * dt
+
+
+# %%
+check(bounce_step)
+
+# %% [markdown]
+# ### The step
+#
+# The debugging tip of section 6, as a function.
+
+# %%
+card("stable_step")
+
+
+# %%
+def largest_stable_step(stiffness, mass):
+    """The longest step at which semi-implicit Euler is stable on M x'' = -K x.
+
+    Args:
+        stiffness: K, shape (n, n) [N/m].
+        mass: M, shape (n, n) [kg].
+
+    Returns:
+        The step [s].
+    """
+    # A common default, which knows nothing of the model.
+    return 0.001 * np.ones_like(np.asarray(mass, dtype=float))[0, 0]
+
+
+# %%
+check(largest_stable_step)
+
+# %% [markdown]
+# ### Evidence
+#
+# What to do when there is no closed form to compare with.
+
+# %%
+card("observed_order")
+
+
+# %%
+def observed_order(coarse, medium, fine, ratio=2.0):
+    """Order of accuracy from three runs, and the result that they are heading for.
+
+    Args:
+        coarse, medium, fine: results with the steps r^2 h, r h and h, shape (n,) each [m].
+        ratio: r, above 1.
+
+    Returns:
+        The order, and the result extrapolated to step zero, shape (n,) [m].
+    """
+    # Neither is right yet.
+    return 1.0, np.array(fine, dtype=float)
+
+
+# %%
+check(observed_order)
+
+# %% [markdown]
+# ### Silent-bug hunt
+#
+# Nothing crashes, the pictures are plausible, one thing is wrong. A first one, to see what such a bug looks like: this line updates an orientation from a body rate.
+#
+# ```python
+# q = quaternion.product(quaternion.exp(dt * omega_body), q)
+# ```
+#
+# The rate stands on the wrong side. The length of $q$ and the kinetic energy cannot tell, because neither knows about the order of the factors. What can tell is the angular momentum of a free body, as a vector in the world.
+
+# %%
+inertia, dt = np.array([1.0, 2.0, 2.5]), 1e-3
+for side in ("right", "left"):
+    q, omega = quaternion.exp(np.array([0.4, -0.3, 0.8])), np.array([0.5, 2.0, 1.0])
+    momentum = quaternion.rotate(q, inertia * omega)
+    energy = inertia @ omega**2
+    for _ in range(2000):
+        half = omega - 0.5 * dt * np.cross(omega, inertia * omega) / inertia
+        turn = quaternion.exp(dt * half)
+        q = quaternion.product(q, turn) if side == "right" else quaternion.product(turn, q)
+        omega = omega - dt * np.cross(half, inertia * half) / inertia
+    moved = quaternion.rotate(q, inertia * omega) - momentum
+    print(
+        f"body rate on the {side:<5}: length of q off by less than 1e-12: {abs(np.linalg.norm(q) - 1) < 1e-12}, "
+        f"energy changed by {abs(inertia @ omega**2 / energy - 1):.1g}, angular momentum moved by "
+        f"{np.linalg.norm(moved) / np.linalg.norm(momentum):.1g} of its length"
+    )
+
+# %% [markdown]
+# Now yours. The debugging table has its symptom, with two causes; the experiment that tells them apart is in the same row.
+
+# %%
+card("tumble")
+
+
+# %%
+def tumble(q, omega, inertia, dt, steps):
+    """A body that turns freely, integrated with RK4.
+
+    Args:
+        q: orientation, unit quaternion (w, x, y, z), body to world, shape (4,).
+        omega: angular velocity in the body frame, shape (3,) [rad/s].
+        inertia: principal moments, shape (3,) [kg m^2].
+        dt: step [s].
+        steps: how many.
+
+    Returns:
+        (q, omega) at the end.
+    """
+    inertia = np.asarray(inertia, dtype=float)
+
+    def rates(q, omega):
+        w, x, y, z = q
+        i, j, k = omega
+        q_rate = 0.5 * np.array(
+            [
+                -x * i - y * j - z * k,
+                w * i + y * k - z * j,
+                w * j + z * i - x * k,
+                w * k + x * j - y * i,
+            ]
+        )
+        omega_rate = np.cross(omega, inertia * omega) / inertia
+        return q_rate, omega_rate
+
+    q, omega = np.array(q, dtype=float), np.array(omega, dtype=float)
+    for _ in range(steps):
+        q1, w1 = rates(q, omega)
+        q2, w2 = rates(q + 0.5 * dt * q1, omega + 0.5 * dt * w1)
+        q3, w3 = rates(q + 0.5 * dt * q2, omega + 0.5 * dt * w2)
+        q4, w4 = rates(q + dt * q3, omega + dt * w3)
+        q = q + dt / 6.0 * (q1 + 2.0 * q2 + 2.0 * q3 + q4)
+        omega = omega + dt / 6.0 * (w1 + 2.0 * w2 + 2.0 * w3 + w4)
+        q = q / np.linalg.norm(q)
+    return q, omega
+
+
+# %%
+check(tumble)
+
+# %% [markdown]
+# ### Formulas
+#
+# These are checked symbolically: any equivalent form is right, and a wrong one gets numbers at which it differs. Change the texts.
 
 # %%
 answer("semi_implicit_limit", "2*sqrt(m/k)")
@@ -551,12 +787,6 @@ answer("semi_implicit_limit", "sqrt(m/k)")
 
 # %% [markdown]
 # Others to try: `explicit_energy_factor` (energy after one step over energy before, in `omega` and `h`), `rk4_limit` (largest stable step in terms of `omega`), `top_condition` (smallest stable spin in `I1`, `I3`, `m`, `g`, `l`).
-#
-# **Silent-bug hunt.** This code runs, gives plausible pictures and is wrong in one place. Which symptom of the table does it have? (The answer comes with the graded exercise; the experiment is yours.)
-#
-# ```python
-# q = quaternion.product(quaternion.exp(dt * omega_body), q)
-# ```
 #
 # ## 8 · Frontier: differentiable simulation
 #
