@@ -93,7 +93,7 @@ def _list(session: Session) -> int:
         for card in members:
             mark = present.sign(loaded.of(card.name).state, terminal)
             right = f"ch {card.chapter:>2}  {card.difficulty}/5 {card.minutes:>3} min"
-            left = terminal.width - len(right) - name_width - (7 if terminal.unicode else 9)
+            left = terminal.width - len(right) - name_width - (8 if terminal.unicode else 10)
             text = present.cut(card.title, left)
             session.say(f"  {mark} {card.name:<{name_width}}  {text:<{left}}  {right}")
         session.say()

@@ -201,7 +201,7 @@ class Commands(click.Group):
         if session is None:
             before_end = args[: args.index("--")] if "--" in args else args
             terminal = Terminal("--json" in before_end)
-            name = next((word for word in args if word in self.commands), "")
+            name = next((word for word in args if word in self.commands), "drills")
             session = Session(name, terminal, Path())
         session.terminal.complain(message)
         error: dict[str, Any] = {"kind": kind, "message": message, "nearest": nearest or []}
