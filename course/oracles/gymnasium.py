@@ -1,0 +1,62 @@
+"""Gymnasium's own vector environments and checker, asked the questions of `course.vector_env`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gymnasium import Env
+    from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+
+
+def _gymnasium() -> ModuleType:
+    try:
+        import gymnasium
+        import gymnasium.vector
+    except ImportError as error:
+        raise ImportError("this needs Gymnasium: pip install 'gymnasium>=1.2'") from error
+    return gymnasium
+
+
+def sync_vector_env(
+    env_fn: Callable[[], Env[Any, Any]], num_envs: int, autoreset_mode: str = "SameStep"
+) -> SyncVectorEnv[Any, Any]:
+    """Gymnasium's loop over environments.
+
+    Args:
+        env_fn: builds one.
+        num_envs: how many.
+        autoreset_mode: "SameStep" or "NextStep".
+    """
+    vector = _gymnasium().vector
+    return vector.SyncVectorEnv([env_fn] * num_envs, autoreset_mode=autoreset_mode)
+
+
+def async_vector_env(
+    env_fn: Callable[[], Env[Any, Any]], num_envs: int, autoreset_mode: str = "SameStep"
+) -> AsyncVectorEnv[Any, Any]:
+    """Gymnasium's processes, one for each environment; arguments as for `sync_vector_env`."""
+    vector = _gymnasium().vector
+    return vector.AsyncVectorEnv([env_fn] * num_envs, autoreset_mode=autoreset_mode)
+
+
+def check(env: Env[Any, Any]) -> list[str]:
+    """Gymnasium's checks of a single environment.
+
+    Returns:
+        What it warns of, one sentence each.
+
+    Raises:
+        Exception: whatever the checker raises for an environment that breaks the interface.
+    """
+    import warnings
+
+    _gymnasium()
+    from gymnasium.utils.env_checker import check_env
+
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        check_env(env, skip_render_check=True)
+    return [str(item.message) for item in caught]

@@ -1,0 +1,175 @@
+"""The reaching task of `course.vector_env.reach` with MuJoCo moving the arm, single and in a batch.
+
+Observation, reward and ends are the task's own; MuJoCo computes the motion alone. What the task has
+not is switched off: contacts and constraints, gravity, springs, sensors, actuators (the torques go
+in as applied forces, which costs less), automatic reset.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course.oracles.mujoco import _ALWAYS_OFF, _CONTACT_OFF, INTEGRATORS, _mujoco
+from course.vector_env.arrays import Ids, Moved
+from course.vector_env.interface import checked_count
+from course.vector_env.reach import (
+    CONTROL_STEP,
+    MAX_STEPS,
+    Arm,
+    ReachVector,
+    SingleReach,
+)
+
+if TYPE_CHECKING:
+    from gymnasium.vector import AutoresetMode
+
+Array = NDArray[np.float64]
+
+_OFF = " ".join(f'{flag}="disable"' for flag in (*_ALWAYS_OFF, *_CONTACT_OFF, "gravity", "spring"))
+# The numbers in it are only there to compile; `_fields` has the arm's.
+_XML = (
+    '<mujoco><compiler angle="radian"/><option timestep="{step:.17g}" integrator="{integrator}">'
+    f"<flag {_OFF}/></option><worldbody>"
+    '<body><joint type="hinge" axis="0 0 1"/><inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/>'
+    '<body pos="1 0 0"><joint type="hinge" axis="0 0 1"/>'
+    '<inertial pos="1 0 0" mass="1" diaginertia="1 1 1"/></body></body></worldbody></mujoco>'
+)
+
+
+def _model(integrator: str, substeps: int) -> Any:
+    checked_count("substeps", substeps)
+    if integrator not in INTEGRATORS:
+        raise ValueError(f"integrator must be one of {INTEGRATORS}, got {integrator!r}")
+    text = _XML.format(step=CONTROL_STEP / substeps, integrator=integrator)
+    return _mujoco().MjModel.from_xml_string(text)
+
+
+def _fields(arm: Arm) -> dict[str, Array]:
+    """The fields of MuJoCo's model that an arm sets: world, first link, second link."""
+    (m1, m2), (l1, l2), (i1, i2) = arm.masses, arm.lengths, arm.inertias
+    return {
+        "body_mass": np.array([0.0, m1, m2]),
+        "body_inertia": np.array([[0.0] * 3, [i1] * 3, [i2] * 3]),
+        "body_ipos": np.array([[0.0] * 3, [0.5 * l1, 0.0, 0.0], [0.5 * l2, 0.0, 0.0]]),
+        "body_pos": np.array([[0.0] * 3, [0.0] * 3, [l1, 0.0, 0.0]]),
+        "dof_damping": np.array(arm.damping),
+    }
+
+
+class MujocoArmReach(SingleReach):
+    """The reaching task on MuJoCo's arm."""
+
+    def __init__(
+        self,
+        arm: Arm | None = None,
+        *,
+        max_steps: int = MAX_STEPS,
+        integrator: str = "RK4",
+        substeps: int = 1,
+    ) -> None:
+        """Make the model.
+
+        Args:
+            arm: its parameters.
+            max_steps: control steps of 20 ms until the episode is truncated.
+            integrator: one of MuJoCo's.
+            substeps: MuJoCo's steps in a control step.
+        """
+        super().__init__(arm, max_steps=max_steps)
+        mujoco = _mujoco()
+        self.substeps = substeps
+        self.model = _model(integrator, substeps)
+        self.data = mujoco.MjData(self.model)
+        for name, value in _fields(self.parameters).items():
+            getattr(self.model, name)[:] = value
+        mujoco.mj_setConst(self.model, self.data)
+        self._step = mujoco.mj_step
+        self._limits = np.array(self.parameters.torques)
+        # Views of MuJoCo's own memory, made once.
+        self._qpos, self._qvel = self.data.qpos, self.data.qvel
+        self._torque = self.data.qfrc_applied
+
+    def _placed(self) -> None:
+        self._qpos[:], self._qvel[:] = self.task.q[:, 0], self.task.v[:, 0]
+
+    def _move(self, actions: Any) -> Moved:
+        self._torque[:] = self._limits * actions[0].clip(-1.0, 1.0)
+        self._step(self.model, self.data, self.substeps)
+        self.task.q[:, 0], self.task.v[:, 0] = self._qpos, self._qvel
+        return self.task.judge(actions)
+
+
+class MujocoArmReachVector(ReachVector):
+    """N arms in `mujoco.batch`, stepped on threads, each with its own model parameters.
+
+    The same results as `VectorizedEnv` over `MujocoArmReach`, bit for bit, with any number of
+    threads.
+
+    Attributes:
+        batch: MuJoCo's batch, for `batch.expand` and all else; call `batch.set_const()` after
+            writing model fields.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        arms: Arm | Sequence[Arm] | None = None,
+        *,
+        threads: int = 0,
+        max_steps: int = MAX_STEPS,
+        integrator: str = "RK4",
+        substeps: int = 1,
+        autoreset_mode: AutoresetMode | str = "SameStep",
+    ) -> None:
+        """Make the batch.
+
+        Args:
+            num_envs: how many, at least 1.
+            arms: the parameters, for all or one each.
+            threads: that step, the caller's own counted; 0 for one a processor.
+            max_steps: control steps of 20 ms until an episode is truncated.
+            integrator: one of MuJoCo's.
+            substeps: MuJoCo's steps in a control step.
+            autoreset_mode: SAME_STEP or NEXT_STEP; see `course.vector_env`.
+        """
+        super().__init__(num_envs, arms, max_steps, autoreset_mode)
+        checked_count("threads", threads, 0)
+        mujoco = _mujoco()
+        from mujoco import batch
+
+        model = _model(integrator, substeps)
+        own = None if arms is None or isinstance(arms, Arm) else [_fields(arm) for arm in arms]
+        shared = _fields(arms if isinstance(arms, Arm) else Arm())
+        if own is None:
+            for name, value in shared.items():
+                getattr(model, name)[:] = value
+            mujoco.mj_setConst(model, mujoco.MjData(model))
+        self.substeps = substeps
+        self.batch = batch.Batch(model, num_envs, threads)
+        if own is not None:
+            for name in shared:
+                self.batch.expand(name)[:] = np.array([fields[name] for fields in own])
+            self.batch.set_const()
+        self._qpos, self._qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
+        self._torque = self.batch.bind("qfrc_applied")
+        self._limits = np.ascontiguousarray(self.task.arm[7:9].T)
+
+    @property
+    def threads(self) -> int:
+        """How many threads step."""
+        return int(self.batch.nthread)
+
+    def _start(self, ids: Ids, generators: list[np.random.Generator]) -> Array:
+        observations = super()._start(ids, generators)
+        self._qpos[ids], self._qvel[ids] = self.task.q[:, ids].T, self.task.v[:, ids].T
+        return observations
+
+    def _move(self, actions: Any) -> Moved:
+        np.multiply(self._limits, actions.clip(-1.0, 1.0), out=self._torque)
+        self.batch.step(nstep=self.substeps)
+        self.task.q[:], self.task.v[:] = self._qpos.T, self._qvel.T
+        return self.task.judge(actions)

@@ -1,0 +1,48 @@
+"""Many copies of one environment, stepped as one: the data source of reinforcement learning.
+
+All of them are `gymnasium.vector.VectorEnv`, so Gymnasium's vector wrappers and training loops run
+on them, and all give what a loop over single environments gives, bit for bit:
+
+- `VectorizedEnv(env_fn, num_envs)`: one after the other, in this process;
+- `ProcessVectorEnv(env_fn, num_envs)`: in worker processes, with shared memory;
+- `ArmReachVector(num_envs)`: the closed-form two-link arm, all copies in one compiled call;
+- `course.oracles.mujoco_reach.MujocoArmReachVector(num_envs)`: the same task in `mujoco.batch`.
+
+An episode ends in one of two ways, which are kept apart: `terminations` (the task is over, there is
+no future to value) and `truncations` (the clock ran out, there is one). A finished environment is
+started again at once (`AutoresetMode.SAME_STEP`, the default): its row holds the first observation
+of the new episode, and the last observation and info of the old one are in `infos["final_obs"]` and
+`infos["final_info"]`, with the masks `infos["_final_obs"]` and `infos["_final_info"]`. With
+`autoreset_mode="NextStep"` the row holds the last observation, and the next step of this
+environment ignores its action and starts the new episode with reward 0.
+`metadata["autoreset_mode"]` says which.
+
+    import gymnasium
+    envs = gymnasium.make_vec("course.vector_env:course/ArmReach-v0", num_envs=256)
+"""
+
+import gymnasium
+
+from course.vector_env.arrays import ArrayVectorEnv
+from course.vector_env.processes import ProcessVectorEnv, WorkerError
+from course.vector_env.reach import Arm, ArmReach, ArmReachVector
+from course.vector_env.sequential import VectorizedEnv
+
+__all__ = [
+    "Arm",
+    "ArmReach",
+    "ArmReachVector",
+    "ArrayVectorEnv",
+    "ProcessVectorEnv",
+    "VectorizedEnv",
+    "WorkerError",
+]
+
+# Gymnasium imports the module before the colon of "course.vector_env:course/ArmReach-v0", and so
+# comes by these names.
+for _name, _single in (
+    ("course/ArmReach-v0", "course.vector_env.reach:ArmReach"),
+    ("course/ArmReachMujoco-v0", "course.oracles.mujoco_reach:MujocoArmReach"),
+):
+    if _name not in gymnasium.registry:
+        gymnasium.register(_name, entry_point=_single, vector_entry_point=f"{_single}Vector")

@@ -1,0 +1,180 @@
+"""What every vector environment here has in common: spaces, seeds, checked actions, autoreset."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+from gymnasium import Env, Space, spaces
+from gymnasium.error import ClosedEnvironmentError
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.typing import NDArray
+
+
+def checked_mode(mode: AutoresetMode | str) -> AutoresetMode:
+    """The autoreset mode asked for: SAME_STEP or NEXT_STEP, or their values as text."""
+    allowed = (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP)
+    if mode not in allowed and mode not in [item.value for item in allowed]:
+        raise ValueError(
+            f"autoreset_mode must be one of {[item.value for item in allowed]}, got {mode!r}"
+        )
+    return AutoresetMode(mode)
+
+
+def checked_count(name: str, value: Any, least: int = 1) -> int:
+    """A whole number not below `least`."""
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
+        raise ValueError(f"{name} must be a whole number from {least} on, got {value!r}")
+    return int(value)
+
+
+def checked_batch(space: Space[Any], actions: Any, name: str = "actions") -> Any:
+    """`actions` as a fresh batch of `space`'s shapes and dtypes.
+
+    Args:
+        space: the batched space.
+        actions: what the caller handed in. Numbers may be of another dtype of the same kind or a
+            lower one: float64 for float32 is rounded, whole numbers may stand for floats.
+        name: what the error calls it.
+
+    Raises:
+        ValueError: for another number of actions, another shape or kind of number, or a NaN.
+    """
+    if isinstance(space, spaces.Dict):
+        if not isinstance(actions, Mapping) or set(actions) != set(space.spaces):
+            got = sorted(actions) if isinstance(actions, Mapping) else type(actions).__name__
+            raise ValueError(f"{name} must have the keys {sorted(space.spaces)}, got {got}")
+        return {k: checked_batch(s, actions[k], f"{name}[{k!r}]") for k, s in space.items()}
+    if isinstance(space, spaces.Tuple):
+        if not isinstance(actions, Sequence) or len(actions) != len(space.spaces):
+            raise ValueError(f"{name} must be a tuple of {len(space.spaces)}, got {actions!r}")
+        pairs = zip(space.spaces, actions, strict=True)
+        return tuple(checked_batch(s, a, f"{name}[{i}]") for i, (s, a) in enumerate(pairs))
+    if space.shape is None or space.dtype is None:
+        return actions
+    array = np.asarray(actions)
+    if array.shape != space.shape:
+        raise ValueError(
+            f"{name} must have shape {space.shape}, one row for each of {space.shape[0]} "
+            f"environments, got {array.shape}"
+        )
+    if not np.can_cast(array.dtype, space.dtype, "same_kind"):
+        raise ValueError(f"{name} must have dtype {space.dtype}, got {array.dtype}")
+    batch = np.array(array, dtype=space.dtype, order="C")
+    # A NaN makes the sum NaN. So does inf - inf; then the slower look tells the two apart.
+    if batch.dtype.kind == "f" and not batch.sum() < np.inf and np.isnan(batch).any():
+        where = np.argwhere(np.isnan(batch))[0]
+        raise ValueError(f"{name} must be numbers, got NaN for environment {where[0]}")
+    return batch
+
+
+class AutoresettingVectorEnv(VectorEnv):
+    """Spaces, seeds and checks; a subclass brings the environments."""
+
+    autoreset_mode: AutoresetMode
+
+    def _adopt(self, env: Env[Any, Any], num_envs: int, mode: AutoresetMode | str) -> None:
+        """Take over the spaces and metadata of one environment, for `num_envs` of them."""
+        self.num_envs = checked_count("num_envs", num_envs)
+        self.autoreset_mode = checked_mode(mode)
+        self.metadata = {**env.metadata, "autoreset_mode": self.autoreset_mode}
+        self.render_mode = env.render_mode
+        self.single_observation_space = env.observation_space
+        self.single_action_space = env.action_space
+        self.observation_space = batch_space(env.observation_space, self.num_envs)
+        self.action_space = batch_space(env.action_space, self.num_envs)
+
+    def _assert_open(self) -> None:
+        if self.closed:
+            raise ClosedEnvironmentError(f"{type(self).__name__} is closed")
+
+    def _checked_actions(self, actions: Any) -> Any:
+        return checked_batch(self.action_space, actions)
+
+    def _plan_reset(
+        self, seed: Any, options: dict[str, Any] | None
+    ) -> tuple[NDArray[np.intp], list[int | None], dict[str, Any] | None]:
+        """Which environments to reset, the seed of each of all, and the options left for them.
+
+        As in Gymnasium: an int s seeds environment i with s + i, and options["reset_mask"] picks
+        the environments.
+        """
+        n = self.num_envs
+        seeds: list[int | None]
+        if seed is None:
+            seeds = [None] * n
+        elif isinstance(seed, int | np.integer) and not isinstance(seed, bool):
+            seeds = [int(seed) + i for i in range(n)]
+        elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
+            seeds = [None if s is None else checked_count("seed", s, 0) for s in seed]
+        else:
+            raise ValueError(f"seed must be None, an int or a list of {n}, got {seed!r}")
+        if len(seeds) != n:
+            raise ValueError(f"seed must have one entry for each of {n}, got {len(seeds)}")
+        if seeds[0] is not None and seeds[0] < 0:
+            raise ValueError(f"seed must not be negative, got {seed}")
+        if options is None or "reset_mask" not in options:
+            return np.arange(n), seeds, options
+        mask = np.asarray(options["reset_mask"])
+        if mask.shape != (n,) or mask.dtype != np.bool_ or not mask.any():
+            raise ValueError(
+                f"options['reset_mask'] must be {n} bools, one of them True, got {mask!r}"
+            )
+        rest = {k: v for k, v in options.items() if k != "reset_mask"}
+        return np.flatnonzero(mask), seeds, rest
+
+
+def _kept(info: dict[str, Any]) -> dict[str, Any]:
+    """`info` with arrays of its own; other objects are handed on as they are."""
+    return {
+        k: _kept(v) if isinstance(v, dict) else v.copy() if isinstance(v, np.ndarray) else v
+        for k, v in info.items()
+    }
+
+
+class Lane:
+    """One environment and its autoreset."""
+
+    def __init__(self, env: Env[Any, Any], mode: AutoresetMode) -> None:
+        self.env = env
+        self._same_step = mode is AutoresetMode.SAME_STEP
+        self._over = False
+
+    def reset(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Any, dict[str, Any]]:
+        """Start an episode."""
+        self._over = False
+        return self.env.reset(seed=seed, options=options)
+
+    def step(self, action: Any) -> tuple[Any, float, bool, bool, dict[str, Any], Any]:
+        """One step, and the reset that belongs to it.
+
+        Returns:
+            Observation, reward, terminated, truncated, info; and (last observation, last info) of
+            an episode whose place the first observation of the next one has taken, else None.
+        """
+        if self._over:
+            self._over = False
+            observation, info = self.env.reset()
+            return observation, 0.0, False, False, info, None
+        observation, reward, terminated, truncated, info = self.env.step(action)
+        final = None
+        if terminated or truncated:
+            if self._same_step:
+                # Copies: an environment may write its next observation into the same array.
+                final = deepcopy(observation), _kept(info)
+                observation, info = self.env.reset()
+            else:
+                self._over = True
+        return observation, float(reward), bool(terminated), bool(truncated), info, final
+
+
+def check_spaces(env: Env[Any, Any], observation: Any, action: Any, index: int) -> None:
+    """Refuse an environment whose spaces are not the first one's."""
+    if env.observation_space != observation or env.action_space != action:
+        raise ValueError(
+            f"env_fn must build environments with equal spaces; number {index} has "
+            f"{env.observation_space} and {env.action_space}, not {observation} and {action}"
+        )

@@ -1,0 +1,159 @@
+"""The vector environment that steps its environments one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from gymnasium import Env
+from gymnasium.vector import AutoresetMode
+from gymnasium.vector.utils import concatenate, create_empty_array, iterate
+from numpy.typing import NDArray
+
+from course.vector_env.interface import AutoresettingVectorEnv, Lane, check_spaces, checked_count
+
+Batch = tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]
+
+
+class VectorizedEnv(AutoresettingVectorEnv):
+    """`num_envs` environments of any kind, stepped in a loop.
+
+    What comes back is new at every call; nothing of it changes later.
+
+    Attributes:
+        envs: the environments.
+    """
+
+    def __init__(
+        self,
+        env_fn: Callable[[], Env[Any, Any]],
+        num_envs: int,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+    ) -> None:
+        """Build the environments.
+
+        Args:
+            env_fn: builds one; called `num_envs` times.
+            num_envs: how many, at least 1.
+            autoreset_mode: SAME_STEP or NEXT_STEP; see `course.vector_env`.
+
+        Raises:
+            ValueError: for an env_fn that is no function, that hands out the same environment twice
+                or environments with unequal spaces; for a num_envs below 1.
+        """
+        checked_count("num_envs", num_envs)
+        if not callable(env_fn):
+            raise ValueError(
+                f"env_fn must be a function that builds an environment, got {env_fn!r}"
+            )
+        self.envs: list[Env[Any, Any]] = []
+        try:
+            for i in range(num_envs):
+                env = env_fn()
+                if any(env is other for other in self.envs):
+                    raise ValueError("env_fn must build a new environment at every call")
+                self.envs.append(env)
+                first = self.envs[0]
+                check_spaces(env, first.observation_space, first.action_space, i)
+            self._adopt(self.envs[0], num_envs, autoreset_mode)
+        except BaseException:
+            self.close()
+            raise
+        self._lanes = [Lane(env, self.autoreset_mode) for env in self.envs]
+        self._latest: list[Any] = [None] * num_envs
+
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Any, dict]:
+        """Start new episodes.
+
+        Args:
+            seed: None, an int s (environment i gets s + i), or a list of one int or None each.
+            options: handed to every environment, but for "reset_mask" (bools, one for each
+                environment), which picks those to reset.
+
+        Returns:
+            Observations (num_envs, ...), infos.
+        """
+        self._assert_open()
+        ids, seeds, options = self._plan_reset(seed, options)
+        infos: dict[str, Any] = {}
+        for i in ids:
+            self._latest[i], info = self._lanes[i].reset(seeds[i], options)
+            infos = self._add_info(infos, info, i)
+        return self._observations(), infos
+
+    def step(self, actions: Any) -> Batch:
+        """Step every environment once, and start those again whose episode is over.
+
+        Args:
+            actions: one for each environment, (num_envs, ...).
+
+        Returns:
+            Observations, rewards, terminations, truncations (num_envs, ...), infos.
+
+        Raises:
+            ValueError: for the wrong number, shape or kind of actions.
+        """
+        self._assert_open()
+        batch = self._checked_actions(actions)
+        rewards = np.empty(self.num_envs)
+        terminations = np.empty(self.num_envs, dtype=np.bool_)
+        truncations = np.empty(self.num_envs, dtype=np.bool_)
+        infos: dict[str, Any] = {}
+        for i, action in enumerate(iterate(self.action_space, batch)):
+            try:
+                result = self._lanes[i].step(action)
+            except Exception as error:
+                error.add_note(f"raised by environment {i} of {self.num_envs}")
+                raise
+            self._latest[i], rewards[i], terminations[i], truncations[i], info, final = result
+            if final is not None:
+                infos = self._add_info(infos, {"final_obs": final[0], "final_info": final[1]}, i)
+            infos = self._add_info(infos, info, i)
+        return self._observations(), rewards, terminations, truncations, infos
+
+    def _observations(self) -> Any:
+        space = self.single_observation_space
+        empty: Any = create_empty_array(space, self.num_envs, fn=np.zeros)
+        return concatenate(space, self._latest, empty)
+
+    def render(self) -> tuple[Any, ...]:
+        """What each environment renders."""
+        return self.call("render")
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
+        """Call a method of every environment, or read an attribute, through its wrappers."""
+        self._assert_open()
+        found = [env.get_wrapper_attr(name) for env in self.envs]
+        return tuple(item(*args, **kwargs) if callable(item) else item for item in found)
+
+    def get_attr(self, name: str) -> tuple[Any, ...]:
+        """An attribute of every environment."""
+        return self.call(name)
+
+    def set_attr(self, name: str, values: Any) -> None:
+        """Set an attribute of every environment: a list of one value each, or one value for all."""
+        self._assert_open()
+        for env, value in zip(self.envs, spread(values, self.num_envs), strict=True):
+            env.set_wrapper_attr(name, value)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close every environment, also when one of them raises."""
+        errors = []
+        for env in self.envs:
+            try:
+                env.close()
+            except Exception as error:
+                errors.append(error)
+        if errors:
+            self.closed = True
+            raise errors[0]
+
+
+def spread(values: Any, count: int) -> list[Any]:
+    """`values` as one for each environment."""
+    spread_out = list(values) if isinstance(values, list | tuple) else [values] * count
+    if len(spread_out) != count:
+        raise ValueError(f"values must be {count}, one for each environment, got {len(spread_out)}")
+    return spread_out
