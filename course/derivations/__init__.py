@@ -161,6 +161,7 @@ _MODULES = (
     "rigid_body.mujoco",
     "contact",
     "randomisation",
+    "drills",
 )
 
 
