@@ -92,7 +92,8 @@ def _list(session: Session) -> int:
         session.say(terminal.paint(title, "head"))
         for card in members:
             mark = present.sign(loaded.of(card.name).state, terminal)
-            right = f"ch {card.chapter:>2}  {card.difficulty}/5 {card.minutes:>3} min"
+            right = f"{card.difficulty}/5 {card.minutes:>3} min"
+            right = f"ch {card.chapter:>2}  {right}" if card.drill else right
             left = terminal.width - len(right) - name_width - (8 if terminal.unicode else 10)
             text = present.cut(card.title, left)
             session.say(f"  {mark} {card.name:<{name_width}}  {text:<{left}}  {right}")

@@ -142,6 +142,35 @@ def test_a_newcomer_starts_fails_asks_and_solves(place: Place) -> None:
     assert "●" in next(line for line in place.run("list").out.splitlines() if " verlet " in line)
 
 
+# An answer that takes every angle from the x axis.
+ABSOLUTE_ANGLES = """
+import numpy as np
+
+def fk3(lengths, thetas):
+    points = [(0.0, 0.0)]
+    for length, theta in zip(lengths, thetas):
+        x, y = points[-1]
+        points.append((x + length * np.cos(theta), y + length * np.sin(theta)))
+    return np.array(points)
+"""
+
+
+def test_the_feedback_in_the_readme_is_what_one_gets(place: Place) -> None:
+    place.answer(ABSOLUTE_ANGLES, "fk3")
+    said = place.run("check", "fk3", "--seed", "1").out
+    feedback = said.partition("\nChecks:")[0].strip()
+    assert "Likely cause" in feedback
+    assert feedback in (ROOT / "README.md").read_text(encoding="utf-8"), said
+
+
+def test_the_readme_of_the_drills_names_every_command_and_member() -> None:
+    text = (ROOT / "drills" / "README.md").read_text(encoding="utf-8")
+    assert [name for name in COMMANDS if f"`drills {name}" not in text] == []
+    members = [*SCHEMA["properties"], *SCHEMA["$defs"]["attempt"]["required"], "error"]
+    missing = [name for name in members if f"`{name}`" not in text and name != "file"]
+    assert missing == []
+
+
 def test_python_dash_m_is_the_same_command(place: Place) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "drills", "list"],
