@@ -1,0 +1,821 @@
+"""PID: judged by what it does, so that any sensible discretisation and anti-windup is right.
+
+The joint is stepped in this process; the submission maps set-point and measurement to a command.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drills.exercise import Exercise, Slip, definitions
+from drills.grade import Attempt
+from drills.sandbox import Handle
+from drills.values import as_float64, describe
+
+if TYPE_CHECKING:
+    from course.measure.work_precision import WorkPrecision
+
+Array = NDArray[np.float64]
+
+ENTRY = "PID"
+WIDE = 1e4  # N m: limits that are never reached
+RATES = (0.02, 0.01, 0.005)  # s: the stated sample times on the exact joint
+JAM_RATE = 0.01  # s
+JAM = 1.5  # s, as the prompt says
+AFTER = 1.5  # s, likewise
+BAND = 0.1  # of the step
+OVERSHOOT = 1.0  # of the step
+ROUNDING = "a handful of products and sums: rounding, and nothing else"
+GIVEN = (
+    definitions(Path(__file__).parents[3] / "course" / "drills.py", ["Joint", "closed_loop"])
+    + """
+
+def run(controller, setpoints, measurements):
+    return [controller.update(w, y) for w, y in zip(setpoints, measurements)]
+
+
+def updates(controller, count):
+    for i in range(count):
+        controller.update(0.5, 1e-4 * (i % 100))
+
+
+def drive(gains, dt, limit, tau, inertia, damping, setpoint, count):
+    from submission import PID
+
+    controller = PID(*gains, dt, -limit, limit, tau)
+    joint = Joint(inertia, damping, dt)
+    return closed_loop(controller, joint, [setpoint] * count)[0]
+"""
+)
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """The constructor's arguments."""
+
+    kp: float = 0.0
+    ki: float = 0.0
+    kd: float = 0.0
+    dt: float = 0.005
+    u_min: float = -WIDE
+    u_max: float = WIDE
+    tau: float = 0.02
+
+    def arguments(self) -> tuple[float, ...]:
+        """In their order."""
+        return self.kp, self.ki, self.kd, self.dt, self.u_min, self.u_max, self.tau
+
+
+class Controller:
+    """One controller of the submission."""
+
+    def __init__(self, attempt: Attempt, numbers: Numbers) -> None:
+        self.attempt = attempt
+        self.numbers = numbers
+        self.handle: Handle = attempt.learner.new(ENTRY, *numbers.arguments())
+        self.over = 0.0  # N m, by which a command of `update` passed its limit
+
+    def update(self, setpoint: float, measurement: float) -> float:
+        """One command, cut off as the motor does it; what is no finite number ends the grading."""
+        got = self.attempt.learner.method(self.handle, "update", setpoint, measurement)
+        command = got if type(got) is float and math.isfinite(got) else _number(got)
+        low, high = self.numbers.u_min, self.numbers.u_max
+        self.over = max(self.over, command - high, low - command)
+        return min(max(command, low), high)
+
+    def run(self, setpoints: Any, measurements: Any) -> Array:
+        """The commands for two sequences, or one of them a number; in one request."""
+        w, y = np.broadcast_arrays(setpoints, measurements)
+        learner = self.attempt.learner
+        got = learner.given("run", self.handle, w.tolist(), y.tolist())
+        if isinstance(got, list):
+            for command in got:
+                _number(command)
+        return as_float64(got, w.shape, "the list of commands")
+
+    def reset(self) -> None:
+        """Reset it."""
+        self.attempt.learner.method(self.handle, "reset")
+
+    @property
+    def call(self) -> str:
+        """How it was made, and that it was updated."""
+        inside = ", ".join(f"{value:.6g}" for value in self.numbers.arguments())
+        return f"PID({inside}).update(...)"
+
+
+def _number(got: Any) -> float:
+    return float(as_float64(got, (), "the command"))
+
+
+def judge(attempt: Attempt) -> None:
+    """Each part alone, limits, memory, refusals; then the closed loops."""
+    for stage in (_parts, _limits, _memory, _refusals, _windup, _loops):
+        stage(attempt)
+        if attempt.failed:
+            return
+    _time(attempt)
+
+
+# --- each part alone ------------------------------------------------------------------------------
+
+
+def _parts(attempt: Attempt) -> None:
+    _proportional(attempt)
+    _integral(attempt)
+    _derivative(attempt)
+    if not attempt.failed:
+        _kick(attempt)
+
+
+def _proportional(attempt: Attempt) -> None:
+    rng = attempt.rng
+    controller = Controller(attempt, Numbers(kp=float(rng.uniform(1.0, 9.0))))
+    setpoints, measurements = rng.uniform(-2.0, 2.0, (2, 6))
+    expected = controller.numbers.kp * (setpoints - measurements)
+    got = controller.run(setpoints, measurements)
+    attempt.compare(
+        "proportional part alone",
+        got,
+        expected,
+        tolerance=1e-9,
+        unit="N m",
+        why=ROUNDING,
+        call=controller.call,
+        slip="error_sign" if _near(got, -expected) else "",
+    )
+
+
+def _integral(attempt: Attempt) -> None:
+    """A constant error, then another: any rule of summing gives these differences."""
+    rng = attempt.rng
+    numbers = Numbers(ki=float(rng.uniform(5.0, 30.0)), dt=float(rng.uniform(0.002, 0.008)))
+    controller = Controller(attempt, numbers)
+    # so small that a clamp shows as one: the gain of a sample is a few hundredths
+    first, second = rng.uniform([0.015, -0.02], [0.03, -0.01]) / (numbers.ki * numbers.dt)
+    got = controller.run(np.repeat([first, second], (25, 20)), 0.0)
+    steps = np.diff(got)
+    # Where the error changes, rules differ: a sample earlier, later, or half of both.
+    kept = np.r_[2:23, 26:44]
+    errors = np.repeat([first, second], (21, 18))
+    expected = numbers.ki * errors * numbers.dt
+    slip = ""
+    if _near(steps[kept], numbers.ki * errors):
+        slip = "integral_without_dt"
+    elif _flattens(steps[:24], expected[0]):
+        slip = "integral_clamped_small"
+    right = attempt.compare(
+        "what the integral gains in a sample",
+        steps[kept],
+        expected,
+        tolerance=1e-9,
+        unit="N m",
+        why=ROUNDING,
+        call=controller.call,
+        slip=slip,
+    )
+    if right:
+        error, allowed = abs(got[24] - 25.0 * expected[0]), expected[0] * 1.01
+        attempt.require(
+            "the integral begins at zero",
+            bool(error <= allowed),
+            sentence=f"After 25 samples the command is {got[24]:.6g} N m.",
+            got=f"{got[24]:.6g}",
+            expected=f"{25.0 * expected[0]:.6g}",
+            error=float(error),
+            tolerance=float(allowed),
+            unit="N m",
+            why="rules of summing differ by one sample",
+            call=controller.call,
+        )
+
+
+def _flattens(steps: Array, gain: float) -> bool:
+    """Whether what is added is right at first and then nothing at all."""
+    right, nothing = np.isclose(steps, gain, rtol=1e-9), np.abs(steps) < 1e-12
+    stop = int(np.argmax(nothing))
+    begun = stop > 3 and np.all(right[2 : stop - 1])
+    return bool(np.any(nothing) and begun and np.all(nothing[stop:]))
+
+
+def _derivative(attempt: Attempt) -> None:
+    """A ramp of the measurement: none at first, 63 % after tau, the slope in the end."""
+    rng = attempt.rng
+    ratio = int(rng.integers(5, 9))
+    dt = float(rng.uniform(0.002, 0.008))
+    numbers = Numbers(kd=float(rng.uniform(0.5, 3.0)), dt=dt, tau=ratio * dt)
+    controller = Controller(attempt, numbers)
+    slope = float(rng.uniform(0.5, 2.0)) * float(rng.choice([-1.0, 1.0]))
+    start = float(rng.uniform(0.5, 1.5)) * float(rng.choice([-1.0, 1.0]))
+    got = controller.run(0.0, start + slope * dt * np.arange(12 * ratio))
+    full = -numbers.kd * slope
+    share = got / full
+    spike = -numbers.kd * start / full
+    at_start = spike / (dt * (ratio + 1)), spike / (dt * ratio)
+    attempt.compare(
+        "no derivative at the first update",
+        got[0],
+        0.0,
+        tolerance=1e-9,
+        unit="N m",
+        why=ROUNDING,
+        call=controller.call,
+        slip="first_update_kick" if _between(share[0], *at_start) else "",
+    )
+    if attempt.failed:
+        return
+    last = float(got[-1])
+    slip = "derivative_sign" if abs(last + full) <= 0.01 * abs(full) else ""
+    if abs(last / full / dt - 1.0) <= 0.01:
+        slip = "derivative_without_dt"
+    right = attempt.compare(
+        "derivative of a long ramp",
+        last,
+        full,
+        tolerance=0.01 * abs(full),
+        unit="N m",
+        why="after 12 tau a first-order low-pass is within 1e-4 of the slope",
+        call=controller.call,
+        slip=slip,
+    )
+    if not right:
+        return
+    slip = ""
+    if abs(share[1] - 1.0) <= 1e-9:
+        slip = "derivative_not_filtered"
+    elif abs(share[1] - ratio / (ratio + 1.0)) <= 1e-9:
+        slip = "filter_weights_swapped"
+    # From one backward step less than tau to the last forward step: 1 - (r / (r + 1))^(r - 1)
+    # and 1 - (1 - 1 / r)^r lie within; the exact low-pass gives 0.632.
+    seen = float(share[ratio])
+    error = abs(seen - 0.632)
+    attempt.require(
+        "the low-pass takes its time",
+        bool(error <= 0.13),
+        sentence=f"After tau the derivative of a ramp is at {seen:.1%} of its final value.",
+        got=f"{seen:.4g}",
+        expected="about 0.632",
+        error=error,
+        tolerance=0.13,
+        unit="1",
+        why="ways to discretise the low-pass differ by this much at tau = 5 dt",
+        call=controller.call,
+        slip=slip,
+    )
+
+
+def _kick(attempt: Attempt) -> None:
+    """A step of the set-point: proportional part, and a sample of the integral at most."""
+    rng = attempt.rng
+    dt = float(rng.uniform(0.002, 0.008))
+    kp, ki, kd = (float(rng.uniform(low, 3.0 * low)) for low in (2.0, 5.0, 0.5))
+    numbers = Numbers(kp, ki, kd, dt, tau=dt * float(rng.uniform(2.0, 6.0)))
+    controller = Controller(attempt, numbers)
+    at, step = (float(value) for value in rng.uniform(0.5, 1.5, 2))
+    setpoints = np.r_[np.full(4, at), np.full(4, at + step)]
+    got = controller.run(setpoints, at)
+    extra = got[4:] - kp * step
+    low, high = ki * step * dt * np.arange(4.0), ki * step * dt * np.arange(1.0, 5.0)
+    error = float(np.max(np.maximum(low - extra, extra - high)))
+    kick = kd * step
+    from_kick = kick / (numbers.tau + dt), kick / numbers.tau + high[0]
+    attempt.require(
+        "a step of the set-point makes no kick",
+        bool(error <= 1e-9) and bool(np.max(np.abs(got[:4])) <= 1e-9),
+        sentence=f"When the set-point steps by {step:.4g} rad, the command goes to {got[4]:.6g} "
+        f"N m; the proportional part is {kp * step:.6g} N m.",
+        got=describe(got[4:]),
+        expected=f"{kp * step:.6g} N m and at most {high[0]:.4g} N m more with each sample",
+        error=max(error, 0.0),
+        tolerance=1e-9,
+        unit="N m",
+        why=ROUNDING,
+        call=controller.call,
+        slip="derivative_kick" if _between(extra[0], *from_kick) else "",
+    )
+
+
+# --- limits, memory, refusals ---------------------------------------------------------------------
+
+
+def _limits(attempt: Attempt) -> None:
+    rng = attempt.rng
+    numbers = Numbers(
+        kp=float(rng.uniform(2.0, 6.0)),
+        u_min=-float(rng.uniform(1.0, 2.0)),
+        u_max=float(rng.uniform(3.0, 5.0)),
+    )
+    for far in (float(rng.uniform(8.0, 20.0)), -float(rng.uniform(8.0, 20.0))):
+        # The limit comes last and once: what back-calculation makes of it is free.
+        controller = Controller(attempt, numbers)
+        errors = np.array([0.1, -0.1, far])
+        got = controller.run(errors, 0.0)
+        free = numbers.kp * errors
+        attempt.compare(
+            "the command keeps its limit",
+            got,
+            np.clip(free, numbers.u_min, numbers.u_max),
+            tolerance=1e-9,
+            unit="N m",
+            why=ROUNDING,
+            call=controller.call,
+            slip="output_not_limited" if _near(got, free) else "",
+        )
+
+
+def _memory(attempt: Attempt) -> None:
+    """Reset: first each part alone, which says what was kept; then everything at once."""
+    rng = attempt.rng
+    at, other = (float(value) for value in rng.uniform(0.4, 1.5, 2) * [1.0, -1.0])
+    for name, numbers, slip in (
+        ("reset forgets the integral", Numbers(ki=7.0), "reset_keeps_integral"),
+        ("reset forgets the derivative", Numbers(kd=1.5), "reset_keeps_derivative"),
+    ):
+        controller = Controller(attempt, numbers)
+        controller.run([at, at, other], [other, at, other])
+        controller.reset()
+        attempt.compare(
+            name,
+            controller.update(at, at),
+            0.0,
+            tolerance=1e-9,
+            unit="N m",
+            why=ROUNDING,
+            call=controller.call,
+            slip=slip,
+        )
+    if attempt.failed:
+        return
+    numbers = Numbers(4.0, 20.0, 0.3, 0.004, -3.0, 2.0, 0.012)
+    setpoints, measurements = rng.uniform(-1.0, 1.0, (2, 12))
+    used, fresh = Controller(attempt, numbers), Controller(attempt, numbers)
+    used.run(measurements, setpoints)
+    used.reset()
+    # In turns, so that two controllers that share something disturb each other.
+    pairs = list(zip(setpoints.tolist(), measurements.tolist(), strict=True))
+    both = np.array([(used.update(*pair), fresh.update(*pair)) for pair in pairs])
+    attempt.compare(
+        "a reset controller is a new one, and two share nothing",
+        both[:, 0],
+        both[:, 1],
+        tolerance=0.0,
+        unit="N m",
+        why="the same sums of the same numbers",
+        call=used.call,
+    )
+
+
+def _refusals(attempt: Attempt) -> None:
+    good = Numbers(2.0, 3.0, 0.4, 0.01, -2.0, 2.0, 0.03)
+    order = list(Numbers.__dataclass_fields__)
+    bad = [
+        ("dt", 0.0, "dt is 0"),
+        ("dt", -0.01, "dt is negative"),
+        ("tau", -0.01, "tau is negative"),
+        ("u_min", 2.0, "the limits are equal"),
+        ("u_max", -5.0, "the limits are the wrong way round"),
+        (str(attempt.rng.choice(["kp", "ki", "kd"])), -1.0, "a gain is negative"),
+        (str(attempt.rng.choice(["kp", "ki", "kd", "dt", "tau"])), math.nan, "a number is NaN"),
+    ]
+    for name, value, what in bad:
+        arguments = list(good.arguments())
+        arguments[order.index(name)] = value
+        attempt.require_error(
+            f"refused: {what}",
+            functools.partial(attempt.learner.new, ENTRY, *arguments),
+            sentence=f"A controller was made although {what}.",
+            call=f"PID({', '.join(f'{argument:.4g}' for argument in arguments)})",
+        )
+    controller, twin = Controller(attempt, good), Controller(attempt, good)
+    for one in (controller, twin):
+        one.run(1.0, [0.2, 0.3])
+    for pair in ((0.5, math.nan), (math.inf, 0.3)):
+        attempt.require_error(
+            "refused: an update with a number that is not finite",
+            functools.partial(attempt.learner.method, controller.handle, "update", *pair),
+            sentence="A set-point or measurement that is not finite was accepted.",
+            call=f"update({pair[0]:g}, {pair[1]:g})",
+            slip="nan_accepted",
+        )
+    if attempt.failed:
+        return
+    attempt.compare(
+        "a refused update leaves no trace",
+        controller.run(0.9, [0.4, 0.5]),
+        twin.run(0.9, [0.4, 0.5]),
+        tolerance=0.0,
+        unit="N m",
+        why="the same sums of the same numbers",
+        call=controller.call,
+        slip="nan_accepted",
+    )
+
+
+# --- the integral at the limit --------------------------------------------------------------------
+
+
+def _windup(attempt: Attempt) -> None:
+    """The integral reaches either limit; how it leaves is kept for the jam to judge."""
+    for sign in (1.0, -1.0):
+        numbers = Numbers(kp=1.2, ki=14.0, u_min=-5.0, u_max=4.0)
+        controller = Controller(attempt, numbers)
+        limit = numbers.u_max if sign > 0.0 else -numbers.u_min
+        got = sign * controller.run(np.full(90, sign), 0.0)
+        gain = numbers.ki * numbers.dt
+        error = float(limit - got[-1])
+        attempt.require(
+            "the integral can carry as much as the limits allow",
+            bool(error <= 2.0 * gain),
+            sentence=f"Under a constant error the command stops at {sign * got[-1]:.4g} N m; the "
+            f"limit is {sign * limit:.4g} N m.",
+            got=f"{sign * got[-1]:.6g}",
+            expected=f"{sign * limit:.6g}",
+            error=max(error, 0.0),
+            tolerance=2.0 * gain,
+            unit="N m",
+            why="what the integral gains in two samples",
+            call=controller.call,
+            slip="integral_clamped_small" if _flattens(np.diff(got), gain) else "",
+        )
+
+
+def _winds_up(attempt: Attempt) -> bool:
+    """Whether the integral goes on at the limit, by the sample at which the command leaves it."""
+    numbers = Numbers(kp=1.2, ki=14.0, u_min=-4.0, u_max=4.0)
+    controller = Controller(attempt, numbers)
+    held = 160
+    controller.run(np.ones(held), 0.0)
+    gain = numbers.ki * numbers.dt
+    due = (held * gain - numbers.kp - numbers.u_max) / gain
+    after = controller.run(np.full(math.ceil(due) + 4, -1.0), 0.0)
+    left = int(np.argmax(after < numbers.u_max - 1e-9)) if np.any(after < numbers.u_max) else 0
+    return abs(left - due) <= 3.0
+
+
+# --- closed loops ---------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Plant:
+    """A joint, a set-point step and gains that put three poles of the loop at -speed."""
+
+    inertia: float
+    damping: float
+    load: float
+    limit: float
+    speed: float
+    step: float
+
+    def numbers(self, dt: float) -> Numbers:
+        """The controller's arguments at a sample time [s]."""
+        w, j = self.speed, self.inertia
+        gains = 3.0 * w * w * j, w**3 * j, 3.0 * w * j - self.damping
+        return Numbers(*gains, dt, -self.limit, 0.9 * self.limit, 2.0 * dt)
+
+
+def _plant(rng: np.random.Generator) -> Plant:
+    inertia = float(rng.uniform(0.03, 0.08))
+    limit = 40.0 * inertia
+    side = float(rng.choice([-1.0, 1.0]))
+    return Plant(
+        inertia=inertia,
+        damping=float(rng.uniform(0.5, 3.0)) * inertia,
+        load=float(rng.choice([-1.0, 1.0])) * float(rng.uniform(0.15, 0.25)) * limit,
+        limit=limit,
+        speed=float(rng.uniform(7.5, 8.5)),
+        step=side * float(rng.uniform(0.5, 0.8)),
+    )
+
+
+def _loops(attempt: Attempt) -> None:
+    from course.drills import Joint, closed_loop
+
+    plant = _plant(attempt.rng)
+    for dt in attempt.rng.permutation(RATES).tolist():
+        controller = Controller(attempt, plant.numbers(dt))
+        joint = Joint(plant.inertia, plant.damping, dt, plant.load)
+        setpoints = np.full(round(AFTER / dt), plant.step)
+        angles, _ = closed_loop(controller, joint, setpoints)
+        _kept(attempt, controller)
+        _settled(attempt, f"settled at {1.0 / dt:g} Hz", controller, plant, angles)
+    if not attempt.failed:
+        _jam(attempt)
+
+
+def _kept(attempt: Attempt, controller: Controller) -> None:
+    numbers, over = controller.numbers, controller.over
+    attempt.require(
+        "limits kept in the loop",
+        over <= 1e-9,
+        sentence=f"A command passes its limit by {over:.4g} N m.",
+        got=f"{over:.4g} N m too much",
+        expected=f"{numbers.u_min:.4g} to {numbers.u_max:.4g} N m",
+        error=over,
+        tolerance=1e-9,
+        unit="N m",
+        why=ROUNDING,
+        call=controller.call,
+    )
+
+
+def _settled(
+    attempt: Attempt, name: str, controller: Controller, plant: Plant, angles: Array
+) -> None:
+    """The last tenth of the run lies within the band."""
+    tail = angles[-max(5, angles.size // 20) :]
+    error, allowed = float(np.max(np.abs(tail - plant.step))), BAND * abs(plant.step)
+    attempt.require(
+        name,
+        bool(error <= allowed),
+        sentence=f"At the end the joint is {error:.4g} rad from its set-point.",
+        got=describe(tail[-3:]),
+        expected=f"{plant.step:.6g}",
+        error=error,
+        tolerance=allowed,
+        unit="rad",
+        why="10 % of the step; the worked answer is within 2 %",
+        call=controller.call,
+    )
+
+
+def _jam(attempt: Attempt) -> None:
+    from course.drills import closed_loop
+    from course.oracles.mujoco_joint import MotorJoint
+
+    plant, dt = _plant(attempt.rng), JAM_RATE
+    controller = Controller(attempt, plant.numbers(dt))
+    joint = MotorJoint(plant.inertia, plant.damping, dt, plant.load, substeps=10)
+    held = round(JAM / dt)
+    count = held + round(AFTER / dt)
+    angles, _ = closed_loop(controller, joint, np.full(count, plant.step), np.arange(count) < held)
+    _kept(attempt, controller)
+    past = float(np.max((angles - plant.step) * np.sign(plant.step)))
+    allowed = OVERSHOOT * abs(plant.step)
+    holds = past <= allowed
+    winding = not holds and _winds_up(attempt)
+    slowly = "" if holds or winding else " Its integral lets go too slowly."
+    attempt.require(
+        "recovers from a jam, on MuJoCo's joint",
+        holds,
+        sentence=f"Free again after {JAM:g} s, the joint passes its set-point by {past:.4g} rad; "
+        f"the step was {abs(plant.step):.4g} rad.{slowly}",
+        got=f"{past:.4g} rad past it",
+        expected=f"at most {allowed:.4g} rad",
+        error=max(past, 0.0),
+        tolerance=allowed,
+        unit="rad",
+        why="the height of the step, as the task says; the worked answer takes a fifth of it",
+        call=controller.call,
+        slip="integral_not_stopped" if winding else "",
+    )
+    if holds:
+        _settled(attempt, "settled after the jam", controller, plant, angles)
+
+
+def _time(attempt: Attempt) -> None:
+    """Time of one update, here and there, by this side's clock."""
+    count = 2000
+    arguments = Numbers(2.0, 3.0, 0.4, 0.01, -2.0, 2.0, 0.03).arguments()
+    child, reference = attempt.learner.child, attempt.reference
+    theirs, ours = child.new(ENTRY, *arguments), reference.new(ENTRY, *arguments)
+    child.given("updates", theirs, 1)
+    single = child.elapsed
+    child.given("updates", theirs, count)
+    yours = max(child.elapsed - single, 0.0) / count
+    reference.given("updates", ours, count)
+    attempt.cost("time per update", "s", yours=yours, reference=reference.elapsed / count)
+
+
+def _near(got: Array, other: Array) -> bool:
+    return bool(np.all(np.abs(got - other) <= 1e-9 * (1.0 + np.max(np.abs(other)))))
+
+
+def _between(value: float, low: float, high: float) -> bool:
+    """Whether a value lies between two of the same sign, in whichever order, with 1 % to spare."""
+    a, b = sorted((abs(low), abs(high)))
+    return bool(value * low > 0.0 and 0.99 * a <= abs(value) <= 1.01 * b)
+
+
+# --- chart ----------------------------------------------------------------------------------------
+
+
+def chart(attempt: Attempt) -> WorkPrecision:
+    """The same loop, sampled ever faster, against the loop in continuous time."""
+    from course.drills import PID, closed_loop
+    from course.measure.work_precision import Method, Result, measure
+    from course.oracles.mujoco_joint import MotorJoint
+    from drills.grade import start_child
+    from drills.sandbox import Child
+
+    inertia, damping, setpoint, tau, every, end = 0.05, 0.1, 0.5, 0.02, 0.04, 1.2
+    speed = 8.0
+    gains = 3.0 * speed**2 * inertia, speed**3 * inertia, 3.0 * speed * inertia - damping
+    apart = (2, 4, 8, 16, 32)  # samples between two looks
+    steps = {every / n: n for n in apart}
+    looks = round(end / every)
+
+    def driven(child: Child) -> Any:
+        def run(dt: float) -> Result:
+            n, arguments = steps[dt], (gains, dt, WIDE, tau, inertia, damping, setpoint)
+            angles = as_float64(child.given("drive", *arguments, looks * steps[dt]), None)
+            return Result(angles[::n], looks * n)
+
+        return run
+
+    def library(dt: float) -> Result:
+        n = steps[dt]
+        controller = PID(*gains, dt, -WIDE, WIDE, tau)
+        joint = MotorJoint(inertia, damping, dt)
+        angles, _ = closed_loop(controller, joint, np.full(looks * n, setpoint))
+        return Result(angles[::n], looks * n)
+
+    truth = _continuous(gains, tau, inertia, damping, setpoint, every, looks)
+    unit, all_steps = "updates", list(steps)
+    # The worked answer goes through a pipe too, so that the two times can be compared.
+    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
+        worked.load()
+        return measure(
+            [
+                Method("yours", driven(attempt.learner.child), all_steps, "yours", unit),
+                Method("worked answer", driven(worked), all_steps, unit=unit),
+                Method("worked answer, MuJoCo's joint", library, all_steps, "oracle", unit),
+            ],
+            truth,
+            reference_check=_continuous(gains, tau, inertia, damping, setpoint, every, looks, 2),
+            tolerance=0.01 * setpoint,
+            failed_above=setpoint,
+            repeats=3,
+            question="Angle of a joint under PID control, against the loop in continuous time",
+            error_unit="rad",
+        )
+
+
+def _continuous(
+    gains: tuple[float, float, float],
+    tau: float,
+    inertia: float,
+    damping: float,
+    setpoint: float,
+    every: float,
+    looks: int,
+    halves: int = 1,
+) -> Array:
+    """Angles of the linear loop in continuous time, by the matrix exponential, (looks + 1,)."""
+    from scipy.linalg import expm
+
+    kp, ki, kd = gains
+    # angle, speed, integral of the error, low-passed angle, 1
+    torque = np.array([-kp - kd / tau, 0.0, ki, kd / tau, kp * setpoint])
+    rates = np.zeros((5, 5))
+    rates[0, 1] = 1.0
+    rates[1] = torque / inertia
+    rates[1, 1] -= damping / inertia
+    rates[2, [0, 4]] = -1.0, setpoint
+    rates[3, [0, 3]] = 1.0 / tau, -1.0 / tau
+    advance = expm(rates * every / halves)
+    state = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
+    found = [0.0]
+    for _ in range(looks):
+        for _ in range(halves):
+            state = advance @ state
+        found.append(float(state[0]))
+    return np.array(found)
+
+
+EXERCISE = Exercise(
+    judge=judge,
+    given=GIVEN,
+    replayed=300,
+    examples=(
+        "PID(2.0, 0.0, 0.0, 0.01, -5.0, 5.0, 0.05).update(1.0, 0.25)",
+        "PID(2.0, 3.0, 0.0, 0.01, -5.0, 5.0, 0.05).update(1.0, 0.25)",
+        "PID(2.0, 3.0, 0.4, 0.01, -5.0, 4.0, 0.05).update(9.0, 0.0)",
+    ),
+    chart=chart,
+    slips=(
+        Slip(
+            "integral_not_stopped",
+            "The integral goes on while the command is held at its limit, and all of it has to be "
+            "unwound before the joint turns back. Don't integrate while the command is cut off "
+            "and the error pushes further out.",
+            edits=(
+                (
+                    "        if not deeper:\n            self.integral = integral",
+                    "        self.integral = integral",
+                ),
+            ),
+        ),
+        Slip(
+            "derivative_kick",
+            "The derivative is taken of the error, so a step of the set-point is differentiated "
+            "too: a kick of kd step / (tau + dt). Differentiate the measurement and subtract it.",
+            edits=(
+                ("else measurement - self.last", "else self.last - (setpoint - measurement)"),
+                ("self.last = measurement", "self.last = setpoint - measurement"),
+            ),
+        ),
+        Slip(
+            "derivative_not_filtered",
+            "The derivative is a bare difference. It multiplies the noise of the measurement by up "
+            "to 2 / dt; tau asks for a low-pass before it.",
+            edits=(("(self.tau * self.rate + change) / (self.tau + self.dt)", "change / self.dt"),),
+        ),
+        Slip(
+            "integral_without_dt",
+            "The errors are summed without dt. The integral then grows 1 / dt times too fast, and "
+            "with another sample time it is another controller.",
+            edits=(("self.ki * error * self.dt", "self.ki * error"),),
+        ),
+        Slip(
+            "derivative_without_dt",
+            "The difference of two measurements is not divided by dt, so the derivative is too "
+            "small by that factor and does next to nothing.",
+            edits=(("+ change) /", "+ change * self.dt) /"),),
+        ),
+        Slip(
+            "output_not_limited",
+            "The command is handed out without its limits. The motor cuts it off anyway, and the "
+            "controller doesn't know.",
+            edits=(("min(max(wanted, self.u_min), self.u_max)", "wanted"),),
+        ),
+        Slip(
+            "derivative_sign",
+            "The derivative has the wrong sign: it pushes the joint on instead of braking it. The "
+            "error falls when the measurement rises, so it is - kd times the rate.",
+            edits=(("- self.kd * self.rate", "+ self.kd * self.rate"),),
+        ),
+        Slip(
+            "error_sign",
+            "The error has the wrong sign: it is set-point minus measurement. This controller "
+            "drives the joint away.",
+            edits=(("error = setpoint - measurement", "error = measurement - setpoint"),),
+        ),
+        Slip(
+            "first_update_kick",
+            "The first update takes the derivative against a measurement of 0 that never was, so "
+            "the loop starts with a spike. Remember that there is none yet.",
+            edits=(
+                (
+                    "self.last: float | None = None",
+                    "self.last: float | None = 0.0",
+                ),
+            ),
+        ),
+        Slip(
+            "filter_weights_swapped",
+            "The low-pass has its weights the wrong way round: the old rate gets dt / (tau + dt) "
+            "and the new difference tau / (tau + dt). A large tau then filters less, not more.",
+            edits=(
+                (
+                    "(self.tau * self.rate + change)",
+                    "(self.dt * self.rate + self.tau * change / self.dt)",
+                ),
+            ),
+        ),
+        Slip(
+            "reset_keeps_integral",
+            "reset leaves the integral as it was. The next run starts with the load of the last.",
+            edits=(
+                (
+                    "self.integral = 0.0",
+                    'self.integral = getattr(self, "integral", 0.0)',
+                ),
+            ),
+        ),
+        Slip(
+            "reset_keeps_derivative",
+            "reset leaves the last measurement or the filtered rate as it was, so the next run "
+            "starts with the derivative of a jump that never was.",
+            edits=(
+                (
+                    "self.last: float | None = None",
+                    'self.last: float | None = getattr(self, "last", None)',
+                ),
+            ),
+        ),
+        Slip(
+            "integral_clamped_small",
+            "The integral is clamped to a range that is smaller than the command's. It can't carry "
+            "a load beyond that, and an offset stays. Its range follows from u_min and u_max.",
+            edits=(
+                (
+                    "            self.integral = integral",
+                    "            self.integral = min(max(integral, -0.2), 0.2)",
+                ),
+            ),
+        ),
+        Slip(
+            "nan_accepted",
+            "A measurement that is NaN or infinite gets into the state. From then on every command "
+            "is wrong: refuse it before anything is changed.",
+            edits=(("if not abs(value) < np.inf:", "if abs(value) < 0.0:"),),
+        ),
+    ),
+)
