@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from drills.exercise import Exercise, Slip
 from drills.grade import Attempt, Case, describe_call, repeat_calls, start_child
+from drills.values import Mismatch, as_float64
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
     from drills.sandbox import Child
+
+Array = NDArray[np.float64]
 
 
 def judge(attempt: Attempt) -> None:
@@ -30,13 +35,45 @@ def judge(attempt: Attempt) -> None:
             continue
         order, limit = attempt.expected(*case.args)
         check: dict[str, Any] = {"call": call, "why": "two differences and a logarithm: rounding"}
-        attempt.compare(f"{case.label}: order", parts[0], order, tolerance=1e-9, unit="1", **check)
-        attempt.compare(f"{case.label}: limit", parts[1], limit, tolerance=1e-9, unit="m", **check)
+        for what, part, right, unit, wrong in (
+            ("order", parts[0], order, "1", _wrong_orders(*case.args)),
+            ("limit", parts[1], limit, "m", _wrong_limits(*case.args)),
+        ):
+            slip = next((name for name, value in wrong.items() if _is(part, value)), "")
+            name = f"{case.label}: {what}"
+            attempt.compare(name, part, right, tolerance=1e-9, unit=unit, slip=slip, **check)
     _refused(attempt)
     if not attempt.failed:
         repeat_calls(attempt, made)
     if not attempt.failed:
         attempt.time_call(*cases[0].args, repeat=1000)
+
+
+def _wrong_orders(coarse: Array, medium: Array, fine: Array, ratio: float) -> dict[str, float]:
+    """What the usual mistakes give, so that they are known whatever else is in the answer."""
+    first, second = np.linalg.norm(medium - coarse), np.linalg.norm(fine - medium)
+    return {
+        "fine_taken_for_the_truth": math.log(np.linalg.norm(fine - coarse) / second, ratio),
+        "ratio_not_used": math.log2(first / second),
+        "natural_logarithm": math.log(first / second),
+    }
+
+
+def _wrong_limits(coarse: Array, medium: Array, fine: Array, ratio: float) -> dict[str, Array]:
+    growth = np.linalg.norm(medium - coarse) / np.linalg.norm(fine - medium)
+    return {
+        "minus_one_missing": fine + (fine - medium) / growth,
+        "extrapolated_backwards": fine - (fine - medium) / (growth - 1.0),
+        "not_extrapolated": fine,
+    }
+
+
+def _is(got: Any, wrong: ArrayLike) -> bool:
+    """Whether a wrong value came back; `compare` names it only where it is not the right one."""
+    try:
+        return bool(np.max(np.abs(as_float64(got, np.shape(wrong)) - np.asarray(wrong))) <= 1e-10)
+    except Mismatch:
+        return False
 
 
 def _cases(rng: np.random.Generator) -> list[Case]:
@@ -169,6 +206,16 @@ EXERCISE = Exercise(
             "natural_logarithm",
             "The natural logarithm of the ratio of the differences is p log(r): divide by log(r).",
             edits=((_ORDER, "order = math.log(growth)"),),
+        ),
+        Slip(
+            "largest_component",
+            "The differences are measured by their largest component. That is a norm too, but the "
+            "task asks for the 2-norm; where the runs are not yet in the range of one power of h, "
+            "the two give different orders.",
+            edits=(
+                ("np.linalg.norm(medium - coarse)", "np.max(np.abs(medium - coarse))"),
+                ("np.linalg.norm(fine - medium)", "np.max(np.abs(fine - medium))"),
+            ),
         ),
         Slip(
             "minus_one_missing",

@@ -230,6 +230,12 @@ EXERCISE = Exercise(
             ),
         ),
         Slip(
+            "norm_for_eigenvalue",
+            "The norm of inv(M) K is not its largest eigenvalue: that holds for symmetric matrices "
+            "only, and inv(M) K is not one. The norm is larger, so your step is safe but short.",
+            source=_PLAIN.format(answer="2.0 / np.sqrt(np.linalg.norm(np.linalg.solve(M, K), 2))"),
+        ),
+        Slip(
             "one_over_omega",
             "Half of the limit: the step matrix of a mode has trace 2 - (omega dt)^2, which stays "
             "above -2 until omega dt = 2, not 1.",

@@ -247,6 +247,13 @@ EXERCISE = Exercise(
             edits=((_V_HALF, "    v_half = v + dt * a\n"), (_V_NEW, "    v_new = v_half\n")),
         ),
         Slip(
+            "semi_implicit_position_first",
+            "This is semi-implicit Euler the other way round: the position takes its whole step "
+            "first, then the velocity with the new acceleration. Still of first order: the "
+            "velocity belongs half a step away, now on the other side.",
+            edits=((_Q_NEW, "    q_new = q + dt * v\n"), (_V_NEW, "    v_new = v + dt * a_new\n")),
+        ),
+        Slip(
             "explicit_euler",
             "This is explicit Euler: the position moves with the old velocity and the velocity "
             "with the old acceleration. First order, and its energy grows at every step size.",
