@@ -49,19 +49,16 @@ def clearances(a: ArrayLike, b: ArrayLike, discs: ArrayLike) -> Array:
     Returns:
         Gaps, shape (n,) [m]; negative where the segment enters the disc.
     """
-    (ax, ay), (bx, by) = np.asarray(a, dtype=float).tolist(), np.asarray(b, dtype=float).tolist()
-    dx, dy = bx - ax, by - ay
+    a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
+    x, y, radius = np.asarray(discs, dtype=float).reshape(-1, 3).T
+    dx, dy = b - a
     length = math.hypot(dx, dy)
-    gaps = []
-    for x, y, radius in np.asarray(discs, dtype=float).reshape(-1, 3).tolist():
-        if length == 0.0 or (x - ax) * dx + (y - ay) * dy <= 0.0:
-            distance = math.hypot(x - ax, y - ay)
-        elif (x - bx) * dx + (y - by) * dy >= 0.0:
-            distance = math.hypot(x - bx, y - by)
-        else:
-            distance = abs((x - ax) * dy - (y - ay) * dx) / length
-        gaps.append(distance - radius)
-    return np.array(gaps)
+    from_a = np.hypot(x - a[0], y - a[1])
+    from_b = np.hypot(x - b[0], y - b[1])
+    behind = (x - a[0]) * dx + (y - a[1]) * dy <= 0.0
+    beyond = (x - b[0]) * dx + (y - b[1]) * dy >= 0.0
+    height = np.abs((x - a[0]) * dy - (y - a[1]) * dx) / (length or 1.0)
+    return np.where(behind, from_a, np.where(beyond, from_b, height)) - radius
 
 
 def path_faults(

@@ -1,0 +1,274 @@
+"""RRT among discs: every run is replayed from its targets, every edge judged exactly."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drills.catalogue.rrt.replay import PROPERTIES, Fault, Run, faults
+from drills.catalogue.rrt.slips import SLIPS
+from drills.catalogue.rrt.worlds import GOAL, HIGH, LOW, START, World, clutter, refused, worlds
+from drills.exercise import Exercise
+from drills.grade import Attempt, start_child
+from drills.reasons import Reason
+from drills.sandbox import Limits
+from drills.values import Mismatch, as_float64, describe
+
+if TYPE_CHECKING:
+    from course.measure.work_precision import WorkPrecision
+    from drills.sandbox import Child
+
+Array = NDArray[np.float64]
+
+GIVEN = Path(__file__).with_name("given.py").read_text(encoding="utf-8")
+BIAS = 0.1
+SIGMAS = 5.5  # a right answer is beyond them once in 26 million gradings
+CELLS = 4  # along each axis, for the uniformity of the targets
+# Of several slips that let an edge pass, the grossest explains the others.
+GROSSEST = ("nothing_checked", "vertices_only", "coarse_sampling", "last_edge_unchecked")
+PARTS = ("path", "nodes", "parents", "samples")
+
+
+def judge(attempt: Attempt) -> None:
+    """Wrong queries are refused; then one run in each world, replayed; then the targets."""
+    for world in refused(attempt.rng):
+        refuses = attempt.require_error(
+            world.label,
+            functools.partial(_ask, attempt, world),
+            sentence=f"The query must be refused with ValueError: {world.label}.",
+            call=_typed(world),
+            slip="collision_accepted",
+        )
+        if not refuses:
+            return
+    made: list[tuple[World, Run]] = []
+    drawn = worlds(attempt.rng)
+    for index in attempt.rng.permutation(len(drawn)):
+        run = _run(attempt, drawn[index])
+        if run is None:
+            return
+        made.append((drawn[index], run))
+    _report(attempt, made)
+    _report_targets(attempt, made)
+    _report_generator(attempt, made)
+    if not attempt.failed:
+        _report_cost(attempt, max(drawn, key=lambda world: world.closed * world.max_samples))
+
+
+def _ask(attempt: Attempt, world: World) -> Any:
+    rng = attempt.learner.given_new("generator", int(attempt.rng.integers(1 << 31)))
+    return attempt.call(*world.arguments(), rng)
+
+
+def _typed(world: World) -> str:
+    values = [describe(argument, 40) for argument in world.arguments()]
+    return f"rrt({', '.join(values)}, rng)"
+
+
+def _run(attempt: Attempt, world: World) -> Run | None:
+    """One run as arrays, or None after a failed check."""
+    got = _ask(attempt, world)
+    call = _typed(world)
+    parts = attempt.parts(got, PARTS, call=call)
+    if parts is None:
+        return None
+    try:
+        path = None if parts[0] is None else _table(parts[0], "the path")
+        nodes, samples = _table(parts[1], "the tree"), _table(parts[3], "samples")
+        parents = as_float64(parts[2], None, "parents")
+        if parents.ndim != 1 or not np.array_equal(parents, parents.round()):
+            raise Mismatch(
+                Reason.WRONG_SHAPE,
+                f"parents has shape {parents.shape}; integers of shape (m,) are asked for.",
+            )
+    except Mismatch as wrong:
+        said = wrong.sentence[0].upper() + wrong.sentence[1:]
+        attempt.require(world.label, False, sentence=said, call=call, reason=wrong.reason)
+        return None
+    return Run(path, nodes, parents.astype(np.int64), samples)
+
+
+def _table(value: Any, what: str) -> Array:
+    """Rows (x, y); an empty list is no rows."""
+    array = as_float64(value, None, what)
+    if array.size == 0:
+        return np.zeros((0, 2))
+    if array.ndim != 2 or array.shape[1] != 2:
+        raise Mismatch(
+            Reason.WRONG_SHAPE, f"{what} has shape {array.shape}; rows (x, y) are asked for."
+        )
+    return array
+
+
+def _report(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
+    """One check for each property, with the first world where it does not hold."""
+    found = [(world, fault) for world, run in made for fault in faults(world, run)]
+    for of in PROPERTIES:
+        mine = [(world, fault) for world, fault in found if fault.of == of]
+        if not mine:
+            attempt.require(of, True, sentence="")
+            continue
+        world, fault = _telling(mine)
+        attempt.require(
+            of,
+            False,
+            sentence=f"{fault.sentence} (world: {world.label})",
+            call=_typed(world),
+            slip=fault.slip,
+        )
+
+
+def _telling(found: list[tuple[World, Fault]]) -> tuple[World, Fault]:
+    """The fault to show: the grossest of the edges, else the first that names a slip."""
+    for slip in GROSSEST:
+        for world, fault in found:
+            if fault.slip == slip:
+                return world, fault
+    return next((pair for pair in found if pair[1].slip), found[0])
+
+
+def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
+    """The share of goals and the evenness of the others, where all targets are drawn."""
+    closed = [(world, run) for world, run in made if world.closed and len(run.samples)]
+    goals = [(run.samples == world.goal).all(axis=1) for world, run in closed]
+    total = sum(len(mask) for mask in goals)
+    if total == 0:
+        return
+    share = sum(int(mask.sum()) for mask in goals) / total
+    allowed = SIGMAS * math.sqrt(BIAS * (1.0 - BIAS) / total)
+    attempt.require(
+        "one target in ten is the goal",
+        abs(share - BIAS) <= allowed,
+        sentence=f"Of {total} targets, {100.0 * share:.3g} % are the goal; 10 % are asked for.",
+        got=f"{share:.3g}",
+        expected=f"{BIAS:g}",
+        error=abs(share - BIAS),
+        tolerance=allowed,
+        unit="1",
+        why=f"{SIGMAS:g} standard deviations of {total} draws",
+        slip={0.0: "no_goal_bias", 1.0: "always_goal"}.get(share, ""),
+    )
+    even = 0.0
+    for (world, run), mask in zip(closed, goals, strict=True):
+        even = max(even, _unevenness(run.samples[~mask], world.bounds))
+    attempt.require(
+        "other targets are uniform",
+        even <= SIGMAS,
+        sentence="The targets are not spread evenly over the world.",
+        error=even,
+        tolerance=SIGMAS,
+        unit="1",
+        why="standard deviations of a count in one of 16 equal parts of the world",
+        slip="bounds_from_zero",
+    )
+
+
+def _unevenness(targets: Array, bounds: Array) -> float:
+    """The largest deviation of a count in CELLS x CELLS equal parts, in standard deviations."""
+    if len(targets) < 100:
+        return 0.0
+    low, high = bounds
+    cells = np.clip(((targets - low) / (high - low) * CELLS).astype(int), 0, CELLS - 1)
+    counts = np.bincount(cells[:, 0] * CELLS + cells[:, 1], minlength=CELLS**2)
+    share = 1.0 / CELLS**2
+    spread = math.sqrt(len(targets) * share * (1.0 - share))
+    return float(np.abs(counts - len(targets) * share).max() / spread)
+
+
+def _report_generator(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
+    """Another generator must draw other targets."""
+    if attempt.failed:
+        return
+    world = min((w for w, _ in made if w.closed), key=lambda w: w.max_samples)
+    before = next(run for w, run in made if w is world)
+    again = _run(attempt, world)
+    if again is None:
+        return
+    attempt.require(
+        "random numbers come from rng",
+        not np.array_equal(before.samples, again.samples),
+        sentence="Two generators with different seeds led to the same targets.",
+        call=_typed(world),
+        slip="own_generator",
+    )
+
+
+def _report_cost(attempt: Attempt, world: World) -> None:
+    """Time of the longest run, here and there, with the same random numbers."""
+    seed = int(attempt.rng.integers(1 << 31))
+    child, reference = attempt.learner.child, attempt.reference
+    rng = child.given_new("generator", seed)
+    child.call(attempt.card.entry, *world.arguments(), rng)
+    yours = child.elapsed
+    reference.call(attempt.card.entry, *world.arguments(), reference.given_new("generator", seed))
+    attempt.cost(
+        f"time for {world.max_samples} targets", "s", yours=yours, reference=reference.elapsed
+    )
+
+
+def chart(attempt: Attempt) -> WorkPrecision:
+    """Queries left unsolved against the targets that one may draw, beside OMPL's RRT."""
+    from course.measure.work_precision import Method, Result, measure
+    from course.oracles import ompl
+
+    discs = clutter(np.random.default_rng(attempt.report.seed), 40, 0.3, 0.6)
+    step, seeds = 0.5, list(range(1, 21))
+    bounds = np.array([LOW, HIGH])
+    budgets = {1.0 / n: n for n in (50, 100, 200, 400, 800)}
+
+    def result(solved: int, drawn: int) -> Result:
+        # Laplace's estimate: none unsolved of twenty is no proof that none ever will be.
+        return Result([(len(seeds) - solved + 1) / (len(seeds) + 2)], drawn / len(seeds))
+
+    def driven(child: Child) -> Callable[[float], Result]:
+        def run(setting: float) -> Result:
+            budget = budgets[setting]
+            told = child.given("drive", START, GOAL, discs, bounds, step, budget, seeds)
+            return result(*(int(n) for n in told))
+
+        return run
+
+    def library(setting: float) -> Result:
+        plans = [
+            ompl.rrt(START, GOAL, discs, bounds, step, budgets[setting], seed) for seed in seeds
+        ]
+        return result(sum(p.path is not None for p in plans), sum(p.samples for p in plans))
+
+    unit, settings = "targets drawn, mean of 20 runs", list(budgets)
+    # The worked answer goes through a pipe too, so that the two times can be compared.
+    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
+        worked.load()
+        return measure(
+            [
+                Method("yours", driven(attempt.learner.child), settings, style="yours", unit=unit),
+                Method("worked answer", driven(worked), settings, unit=unit),
+                Method("OMPL RRT", library, settings, style="oracle", unit=unit),
+            ],
+            [0.0],
+            reference_check=[0.0],
+            tolerance=0.1,
+            repeats=2,
+            question="RRT among discs, 20 runs; setting: 1 / targets allowed",
+            error_unit="share unsolved",
+        )
+
+
+EXERCISE = Exercise(
+    judge=judge,
+    given=GIVEN,
+    limits=Limits(load=10.0, call=10.0, total=90.0),
+    examples=(
+        "rrt([0, 0], [0.4, 0.3], [], [[-1, -1], [1, 1]], 0.5, 100, np.random.default_rng(4))[0]",
+        "rrt([0, 0], [0, 0], [], [[-1, -1], [1, 1]], 0.5, 100, np.random.default_rng(1))[0]",
+        "rrt([-2, 0], [2, 0], [[0, 0, 1]], [[-3, -3], [3, 3]], 1.5, 500, "
+        "np.random.default_rng(3))[0].round(3)",
+    ),
+    chart=chart,
+    slips=SLIPS,
+)
