@@ -29,7 +29,7 @@ from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED
 from drills.reasons import Reason
 from drills.terminal import listed
 
-_CELL = "this cell"
+_CELL = "your cell"
 _GRACE = 5.0  # s that an interrupted grader has to end its child
 # Text and ground are both set, so that a light and a dark page show the same contrast.
 _BADGE_COLOURS = {
