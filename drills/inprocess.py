@@ -61,8 +61,8 @@ class InProcess:
         return copy.deepcopy(handle.value)
 
     def evaluate(self, expression: str) -> Any:
-        """The value of an expression in the namespace of the text."""
-        return eval(expression, self._module.__dict__)
+        """The value of an expression in the namespace of the text, with `given`."""
+        return eval(expression, {**self._module.__dict__, "given": self._given})
 
     def _run(self, function: Any, args: Any, kwargs: Any, repeat: int = 1) -> Any:
         args = [_received(a) for a in args]

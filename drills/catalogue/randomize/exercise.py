@@ -192,9 +192,9 @@ EXERCISE = Exercise(
     given=GIVEN,
     limits=Limits(call=5.0, total=40.0),
     examples=(
-        "__import__('given').walk(DomainRandomizer((m := __import__('given').pendulum())), m)",
-        "__import__('given').walk(DomainRandomizer((m := __import__('given').pendulum()), "
-        "damping=(0.2, 0.2), delay=(2, 2), idle=-1.0), m)",
+        "given.drawn(DomainRandomizer, mass=(2, 2), damping=(0.2, 0.2), friction=(0.5, 0.5))",
+        "given.delayed(DomainRandomizer, [1, 2, 3, 4, 5], delay=(2, 2), idle=-1.0)",
+        "given.delayed(DomainRandomizer, [1, 2, 3], delay=(0, 0))",
     ),
     chart=chart,
     slips=SLIPS,

@@ -89,29 +89,37 @@ def timed(randomizer, data, rng, count):
         randomizer.randomize(data, rng)
 
 
-def walk(randomizer, model):
-    """For the public examples: one draw in words of the model."""
-    data, rng = mujoco.MjData(model), np.random.default_rng(0)
-    masses, dampings = model.body_mass.copy(), model.dof_damping.copy()
-    randomizer.randomize(data, rng)
-    drawn = {
-        "friction": np.unique(model.geom_friction[:, 0]),
-        "mass factors": model.body_mass[1:] / masses[1:],
-        "damping": model.dof_damping.copy(),
-        "delayed": [float(randomizer.delay(action)) for action in (1.0, 2.0, 3.0, 4.0, 5.0)],
-    }
-    randomizer.restore(data)
-    drawn["restored"] = bool(
-        np.array_equal(model.body_mass, masses) and np.array_equal(model.dof_damping, dampings)
-    )
-    return drawn
+# For the public examples: a block of 1 kg on a floor and an undamped pendulum of 0.5 kg.
+EXAMPLE = """
+<mujoco>
+  <worldbody>
+    <geom type="plane" size="2 2 0.1" friction="0.9"/>
+    <body pos="0 0 0.1"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="1"/></body>
+    <body pos="1 0 1"><joint axis="0 1 0"/>
+      <geom type="sphere" pos="0 0 -0.4" size="0.05" mass="0.5"/></body>
+  </worldbody>
+</mujoco>
+"""
 
 
-def pendulum():
-    """A block on a plane and an undamped pendulum."""
-    return mujoco.MjModel.from_xml_string(
-        '<mujoco><worldbody><geom type="plane" size="2 2 0.1" friction="0.9"/>'
-        '<body pos="0 0 0.1"><freejoint/><geom type="box" size="0.1 0.1 0.1" mass="1"/></body>'
-        '<body pos="1 0 1"><joint axis="0 1 0"/><geom type="sphere" pos="0 0 -0.4" size="0.05" '
-        'mass="0.5"/></body></worldbody></mujoco>'
-    )
+def drawn(randomizer_class, **ranges):
+    """One draw with these ranges: [friction, both masses, damping of the hinge], and restored."""
+    model = mujoco.MjModel.from_xml_string(EXAMPLE)
+    data, randomizer = mujoco.MjData(model), randomizer_class(model, **ranges)
+    found = []
+    for change in (
+        lambda: randomizer.randomize(data, generator(0)),
+        lambda: randomizer.restore(data),
+    ):
+        change()
+        numbers = [model.geom_friction[0, 0], *model.body_mass[1:], model.dof_damping[6]]
+        found.append([round(float(number), 6) for number in numbers])
+    return found
+
+
+def delayed(randomizer_class, actions, **ranges):
+    """What comes back for these actions."""
+    model = mujoco.MjModel.from_xml_string(EXAMPLE)
+    randomizer = randomizer_class(model, **ranges)
+    randomizer.randomize(mujoco.MjData(model), generator(0))
+    return [float(np.ravel(randomizer.delay(np.array([action])))[0]) for action in actions]
