@@ -190,7 +190,7 @@ def _chain(bodies: int) -> str:
 EXERCISE = Exercise(
     judge=judge,
     given=GIVEN,
-    limits=Limits(call=5.0, total=40.0),
+    limits=Limits(call=8.0, total=90.0),
     examples=(
         "given.drawn(DomainRandomizer, mass=(2, 2), damping=(0.2, 0.2), friction=(0.5, 0.5))",
         "given.delayed(DomainRandomizer, [1, 2, 3, 4, 5], delay=(2, 2), idle=-1.0)",
