@@ -80,8 +80,12 @@ def own_source(obj: Any) -> str:
 
 
 def _bare(obj: Any) -> Any:
-    """Without a compiler's wrapper."""
-    return getattr(obj, "py_func", obj)
+    """Without the wrappers of a compiler, a cache, or another decorator that says what it wraps."""
+    seen: set[int] = set()
+    while id(obj) not in seen and not isinstance(obj, type):
+        seen.add(id(obj))
+        obj = getattr(obj, "py_func", getattr(obj, "__wrapped__", obj))
+    return obj
 
 
 @dataclass(frozen=True)
@@ -289,7 +293,8 @@ def _located(obj: Any, name: str) -> tuple[_Cell, ast.stmt]:
         exact = [node for node in fitting if any(_spans(node, line) for line in lines)]
         return cell, (exact or fitting)[-1]
     raise Unusable(
-        f"The source of {name} was not found. Run the cell that defines it again, then check."
+        f"The source of {name} was not found. Run the cell that defines it again, without a cell "
+        "magic such as %%time, then check."
     )
 
 

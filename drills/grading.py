@@ -166,11 +166,12 @@ def _answer_path(session: Session, card: Card, file: str | None) -> str:
 
 
 def _must_be_there(path: str) -> None:
-    if path == STANDARD_INPUT:
+    if path == STANDARD_INPUT or os.path.lexists(path):
         return
-    if "\0" in path or not os.path.lexists(path):
-        shown = path.replace("\0", "\\0")
-        raise Misuse(f"There is no file {shown}.")
+    stem = Path(path).stem
+    known = stem in catalogue.names()
+    meant = f" drills check {stem} grades the answer in your work folder." if known else ""
+    raise Misuse(f"There is no file {workspace.shown(Path(path))}.{meant}", [stem] * known)
 
 
 def _read(session: Session, path: str) -> tuple[str | None, str]:

@@ -185,7 +185,9 @@ class Commands(click.Group):
             return self._end(args, known, MISUSE, "misuse", text)
         except Exception as error:
             if os.environ.get("DRILLS_DEBUG"):
-                raise
+                import traceback
+
+                traceback.print_exc()
             return self._end(args, known, FAILED, "grader", _failure(error, known.get("session")))
 
     def _end(

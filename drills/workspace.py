@@ -33,7 +33,10 @@ def folder(chosen: str | None = None) -> Path:
     """
     if chosen or os.environ.get("DRILLS_WORK"):
         return Path(chosen or os.environ["DRILLS_WORK"]).expanduser()
-    here = Path.cwd()
+    try:
+        here = Path.cwd()
+    except OSError:
+        raise Misuse("The current folder is gone. Change to one that is there.") from None
     inside = (ROOT / "pyproject.toml").exists() and here.is_relative_to(ROOT)
     return (ROOT if inside else here) / "work"
 
@@ -54,8 +57,8 @@ def answer(work: Path, name: str) -> Path:
 def shown(path: Path) -> str:
     """The path as a message shows it: from the current folder where it is inside."""
     with contextlib.suppress(ValueError, OSError):
-        return str(path.absolute().relative_to(Path.cwd()))
-    return str(path)
+        path = path.absolute().relative_to(Path.cwd())
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(path))
 
 
 def start_text(card: Card) -> str:

@@ -371,6 +371,7 @@ MISUSE = [
     (["check"], "Say which"),
     (["check", "nowhere.py"], "no file nowhere.py"),
     (["check", "verlet", "--file", "nowhere.py"], "no file nowhere.py"),
+    (["check", "verlet.py"], "drills check verlet grades the answer"),
     (["check", "verlet", "--all"], "not both"),
     (["check", "verlet", "--seed", "-1"], "--seed"),
     (["check", "verlet", "--sed", "1"], "--seed"),
@@ -380,6 +381,14 @@ MISUSE = [
     (["watch", "verlet", "--file", "-"], "can't be watched"),
     (["--nonsense"], "--nonsense"),
 ]
+
+
+def test_a_folder_that_is_gone_is_misuse(place: Place) -> None:
+    program = f"mkdir gone && cd gone && rmdir ../gone && exec {SCRIPT} list"
+    done = subprocess.run(
+        ["sh", "-c", program], cwd=place.folder, env=place.environment, capture_output=True
+    )
+    assert done.returncode == 2 and b"current folder is gone" in done.stderr
 
 
 @pytest.mark.parametrize(("arguments", "said"), MISUSE, ids=lambda v: " ".join(v)[:30])
@@ -713,7 +722,8 @@ def test_with_debug_the_traceback_is_there(
 ) -> None:
     monkeypatch.setenv("DRILLS_DEBUG", "1")
     broken.append(RuntimeError("the flux capacitor"))
-    assert CliRunner().invoke(cli, ["check", "verlet"]).exception is broken[0]
+    done = CliRunner().invoke(cli, ["check", "verlet"])
+    assert done.exit_code == 3 and "Traceback" in done.stderr
 
 
 # --- Lightness ------------------------------------------------------------------------------------

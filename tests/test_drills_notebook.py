@@ -102,6 +102,16 @@ def test_what_is_needed_at_once_comes_first(cells: Notebook) -> None:
     assert module.g() == 7
 
 
+def test_a_wrapper_that_says_what_it_wraps_is_looked_through(cells: Notebook) -> None:
+    cells.cell("import functools\nimport numba")
+    cells.cell("@functools.lru_cache\ndef f(x):\n    return x + 1")
+    cells.cell("@numba.njit\ndef g(x):\n    return x + 2")
+    cells.cell("def both(x):\n    return f(x) + g(x)")
+    assert cells.call("f", 1) == 2
+    assert "@numba.njit\ndef g(x)" in cells.source("g")
+    assert cells.call("both", 1) == 5
+
+
 def test_a_class_brings_its_base_and_its_decorator(cells: Notebook) -> None:
     cells.cell("from dataclasses import dataclass, field\nclass Base:\n    unit = 'm'\n")
     cells.cell(
