@@ -138,6 +138,7 @@ class Child:
             "NUMBA_CACHE_DIR": self._folder,
             "PATH": "/usr/bin:/bin",
             "LANG": "C.UTF-8",
+            "USER": "learner",  # the list of users is not readable
             "MUJOCO_GL": "off",  # MuJoCo looks for a window by starting a process
             "DRILLS_CHILD": token,
         }
