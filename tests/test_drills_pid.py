@@ -12,6 +12,7 @@ from course.charts.pid import LOOP, Loop, WindingPID
 from course.drills import PID, Joint, closed_loop
 from course.oracles import mujoco
 from course.oracles.mujoco_joint import MotorJoint
+from drills.grade import grade
 
 INF = math.inf
 
@@ -377,3 +378,112 @@ def test_the_load_is_carried_and_a_record_that_does_not_settle_is_refused():
     assert sent[-1] == pytest.approx(-LOOP.load, abs=1e-5)
     with pytest.raises(ValueError, match="angles"):
         charts.recovery(times[:420], angles[:420])
+
+
+# --- the drill takes every sensible answer --------------------------------------------------------
+
+ANSWER = """
+import math
+
+
+class PID:
+    def __init__(self, kp, ki, kd, dt, u_min, u_max, tau):
+        gains = (kp, ki, kd, dt, tau)
+        if not all(0 <= x < math.inf for x in gains) or dt == 0 or not u_min < u_max:
+            raise ValueError("bad argument")
+        self.kp, self.ki, self.kd, self.dt, self.tau = gains
+        self.low, self.high = u_min, u_max
+        self.reset()
+
+    def reset(self):
+        self.i = self.d = 0.0
+        self.saturated = 0
+        self.y = self.smooth = self.e = None
+
+    def update(self, setpoint, y):
+        if not (math.isfinite(setpoint) and math.isfinite(y)):
+            raise ValueError("not finite")
+        dt, tau, ki = self.dt, self.tau, self.ki
+        if self.y is None:
+            self.y = self.smooth = y
+            self.e = setpoint - y
+        change = y - self.y
+        {derivative}
+        self.y = y
+        e = setpoint - y
+        pd = self.kp * e - self.kd * self.d
+        {integral}
+        return u
+"""
+CUT = "u = min(max(raw, self.low), self.high)"
+DERIVATIVES = {
+    "backward": "self.d = (tau * self.d + change) / (tau + dt)",
+    "Tustin": "self.d = ((2 * tau - dt) * self.d + 2 * change) / (2 * tau + dt)",
+    "exact": "a = math.exp(-dt / tau); self.d = a * self.d + (1 - a) * change / dt",
+    "forward": "self.d += dt / tau * (change / dt - self.d)",
+    "smoothed measurement": "old = self.smooth; self.smooth += dt / (tau + dt) * (y - old); "
+    "self.d = (self.smooth - old) / dt",
+}
+INTEGRALS = {
+    "clamped to the limits": f"""self.i = min(max(self.i + ki * e * dt, self.low), self.high)
+        raw = pd + self.i
+        {CUT}""",
+    "integrated after use, frozen": f"""raw = pd + self.i
+        {CUT}
+        if u == raw:
+            self.i += ki * e * dt""",
+    "judged by the sample before": f"""if self.saturated * e <= 0:
+            self.i += ki * e * dt
+        raw = pd + self.i
+        {CUT}
+        self.saturated = (raw > u) - (raw < u)""",
+    "trapezoid": f"""new = self.i + ki * 0.5 * (e + self.e) * dt
+        self.e = e
+        raw = pd + new
+        {CUT}
+        if u == raw or (raw - u) * e < 0:
+            self.i = new""",
+    "back-calculation": f"""self.i += ki * e * dt
+        raw = pd + self.i
+        {CUT}
+        self.i += dt / (self.kp / ki if ki and self.kp else 1.0) * (u - raw)""",
+    "back-calculation in one sample": f"""raw = pd + self.i + ki * e * dt
+        {CUT}
+        self.i = u - pd""",
+    "back-calculation, slow": f"""self.i += ki * e * dt
+        raw = pd + self.i
+        {CUT}
+        self.i += dt * (u - raw)""",
+    "none": f"""self.i += ki * e * dt
+        raw = pd + self.i
+        {CUT}""",
+}
+
+
+def graded(derivative, integral, seed):
+    text = ANSWER.replace("{derivative}", DERIVATIVES[derivative])
+    return grade("pid", text.replace("{integral}", INTEGRALS[integral]), seed=seed)
+
+
+@pytest.mark.parametrize(
+    ("derivative", "integral"),
+    [
+        ("Tustin", "back-calculation"),
+        ("exact", "clamped to the limits"),
+        ("forward", "integrated after use, frozen"),
+        ("smoothed measurement", "judged by the sample before"),
+        ("backward", "trapezoid"),
+        ("backward", "back-calculation in one sample"),
+    ],
+)
+def test_another_discretisation_or_anti_windup_is_right(derivative, integral):
+    report = graded(derivative, integral, seed=11)
+    assert report.passed, report.sentence
+    assert report.slip == ""
+
+
+def test_anti_windup_that_is_missing_or_too_slow_is_told_apart():
+    missing, slow = (graded("Tustin", kind, 12) for kind in ("none", "back-calculation, slow"))
+    assert (missing.verdict, missing.slip) == ("fail", "integral_not_stopped")
+    assert (slow.verdict, slow.slip) == ("fail", "")
+    assert "too slowly" in slow.sentence

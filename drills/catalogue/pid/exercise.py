@@ -9,30 +9,31 @@ import functools
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drills.exercise import Exercise, Slip, definitions
+from drills.catalogue.pid.chart import WIDE, chart
+from drills.catalogue.pid.slips import SLIPS
+from drills.exercise import Exercise, definitions
 from drills.grade import Attempt
-from drills.sandbox import Handle
+from drills.sandbox import Handle, Limits
 from drills.values import as_float64, describe
-
-if TYPE_CHECKING:
-    from course.measure.work_precision import WorkPrecision
 
 Array = NDArray[np.float64]
 
 ENTRY = "PID"
-WIDE = 1e4  # N m: limits that are never reached
-RATES = (0.02, 0.01, 0.005)  # s: the stated sample times on the exact joint
-JAM_RATE = 0.01  # s
-JAM = 1.5  # s, as the prompt says
-AFTER = 1.5  # s, likewise
+# Sample times [s] and the speed of the loop's poles [rad/s] on the exact joint; each run lasts
+# LONG over the speed.
+RATES = ((0.02, 8.0), (0.01, 11.0), (0.005, 16.0))
+JAM_RATE = 0.01, 11.0
+JAM = 1.0  # s, as the prompt says
+LONG = 11.0
 BAND = 0.1  # of the step
 OVERSHOOT = 1.0  # of the step
-ROUNDING = "a handful of products and sums: rounding, and nothing else"
+EXACT = 1e-5  # N m
+ROUNDING = "a handful of products and sums: their rounding, in single precision at worst"
 GIVEN = (
     definitions(Path(__file__).parents[3] / "course" / "drills.py", ["Joint", "closed_loop"])
     + """
@@ -145,7 +146,7 @@ def _proportional(attempt: Attempt) -> None:
         "proportional part alone",
         got,
         expected,
-        tolerance=1e-9,
+        tolerance=EXACT,
         unit="N m",
         why=ROUNDING,
         call=controller.call,
@@ -175,7 +176,7 @@ def _integral(attempt: Attempt) -> None:
         "what the integral gains in a sample",
         steps[kept],
         expected,
-        tolerance=1e-9,
+        tolerance=EXACT,
         unit="N m",
         why=ROUNDING,
         call=controller.call,
@@ -223,7 +224,7 @@ def _derivative(attempt: Attempt) -> None:
         "no derivative at the first update",
         got[0],
         0.0,
-        tolerance=1e-9,
+        tolerance=EXACT,
         unit="N m",
         why=ROUNDING,
         call=controller.call,
@@ -288,13 +289,13 @@ def _kick(attempt: Attempt) -> None:
     from_kick = kick / (numbers.tau + dt), kick / numbers.tau + high[0]
     attempt.require(
         "a step of the set-point makes no kick",
-        bool(error <= 1e-9) and bool(np.max(np.abs(got[:4])) <= 1e-9),
+        bool(error <= EXACT) and bool(np.max(np.abs(got[:4])) <= EXACT),
         sentence=f"When the set-point steps by {step:.4g} rad, the command goes to {got[4]:.6g} "
         f"N m; the proportional part is {kp * step:.6g} N m.",
         got=describe(got[4:]),
         expected=f"{kp * step:.6g} N m and at most {high[0]:.4g} N m more with each sample",
         error=max(error, 0.0),
-        tolerance=1e-9,
+        tolerance=EXACT,
         unit="N m",
         why=ROUNDING,
         call=controller.call,
@@ -322,7 +323,7 @@ def _limits(attempt: Attempt) -> None:
             "the command keeps its limit",
             got,
             np.clip(free, numbers.u_min, numbers.u_max),
-            tolerance=1e-9,
+            tolerance=EXACT,
             unit="N m",
             why=ROUNDING,
             call=controller.call,
@@ -345,7 +346,7 @@ def _memory(attempt: Attempt) -> None:
             name,
             controller.update(at, at),
             0.0,
-            tolerance=1e-9,
+            tolerance=EXACT,
             unit="N m",
             why=ROUNDING,
             call=controller.call,
@@ -354,21 +355,50 @@ def _memory(attempt: Attempt) -> None:
     if attempt.failed:
         return
     numbers = Numbers(4.0, 20.0, 0.3, 0.004, -3.0, 2.0, 0.012)
-    setpoints, measurements = rng.uniform(-1.0, 1.0, (2, 12))
-    used, fresh = Controller(attempt, numbers), Controller(attempt, numbers)
+    setpoints, measurements = rng.uniform(-0.4, 0.4, (2, 12))
+    alone = Controller(attempt, numbers).run(setpoints, measurements)
+    used, second = Controller(attempt, numbers), Controller(attempt, numbers)
     used.run(measurements, setpoints)
     used.reset()
-    # In turns, so that two controllers that share something disturb each other.
-    pairs = list(zip(setpoints.tolist(), measurements.tolist(), strict=True))
-    both = np.array([(used.update(*pair), fresh.update(*pair)) for pair in pairs])
-    attempt.compare(
+    again = []
+    for setpoint, measurement in zip(setpoints.tolist(), measurements.tolist(), strict=True):
+        again.append(used.update(setpoint, measurement))
+        second.update(
+            measurement, setpoint
+        )  # in turns: two that share something disturb each other
+    _same(
+        attempt,
         "a reset controller is a new one, and two share nothing",
-        both[:, 0],
-        both[:, 1],
+        np.array(again),
+        alone,
+        "Used and reset, and in turns with another one, the controller gives other commands than "
+        "a new one alone.",
+        used,
+    )
+
+
+def _same(
+    attempt: Attempt,
+    name: str,
+    got: Array,
+    expected: Array,
+    sentence: str,
+    controller: Controller,
+    slip: str = "",
+) -> None:
+    """Two controllers that must do the same sums: the same bits."""
+    attempt.require(
+        name,
+        bool(np.array_equal(got, expected)),
+        sentence=sentence,
+        got=describe(got),
+        expected=describe(expected),
+        error=float(np.max(np.abs(got - expected))),
         tolerance=0.0,
         unit="N m",
         why="the same sums of the same numbers",
-        call=used.call,
+        call=controller.call,
+        slip=slip,
     )
 
 
@@ -406,15 +436,14 @@ def _refusals(attempt: Attempt) -> None:
         )
     if attempt.failed:
         return
-    attempt.compare(
+    _same(
+        attempt,
         "a refused update leaves no trace",
         controller.run(0.9, [0.4, 0.5]),
         twin.run(0.9, [0.4, 0.5]),
-        tolerance=0.0,
-        unit="N m",
-        why="the same sums of the same numbers",
-        call=controller.call,
-        slip="nan_accepted",
+        "After a refused update the commands are others than without it.",
+        controller,
+        "nan_accepted",
     )
 
 
@@ -480,16 +509,18 @@ class Plant:
         return Numbers(*gains, dt, -self.limit, 0.9 * self.limit, 2.0 * dt)
 
 
-def _plant(rng: np.random.Generator) -> Plant:
+def _plant(rng: np.random.Generator, speed: float) -> Plant:
+    """Drawn so that a faster loop has a stronger motor: in units of 1 / speed all are alike."""
     inertia = float(rng.uniform(0.03, 0.08))
-    limit = 40.0 * inertia
+    speed *= float(rng.uniform(0.95, 1.05))
+    limit = 0.62 * inertia * speed**2
     side = float(rng.choice([-1.0, 1.0]))
     return Plant(
         inertia=inertia,
-        damping=float(rng.uniform(0.5, 3.0)) * inertia,
+        damping=float(rng.uniform(0.06, 0.4)) * inertia * speed,
         load=float(rng.choice([-1.0, 1.0])) * float(rng.uniform(0.15, 0.25)) * limit,
         limit=limit,
-        speed=float(rng.uniform(7.5, 8.5)),
+        speed=speed,
         step=side * float(rng.uniform(0.5, 0.8)),
     )
 
@@ -497,11 +528,11 @@ def _plant(rng: np.random.Generator) -> Plant:
 def _loops(attempt: Attempt) -> None:
     from course.drills import Joint, closed_loop
 
-    plant = _plant(attempt.rng)
-    for dt in attempt.rng.permutation(RATES).tolist():
+    for dt, speed in attempt.rng.permutation(RATES).tolist():
+        plant = _plant(attempt.rng, speed)
         controller = Controller(attempt, plant.numbers(dt))
         joint = Joint(plant.inertia, plant.damping, dt, plant.load)
-        setpoints = np.full(round(AFTER / dt), plant.step)
+        setpoints = np.full(round(LONG / speed / dt), plant.step)
         angles, _ = closed_loop(controller, joint, setpoints)
         _kept(attempt, controller)
         _settled(attempt, f"settled at {1.0 / dt:g} Hz", controller, plant, angles)
@@ -513,12 +544,12 @@ def _kept(attempt: Attempt, controller: Controller) -> None:
     numbers, over = controller.numbers, controller.over
     attempt.require(
         "limits kept in the loop",
-        over <= 1e-9,
+        over <= EXACT,
         sentence=f"A command passes its limit by {over:.4g} N m.",
         got=f"{over:.4g} N m too much",
         expected=f"{numbers.u_min:.4g} to {numbers.u_max:.4g} N m",
         error=over,
-        tolerance=1e-9,
+        tolerance=EXACT,
         unit="N m",
         why=ROUNDING,
         call=controller.call,
@@ -549,11 +580,12 @@ def _jam(attempt: Attempt) -> None:
     from course.drills import closed_loop
     from course.oracles.mujoco_joint import MotorJoint
 
-    plant, dt = _plant(attempt.rng), JAM_RATE
+    dt, speed = JAM_RATE
+    plant = _plant(attempt.rng, speed)
     controller = Controller(attempt, plant.numbers(dt))
     joint = MotorJoint(plant.inertia, plant.damping, dt, plant.load, substeps=10)
     held = round(JAM / dt)
-    count = held + round(AFTER / dt)
+    count = held + round(LONG / speed / dt)
     angles, _ = closed_loop(controller, joint, np.full(count, plant.step), np.arange(count) < held)
     _kept(attempt, controller)
     past = float(np.max((angles - plant.step) * np.sign(plant.step)))
@@ -600,222 +632,20 @@ def _near(got: Array, other: Array) -> bool:
 def _between(value: float, low: float, high: float) -> bool:
     """Whether a value lies between two of the same sign, in whichever order, with 1 % to spare."""
     a, b = sorted((abs(low), abs(high)))
-    return bool(value * low > 0.0 and 0.99 * a <= abs(value) <= 1.01 * b)
-
-
-# --- chart ----------------------------------------------------------------------------------------
-
-
-def chart(attempt: Attempt) -> WorkPrecision:
-    """The same loop, sampled ever faster, against the loop in continuous time."""
-    from course.drills import PID, closed_loop
-    from course.measure.work_precision import Method, Result, measure
-    from course.oracles.mujoco_joint import MotorJoint
-    from drills.grade import start_child
-    from drills.sandbox import Child
-
-    inertia, damping, setpoint, tau, every, end = 0.05, 0.1, 0.5, 0.02, 0.04, 1.2
-    speed = 8.0
-    gains = 3.0 * speed**2 * inertia, speed**3 * inertia, 3.0 * speed * inertia - damping
-    apart = (2, 4, 8, 16, 32)  # samples between two looks
-    steps = {every / n: n for n in apart}
-    looks = round(end / every)
-
-    def driven(child: Child) -> Any:
-        def run(dt: float) -> Result:
-            n, arguments = steps[dt], (gains, dt, WIDE, tau, inertia, damping, setpoint)
-            angles = as_float64(child.given("drive", *arguments, looks * steps[dt]), None)
-            return Result(angles[::n], looks * n)
-
-        return run
-
-    def library(dt: float) -> Result:
-        n = steps[dt]
-        controller = PID(*gains, dt, -WIDE, WIDE, tau)
-        joint = MotorJoint(inertia, damping, dt)
-        angles, _ = closed_loop(controller, joint, np.full(looks * n, setpoint))
-        return Result(angles[::n], looks * n)
-
-    truth = _continuous(gains, tau, inertia, damping, setpoint, every, looks)
-    unit, all_steps = "updates", list(steps)
-    # The worked answer goes through a pipe too, so that the two times can be compared.
-    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
-        worked.load()
-        return measure(
-            [
-                Method("yours", driven(attempt.learner.child), all_steps, "yours", unit),
-                Method("worked answer", driven(worked), all_steps, unit=unit),
-                Method("worked answer, MuJoCo's joint", library, all_steps, "oracle", unit),
-            ],
-            truth,
-            reference_check=_continuous(gains, tau, inertia, damping, setpoint, every, looks, 2),
-            tolerance=0.01 * setpoint,
-            failed_above=setpoint,
-            repeats=3,
-            question="Angle of a joint under PID control, against the loop in continuous time",
-            error_unit="rad",
-        )
-
-
-def _continuous(
-    gains: tuple[float, float, float],
-    tau: float,
-    inertia: float,
-    damping: float,
-    setpoint: float,
-    every: float,
-    looks: int,
-    halves: int = 1,
-) -> Array:
-    """Angles of the linear loop in continuous time, by the matrix exponential, (looks + 1,)."""
-    from scipy.linalg import expm
-
-    kp, ki, kd = gains
-    # angle, speed, integral of the error, low-passed angle, 1
-    torque = np.array([-kp - kd / tau, 0.0, ki, kd / tau, kp * setpoint])
-    rates = np.zeros((5, 5))
-    rates[0, 1] = 1.0
-    rates[1] = torque / inertia
-    rates[1, 1] -= damping / inertia
-    rates[2, [0, 4]] = -1.0, setpoint
-    rates[3, [0, 3]] = 1.0 / tau, -1.0 / tau
-    advance = expm(rates * every / halves)
-    state = np.array([0.0, 0.0, 0.0, 0.0, 1.0])
-    found = [0.0]
-    for _ in range(looks):
-        for _ in range(halves):
-            state = advance @ state
-        found.append(float(state[0]))
-    return np.array(found)
+    return bool((value > 0.0) == (low > 0.0) and 0.99 * a <= abs(value) <= 1.01 * b)
 
 
 EXERCISE = Exercise(
     judge=judge,
     given=GIVEN,
-    replayed=300,
+    limits=Limits(total=60.0),
+    # all parts alone, the refusals and the beginning of the first loop
+    replayed=150,
     examples=(
         "PID(2.0, 0.0, 0.0, 0.01, -5.0, 5.0, 0.05).update(1.0, 0.25)",
         "PID(2.0, 3.0, 0.0, 0.01, -5.0, 5.0, 0.05).update(1.0, 0.25)",
         "PID(2.0, 3.0, 0.4, 0.01, -5.0, 4.0, 0.05).update(9.0, 0.0)",
     ),
     chart=chart,
-    slips=(
-        Slip(
-            "integral_not_stopped",
-            "The integral goes on while the command is held at its limit, and all of it has to be "
-            "unwound before the joint turns back. Don't integrate while the command is cut off "
-            "and the error pushes further out.",
-            edits=(
-                (
-                    "        if not deeper:\n            self.integral = integral",
-                    "        self.integral = integral",
-                ),
-            ),
-        ),
-        Slip(
-            "derivative_kick",
-            "The derivative is taken of the error, so a step of the set-point is differentiated "
-            "too: a kick of kd step / (tau + dt). Differentiate the measurement and subtract it.",
-            edits=(
-                ("else measurement - self.last", "else self.last - (setpoint - measurement)"),
-                ("self.last = measurement", "self.last = setpoint - measurement"),
-            ),
-        ),
-        Slip(
-            "derivative_not_filtered",
-            "The derivative is a bare difference. It multiplies the noise of the measurement by up "
-            "to 2 / dt; tau asks for a low-pass before it.",
-            edits=(("(self.tau * self.rate + change) / (self.tau + self.dt)", "change / self.dt"),),
-        ),
-        Slip(
-            "integral_without_dt",
-            "The errors are summed without dt. The integral then grows 1 / dt times too fast, and "
-            "with another sample time it is another controller.",
-            edits=(("self.ki * error * self.dt", "self.ki * error"),),
-        ),
-        Slip(
-            "derivative_without_dt",
-            "The difference of two measurements is not divided by dt, so the derivative is too "
-            "small by that factor and does next to nothing.",
-            edits=(("+ change) /", "+ change * self.dt) /"),),
-        ),
-        Slip(
-            "output_not_limited",
-            "The command is handed out without its limits. The motor cuts it off anyway, and the "
-            "controller doesn't know.",
-            edits=(("min(max(wanted, self.u_min), self.u_max)", "wanted"),),
-        ),
-        Slip(
-            "derivative_sign",
-            "The derivative has the wrong sign: it pushes the joint on instead of braking it. The "
-            "error falls when the measurement rises, so it is - kd times the rate.",
-            edits=(("- self.kd * self.rate", "+ self.kd * self.rate"),),
-        ),
-        Slip(
-            "error_sign",
-            "The error has the wrong sign: it is set-point minus measurement. This controller "
-            "drives the joint away.",
-            edits=(("error = setpoint - measurement", "error = measurement - setpoint"),),
-        ),
-        Slip(
-            "first_update_kick",
-            "The first update takes the derivative against a measurement of 0 that never was, so "
-            "the loop starts with a spike. Remember that there is none yet.",
-            edits=(
-                (
-                    "self.last: float | None = None",
-                    "self.last: float | None = 0.0",
-                ),
-            ),
-        ),
-        Slip(
-            "filter_weights_swapped",
-            "The low-pass has its weights the wrong way round: the old rate gets dt / (tau + dt) "
-            "and the new difference tau / (tau + dt). A large tau then filters less, not more.",
-            edits=(
-                (
-                    "(self.tau * self.rate + change)",
-                    "(self.dt * self.rate + self.tau * change / self.dt)",
-                ),
-            ),
-        ),
-        Slip(
-            "reset_keeps_integral",
-            "reset leaves the integral as it was. The next run starts with the load of the last.",
-            edits=(
-                (
-                    "self.integral = 0.0",
-                    'self.integral = getattr(self, "integral", 0.0)',
-                ),
-            ),
-        ),
-        Slip(
-            "reset_keeps_derivative",
-            "reset leaves the last measurement or the filtered rate as it was, so the next run "
-            "starts with the derivative of a jump that never was.",
-            edits=(
-                (
-                    "self.last: float | None = None",
-                    'self.last: float | None = getattr(self, "last", None)',
-                ),
-            ),
-        ),
-        Slip(
-            "integral_clamped_small",
-            "The integral is clamped to a range that is smaller than the command's. It can't carry "
-            "a load beyond that, and an offset stays. Its range follows from u_min and u_max.",
-            edits=(
-                (
-                    "            self.integral = integral",
-                    "            self.integral = min(max(integral, -0.2), 0.2)",
-                ),
-            ),
-        ),
-        Slip(
-            "nan_accepted",
-            "A measurement that is NaN or infinite gets into the state. From then on every command "
-            "is wrong: refuse it before anything is changed.",
-            edits=(("if not abs(value) < np.inf:", "if abs(value) < 0.0:"),),
-        ),
-    ),
+    slips=SLIPS,
 )
