@@ -6,6 +6,7 @@ To write the golden files anew after a wanted change, then read each of them:
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import re
@@ -60,6 +61,7 @@ CASES = {
 }
 
 
+@functools.cache
 def _report(case: str) -> Report:
     reason, source = CASES[case]
     report = grade("fk3", source or card("fk3").starter(), filename="fk3.py", seed=7)
