@@ -73,6 +73,7 @@ def _settled(text: str) -> str:
     """Without what a machine changes: times and what depends on the clock."""
     text = re.sub(r"(?<=yours )[\d.e+-]+ [munk]?s|(?<=reference )[\d.e+-]+ [munk]?s", "TIME", text)
     text = re.sub(r"error [\d.e-]+ m,", "error ERROR m,", text)
+    text = re.sub(r"and \d+ more lines", "and MANY more lines", text)  # timing calls it often
     return re.sub(r"\([\d.e+-]+ times\)", "(RATIO)", text)
 
 
