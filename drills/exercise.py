@@ -259,10 +259,11 @@ def definitions(path: Path, wanted: list[str]) -> str:
         used = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
         queue += [known[name] for name in used if name in known]
     future = "from __future__ import annotations"
-    parts = [future] if future in text else []
+    head = [future] if future in text else []
     imports = [n for n in tree.body if n in keep and isinstance(n, ast.Import | ast.ImportFrom)]
     if imports:
-        parts.append("\n".join(_text(node, lines) for node in imports))
+        head.append("\n".join(_text(node, lines) for node in imports))
+    parts = ["\n\n".join(head)] if head else []
     for node in tree.body:
         if node in keep and not isinstance(node, ast.Import | ast.ImportFrom):
             parts.append(_text(node, lines))
