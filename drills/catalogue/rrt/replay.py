@@ -24,6 +24,7 @@ PROPERTIES = (
     "edges are free",
     "edges are no longer than the step",
     "each target is answered by the nearest node",
+    "steps are as long as they may be",
     "free steps are kept",
     "path",
     "ends when it should",
@@ -62,6 +63,9 @@ def faults(world: World, run: Run) -> list[Fault]:
 
 def _targets(world: World, run: Run) -> list[Fault]:
     found = []
+    if len(run.nodes) > 1 and not len(run.samples):
+        text = f"The tree has {len(run.nodes)} nodes, and no target is listed in samples."
+        found.append(Fault("targets", text))
     if len(run.samples) > world.max_samples:
         text = f"{len(run.samples)} targets were drawn, {world.max_samples} are allowed."
         found.append(Fault("targets", text))
@@ -168,9 +172,11 @@ def _missed(world: World, run: Run, k: int, known: int, nearest: int, end: Array
     where = f"({run.samples[k][0]:.4g}, {run.samples[k][1]:.4g})"
     if known < len(run.nodes):
         parent = int(run.parents[known])
+        explained = False
         for later in run.samples[k:]:
             distances = np.hypot(*(run.nodes[:known] - later).T)
             is_step = _near(run.nodes[known], _step(run.nodes[parent], later, world.step))
+            explained |= is_step
             if is_step and distances[parent] > distances.min() + TOLERANCE:
                 text = (
                     f"Node {known} steps from node {parent}, {distances[parent]:.3g} m from its "
@@ -178,11 +184,22 @@ def _missed(world: World, run: Run, k: int, known: int, nearest: int, end: Array
                 )
                 slip = "newest_for_nearest" if parent == known - 1 else ""
                 return Fault("each target is answered by the nearest node", text, slip)
+        origin, new = run.nodes[nearest], run.nodes[known]
+        length, due = float(np.hypot(*(new - origin))), float(np.hypot(*(end - origin)))
+        aligned = _near((new - origin) * due, (end - origin) * length)
+        if parent == nearest and aligned and not explained:
+            text = f"Node {known} goes {length:.6g} m towards target {k}, not {due:.6g} m."
+            return Fault("steps are as long as they may be", text)
     text = f"Target {k}, {where}, added no node, though the step from node {nearest} is free."
-    along = (end - run.nodes[nearest]) * 1e4
-    endless = clearances(run.nodes[nearest] - along, run.nodes[nearest] + along, world.discs)
-    slip = "line_for_segment" if endless.min(initial=1.0) < 0.0 else ""
-    return Fault("free steps are kept", text, slip)
+    kept = [_line_is_free(world, run.nodes[run.parents[i]], run.nodes[i]) for i in range(1, known)]
+    refused = not _line_is_free(world, run.nodes[nearest], end)
+    return Fault("free steps are kept", text, "line_for_segment" if refused and all(kept) else "")
+
+
+def _line_is_free(world: World, a: Array, b: Array) -> bool:
+    """Whether the endless line through an edge touches no disc."""
+    along = (b - a) / np.hypot(*(b - a)) * 100.0
+    return bool(clearances(a - along, a + along, world.discs).min(initial=1.0) > -TOLERANCE)
 
 
 def _path(world: World, run: Run) -> list[Fault]:
@@ -195,6 +212,8 @@ def _path(world: World, run: Run) -> list[Fault]:
             text = f"It gave up after {len(run.samples)} of {world.max_samples} targets."
             return [Fault("ends when it should", text)]
         return []
+    if not len(run.path):
+        return [Fault("path", "An empty path came back. Without a path, None is asked for.")]
     wrong = path_faults(run.path, world.start, world.goal, world.discs, world.bounds, world.step)
     if not at_goal:
         said = wrong[0].sentence if wrong else "the path ends at the goal, the tree does not"
