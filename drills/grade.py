@@ -46,6 +46,8 @@ from drills.values import (
 )
 
 Array = NDArray[np.float64]
+
+PARSED = 20_000  # characters of foreign text parsed in this process: the time can grow as the square
 SHOWN = 160  # characters of a value in the feedback
 
 
@@ -550,6 +552,8 @@ def start_child(card: Card, source: str, filename: str) -> Child:
 
 def is_starter(card: Card, source: str) -> bool:
     """Whether the graded definition is still that of the starter, comments and layout aside."""
+    if len(source) > PARSED:
+        return False
     theirs, ours = _entry_text(source, card.entry), _entry_text(card.starter(), card.entry)
     return theirs is not None and theirs == ours
 

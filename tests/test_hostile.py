@@ -139,6 +139,7 @@ def text_of(submission: Submission, world: dict[str, str]) -> str:
         "PARENTHESES": "(" * 5000,
         "MINUS": "-" * 10_000,
         "SUM": "+1" * 10_000,
+        "FIELDS": "{x}" * 200_000,
     }.items():
         text = text.replace(f"@{word}@", value)
     if "+right" in submission.marks:
@@ -208,11 +209,6 @@ def test_there_are_enough_of_them() -> None:
 
 
 # Files, through the command
-
-
-def as_file(path: Path, content: bytes) -> Path:
-    path.write_bytes(content)
-    return path
 
 
 def prepared(kind: str, folder: Path) -> Path:

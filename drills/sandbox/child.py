@@ -73,7 +73,7 @@ class Answers:
         except RecursionError:
             return {"x": f"{self.wire.type_name(value)}, nested too deeply"}
 
-    def execute(self, name: str, source: str, filename: str) -> types.ModuleType:
+    def execute(self, name: str, source: str, filename: str, code: Any) -> types.ModuleType:
         """Run a source as the module `name`."""
         module = types.ModuleType(name)
         module.__file__ = filename
@@ -83,7 +83,6 @@ class Answers:
             source.splitlines(keepends=True),
             filename,
         )
-        code = compile(source, filename, "exec", dont_inherit=True)
         self.modules[name] = sys.modules[name] = module
         exec(code, module.__dict__)
         return module
@@ -100,7 +99,8 @@ class Answers:
 
     def given(self, request: dict[str, Any]) -> dict[str, Any]:
         """Run the drill's own module."""
-        self.execute("given", request["source"], "given.py")
+        code = compile(request["source"], "given.py", "exec", dont_inherit=True)
+        self.execute("given", request["source"], "given.py", code)
         return {"ok": None}
 
     def load(self, request: dict[str, Any]) -> dict[str, Any]:
@@ -108,7 +108,7 @@ class Answers:
         self.filename, entry = request["filename"], request["entry"]
         sys.argv[:] = [self.filename]
         try:
-            compile(request["source"], self.filename, "exec", dont_inherit=True, flags=0)
+            code = compile(request["source"], self.filename, "exec", dont_inherit=True)
         except SyntaxError as error:
             parts = (error.lineno or 0, error.offset or 0, error.text or "", error.msg or "")
             return {"syntax": [parts[0], parts[1], str(parts[2])[:500], str(parts[3])[:500]]}
@@ -116,7 +116,7 @@ class Answers:
             return {"syntax": [0, 0, "", "the code is nested too deeply"]}
         except (ValueError, OverflowError) as error:
             return {"syntax": [0, 0, "", str(error)[:500]]}
-        module = self.execute("submission", request["source"], self.filename)
+        module = self.execute("submission", request["source"], self.filename, code)
         if entry not in module.__dict__:
             return {"missing": [entry, self.defined(module)]}
         target = module.__dict__[entry]
