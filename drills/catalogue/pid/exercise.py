@@ -603,7 +603,7 @@ def _jam(attempt: Attempt) -> None:
         error=max(past, 0.0),
         tolerance=allowed,
         unit="rad",
-        why="the height of the step, as the task says; the worked answer takes a fifth of it",
+        why="the height of the step, as the task says; the worked answer takes about a fifth of it",
         call=controller.call,
         slip="integral_not_stopped" if winding else "",
     )
