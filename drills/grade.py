@@ -47,7 +47,7 @@ from drills.values import (
 
 Array = NDArray[np.float64]
 
-PARSED = 20_000  # characters of foreign text parsed in this process: the time can grow as the square
+PARSED = 20_000  # characters of foreign text parsed here; the time can grow as their square
 SHOWN = 160  # characters of a value in the feedback
 
 

@@ -177,6 +177,16 @@ def test_a_length_without_content_times_out() -> None:
     assert ended(f"{FORGE}    {body}").reason is Reason.TIMED_OUT
 
 
+def test_answers_are_bounded_in_all() -> None:
+    source = "import numpy as np\na = np.zeros(900_000)\ndef f(): return a"
+    with loaded(source, limits=Limits(total=300)) as running:
+        with pytest.raises(Ended) as caught:
+            for _ in range(12):
+                running.call("f")
+    assert caught.value.reason is Reason.GARBLED
+    assert "64 MiB" in caught.value.sentence
+
+
 # What it prints
 
 

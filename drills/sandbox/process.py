@@ -44,6 +44,7 @@ SCRIPT = Path(__file__).with_name("child.py")
 START = 60.0  # s, for the interpreter, numpy and the drill's own module: not the learner's time
 WATCH = 0.03  # s, between two looks from outside
 SPIN = 1e-4  # s, to look for an answer without sleeping
+ANSWERS = 64 << 20  # bytes of all answers, which the grader may keep
 KEPT = 16 << 10  # bytes of output kept for the feedback
 LAYERS = frozenset({"capabilities", "landlock", "seccomp", "procfs"})
 
@@ -103,6 +104,7 @@ class Child:
         self._closed = False
         self._ready = False
         self._printed = 0
+        self._answered = 0
         self._text = bytearray()
         self._received = bytearray()
         self._used = 0.0  # s, waited for requests so far
@@ -540,6 +542,9 @@ class Child:
 
     def _unpack(self, identity: str) -> dict[str, Any]:
         payload = bytes(self._received[4:])
+        self._answered += len(payload)
+        if self._answered > ANSWERS:
+            raise self._garbled(f"More than {_size(ANSWERS)} came back in all")
         self._received.clear()
         try:
             answer = wire.unpack(payload)
