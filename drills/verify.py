@@ -5,10 +5,11 @@ from __future__ import annotations
 import ast
 import itertools
 import re
+import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
 from typing import Any
 
 import numpy as np
@@ -57,11 +58,21 @@ def verify(
         raise ValueError(f"seeds and workers must be at least 1, got {seeds} and {workers}")
     chosen = [catalogue.card(name).name for name in names or catalogue.names()]
     found: list[Finding] = []
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        for findings in pool.map(findings_of, chosen, itertools.repeat(seeds)):
-            for finding in findings:
-                progress(finding)
-                found.append(finding)
+    context = get_context("spawn")
+    with ProcessPoolExecutor(
+        workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN)
+    ) as pool:
+        try:
+            for findings in pool.map(findings_of, chosen, itertools.repeat(seeds)):
+                for finding in findings:
+                    progress(finding)
+                    found.append(finding)
+        except BaseException:
+            # Stopped by Ctrl-C, say: what is still waiting is not begun, what runs is ended.
+            pool.shutdown(wait=False, cancel_futures=True)
+            for worker in active_children():
+                worker.terminate()
+            raise
     return found
 
 
