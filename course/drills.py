@@ -7,6 +7,7 @@ autograder shows these texts as the solutions and compares submissions with what
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -490,3 +491,93 @@ class DomainRandomizer:
         """The observation with fresh noise on each component, in a new array of its shape."""
         observation = np.asarray(observation, dtype=float)
         return observation + rng.normal(0.0, self.noise, size=observation.shape)
+
+
+# --- vector_env: many environments stepped as one -------------------------------------------------
+
+
+class VectorizedEnv:
+    """N environments stepped as one; a finished one starts again within the same step.
+
+    What is easy to get wrong:
+
+    - The last observation of a finished episode is copied **before** the reset. A learner needs it:
+      where the clock ran out (truncated) the future still has a value, V(last observation); where
+      the task is over (terminated) it has none. So the two flags stay apart as well.
+    - Every environment gets a seed of its own at the reset, and none when it starts again: the same
+      seed would replay the same episode for ever.
+    - What is returned is new at every step, since the caller keeps it; an environment may write its
+      next observation into the array of the last one.
+    - The number of actions is checked: `zip` would drop what is too much and say nothing.
+    """
+
+    def __init__(self, env_fn: Callable[[], Any], num_envs: int) -> None:
+        """Build the environments.
+
+        Args:
+            env_fn: function without arguments that builds one.
+            num_envs: how many, at least 1.
+
+        Raises:
+            ValueError: for a num_envs below 1.
+        """
+        if num_envs < 1:
+            raise ValueError(f"num_envs must be at least 1, got {num_envs}")
+        self.num_envs = num_envs
+        self.envs = [env_fn() for _ in range(num_envs)]
+
+    def reset(self, seed: int | None = None) -> tuple[Array, list[dict[str, Any]]]:
+        """Start an episode in every environment; environment i gets the seed seed + i.
+
+        Returns:
+            Observations (num_envs, obs_dim) and one info for each environment.
+        """
+        observations, infos = [], []
+        for i, env in enumerate(self.envs):
+            observation, info = env.reset(seed=None if seed is None else seed + i)
+            observations.append(np.array(observation, dtype=float))
+            infos.append(dict(info))
+        return np.stack(observations), infos
+
+    def step(
+        self, actions: Array
+    ) -> tuple[Array, Array, NDArray[np.bool_], NDArray[np.bool_], list[dict[str, Any]]]:
+        """Step every environment once, and start those again whose episode is over.
+
+        Args:
+            actions: one row for each environment, (num_envs, act_dim).
+
+        Returns:
+            observations (num_envs, obs_dim), of a finished environment the first one of its new
+            episode; rewards, terminated and truncated (num_envs,); infos, with "final_obs" and
+            "final_info" where an episode has ended.
+
+        Raises:
+            ValueError: for another number of actions.
+        """
+        if len(actions) != self.num_envs:
+            raise ValueError(f"actions must have {self.num_envs} rows, got {len(actions)}")
+        observations, infos = [], []
+        rewards = np.zeros(self.num_envs)
+        terminated = np.zeros(self.num_envs, dtype=bool)
+        truncated = np.zeros(self.num_envs, dtype=bool)
+        for i, env in enumerate(self.envs):
+            observation, rewards[i], terminated[i], truncated[i], info = env.step(actions[i])
+            observation, info = np.array(observation, dtype=float), dict(info)
+            if terminated[i] or truncated[i]:
+                first, reset_info = self._auto_reset(i)
+                info = {**reset_info, "final_obs": observation, "final_info": info}
+                observation = first
+            observations.append(observation)
+            infos.append(info)
+        return np.stack(observations), rewards, terminated, truncated, infos
+
+    def _auto_reset(self, i: int) -> tuple[Array, dict[str, Any]]:
+        """Start the next episode of environment i, with the generator that it has."""
+        observation, info = self.envs[i].reset()
+        return np.array(observation, dtype=float), dict(info)
+
+    def close(self) -> None:
+        """Close every environment."""
+        for env in self.envs:
+            env.close()
