@@ -1,5 +1,7 @@
 """The reaching task: its two models, single and batched, Gymnasium's wrappers, a rollout loop."""
 
+from typing import Any
+
 import gymnasium
 import numpy as np
 import pytest
@@ -347,7 +349,7 @@ def test_a_rollout_loop_gets_what_single_episodes_give() -> None:
     for i in range(n):
         env = ArmReach(max_steps=25)
         observation, _ = env.reset(seed=3 + i)
-        episodes: list[list[float]] = [[]]
+        episodes: list[list[Any]] = [[]]
         t = 0
         while t < steps:
             value = observation @ weights

@@ -1,0 +1,328 @@
+"""The vectorised environment: all that it returns is determined, so the worked answer judges it."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from drills.exercise import Exercise, Slip
+from drills.grade import Attempt
+from drills.inprocess import Local
+from drills.reasons import Reason
+from drills.sandbox import Handle
+from drills.values import describe, type_name
+
+ENTRY = "VectorizedEnv"
+ROUNDING = 1e-12
+WHY = "the values are handed through, not computed"
+NAMES = ("observations", "rewards", "terminated", "truncated", "infos")
+STEPS = 14
+
+
+class Pair:
+    """The same environments on both sides: in the child with the submission, here with the answer."""
+
+    def __init__(self, attempt: Attempt, num_envs: int, ends: int, clock: int) -> None:
+        self.attempt, self.num_envs = attempt, num_envs
+        self.factory: Handle = attempt.learner.given_new("factory", ends, clock)
+        self.factory_here: Local = attempt.reference.given_new("factory", ends, clock)
+        self.envs = attempt.learner.new(ENTRY, self.factory, num_envs)
+        self.envs_here = attempt.reference.new(ENTRY, self.factory_here, num_envs)
+
+    def reset(self, seed: int | None) -> bool:
+        """Reset both and compare."""
+        attempt = self.attempt
+        seeds = () if seed is None else (seed,)
+        got = attempt.learner.method(self.envs, "reset", *seeds)
+        expected = attempt.reference.method(self.envs_here, "reset", *seeds)
+        call = f"reset({seed})"
+        parts = attempt.parts(got, ("observations", "infos"), call=call)
+        return parts is not None and (
+            self.values("first observations", parts[0], expected[0], call)
+            and self.infos("infos of the reset", parts[1], expected[1], call)
+        )
+
+    def step(self, actions: Any) -> bool:
+        """One step on both sides, and compare."""
+        attempt = self.attempt
+        got = attempt.learner.method(self.envs, "step", actions)
+        expected = attempt.reference.method(self.envs_here, "step", actions)
+        return self.step_is_right(got, expected, "step(actions)")
+
+    def step_is_right(self, got: Any, expected: Any, call: str) -> bool:
+        """Compare what one step returned."""
+        parts = self.attempt.parts(got, NAMES, call=call)
+        return parts is not None and (
+            self.values("observations", parts[0], expected[0], call)
+            and self.values("rewards", parts[1], expected[1], call)
+            and self.flags("terminated", parts[2], expected[2], call)
+            and self.flags("truncated", parts[3], expected[3], call)
+            and self.infos("infos", parts[4], expected[4], call)
+        )
+
+    def values(self, name: str, got: Any, expected: Any, call: str) -> bool:
+        """Compare numbers."""
+        return self.attempt.compare(
+            name, got, expected, tolerance=ROUNDING, unit="1", why=WHY, call=call
+        )
+
+    def flags(self, name: str, got: Any, expected: Any, call: str) -> bool:
+        """Compare bools; an array or a list of them."""
+        if isinstance(got, np.ndarray):
+            got = got.tolist()
+        wanted = expected.tolist()
+        if not isinstance(got, list) or [type(x) for x in got] != [bool] * len(wanted):
+            return self.attempt.require(
+                name,
+                False,
+                sentence=f"{name} must be {len(wanted)} bools.",
+                got=describe(got),
+                expected=f"{len(wanted)} bools",
+                call=call,
+                reason=Reason.WRONG_TYPE if not isinstance(got, list) else Reason.WRONG_SHAPE,
+            )
+        i = next((i for i, (a, b) in enumerate(zip(got, wanted, strict=True)) if a != b), 0)
+        return self.attempt.require(
+            name,
+            got == wanted,
+            sentence=f"{name} is {got[i]} for environment {i}, and should be {wanted[i]}.",
+            got=describe(got),
+            expected=describe(wanted),
+            call=call,
+        )
+
+    def infos(self, name: str, got: Any, expected: list[dict[str, Any]], call: str) -> bool:
+        """Compare the dicts, entry by entry."""
+        if not isinstance(got, list | tuple) or len(got) != len(expected):
+            sentence = f"The infos must be a list of {len(expected)} dicts."
+            return self.attempt.require(
+                name, False, sentence=sentence, got=describe(got), call=call,
+                reason=Reason.WRONG_SHAPE,
+            )  # fmt: skip
+        for i, (mine, right) in enumerate(zip(got, expected, strict=True)):
+            if not self.info(f"info of environment {i}", mine, right, call):
+                return False
+        return True
+
+    def info(self, name: str, got: Any, expected: dict[str, Any], call: str) -> bool:
+        """Compare one dict."""
+        if not isinstance(got, dict) or set(got) != set(expected):
+            keys = f"the keys {sorted(got)}" if isinstance(got, dict) else f"a {type_name(got)}"
+            return self.attempt.require(
+                name,
+                False,
+                sentence=f"It has {keys}, and should have {sorted(expected)}.",
+                got=describe(got),
+                expected=describe(expected),
+                call=call,
+            )
+        for key, value in expected.items():
+            if isinstance(value, dict):
+                good = self.info(f"{name}, {key}", got[key], value, call)
+            else:
+                good = self.values(f"{name}, {key}", got[key], value, call)
+            if not good:
+                return False
+        return True
+
+    def actions(self, *steps: int) -> Any:
+        """Random actions, shape (*steps, n, 2)."""
+        return self.attempt.rng.uniform(-1.0, 1.0, (*steps, self.num_envs, 2))
+
+
+def judge(attempt: Attempt) -> None:
+    """Resets and steps one by one; a rollout that keeps everything; wrong use; closing."""
+    for stage in (_by_step, _kept, _refusals, _closing):
+        stage(attempt)
+        if attempt.failed:
+            return
+    _time(attempt)
+
+
+def _by_step(attempt: Attempt) -> None:
+    rng = attempt.rng
+    for num_envs in (int(rng.integers(3, 6)), 1):
+        pair = Pair(attempt, num_envs, 5, 4)
+        if not pair.reset(int(rng.integers(0, 10**6))):
+            return
+        for _ in range(STEPS):
+            if not pair.step(pair.actions()):
+                return
+        if not pair.reset(None):
+            return
+
+
+def _kept(attempt: Attempt) -> None:
+    """The rollout's results travel after its last step: an array that changed later shows."""
+    pair = Pair(attempt, int(attempt.rng.integers(3, 6)), 4, 3)
+    if not pair.reset(int(attempt.rng.integers(0, 10**6))):
+        return
+    actions = pair.actions(STEPS)
+    got = attempt.learner.given("rollout", pair.envs, actions)
+    expected = attempt.reference.given("rollout", pair.envs_here, actions)
+    for step, (mine, right) in enumerate(zip(got, expected, strict=True), 1):
+        call = f"step {step} of {STEPS}, looked at after the last one"
+        if not pair.step_is_right(mine, right, call):
+            return
+
+
+def _refusals(attempt: Attempt) -> None:
+    pair = Pair(attempt, 3, 5, 4)
+    if not pair.reset(0):
+        return
+    many = attempt.rng.uniform(-1.0, 1.0, (4, 2))
+    for actions, word in ((many, "too many"), (many[:2], "too few")):
+        attempt.require_error(
+            f"{word} actions",
+            functools.partial(attempt.learner.method, pair.envs, "step", actions),
+            sentence=f"{len(actions)} rows of actions for 3 environments are a mistake of the "
+            "caller, which must not pass in silence.",
+            call=f"step(actions) with {len(actions)} rows",
+        )
+    attempt.require_error(
+        "no environment at all",
+        lambda: attempt.learner.new(ENTRY, pair.factory, 0),
+        sentence="num_envs must be at least 1.",
+        call="VectorizedEnv(env_fn, 0)",
+    )
+
+
+def _closing(attempt: Attempt) -> None:
+    pair = Pair(attempt, 3, 5, 4)
+    attempt.learner.method(pair.envs, "close")
+    closed = attempt.learner.given("closings", pair.factory)
+    attempt.require(
+        "every environment is closed",
+        closed == [1, 1, 1],
+        sentence="After close() each environment should have been closed once.",
+        got=describe(closed),
+        expected="[1, 1, 1]",
+        call="close()",
+    )
+
+
+def _time(attempt: Attempt) -> None:
+    """100 steps of 16 environments, here and there."""
+    actions = np.zeros((100, 16, 2))
+    attempt.learner.child.given("drive", 16, actions)
+    yours = attempt.learner.child.elapsed
+    envs = attempt.reference.new(ENTRY, attempt.reference.given_new("factory", 5, 4), 16)
+    attempt.reference.method(envs, "reset", 0)
+    attempt.reference.given("rollout", envs, actions)
+    attempt.cost(
+        "100 steps of 16 environments", "s", yours=yours, reference=attempt.reference.elapsed
+    )
+
+
+_OVER = """                first, reset_info = self._auto_reset(i)
+                info = {**reset_info, "final_obs": observation, "final_info": info}
+                observation = first
+"""
+
+EXERCISE = Exercise(
+    judge=judge,
+    given=Path(__file__).with_name("given.py").read_text(encoding="utf-8"),
+    examples=(
+        "VectorizedEnv(given.factory(5, 4), 2).reset(7)[0].shape",
+        "[len(VectorizedEnv(given.factory(5, 4), n).envs) for n in (1, 4)]",
+    ),
+    slips=(
+        Slip(
+            "final_obs_lost",
+            "The last observation of a finished episode is nowhere: the reset took its place. "
+            "Where the clock ran out a learner needs it, to add the value of what would have come.",
+            edits=((_OVER, "                observation, info = self._auto_reset(i)\n"),),
+        ),
+        Slip(
+            "final_obs_overwritten",
+            "final_obs holds the first observation of the new episode. The environment writes all "
+            "its observations into one array: copy the last one before the reset.",
+            edits=((_OVER, _OVER.replace('"final_obs": observation', '"final_obs": first')),),
+        ),
+        Slip(
+            "terminated_merged_with_truncated",
+            "Terminated and truncated are one flag here. A learner then counts an episode that the "
+            "clock cut off as one without a future, and values every state too low.",
+            edits=(
+                (
+                    "            if terminated[i] or truncated[i]:\n",
+                    "            terminated[i] = truncated[i] = terminated[i] or truncated[i]\n"
+                    "            if terminated[i]:\n",
+                ),
+            ),
+        ),
+        Slip(
+            "truncated_is_not_reset",
+            "An environment whose clock ran out is not reset: its episode goes on beyond its end. "
+            "It needs a reset as much as one that is terminated.",
+            edits=(("if terminated[i] or truncated[i]:", "if terminated[i]:"),),
+        ),
+        Slip(
+            "seed_shared_by_all",
+            "All environments get the same seed, so they are copies of one another: n times the "
+            "work for the experience of one. Environment i gets seed + i.",
+            edits=(("None if seed is None else seed + i", "seed"),),
+        ),
+        Slip(
+            "seeded_again_at_every_reset",
+            "The reset within step seeds again, so each environment plays the same episode for "
+            "ever. Seed it once; then it goes on with its generator.",
+            edits=(
+                (
+                    "        observations, infos = [], []\n        for i, env",
+                    "        self.seed = seed\n"
+                    "        observations, infos = [], []\n        for i, env",
+                ),
+                (
+                    "self.envs[i].reset()",
+                    "self.envs[i].reset(seed=None if self.seed is None else self.seed + i)",
+                ),
+            ),
+        ),
+        Slip(
+            "reset_obs_not_returned",
+            "A finished environment's row holds the last observation of the old episode, and its "
+            "first one of the new episode is never seen. The next action would be chosen for a "
+            "state that is gone.",
+            edits=(("                observation = first\n", ""),),
+        ),
+        Slip(
+            "buffer_reused_between_steps",
+            "The observations of every step are the same array, so those of earlier steps change "
+            "while the caller keeps them. Return a new array each time.",
+            edits=(
+                (
+                    "        return np.stack(observations), rewards,",
+                    "        if not hasattr(self, 'buffer'):\n"
+                    "            self.buffer = np.stack(observations)\n"
+                    "        self.buffer[:] = observations\n"
+                    "        return self.buffer, rewards,",
+                ),
+            ),
+        ),
+        Slip(
+            "one_environment_for_all",
+            "All rows are one environment: the factory was called once. It is then stepped n times "
+            "in a step. Call env_fn once for each.",
+            edits=(("[env_fn() for _ in range(num_envs)]", "[env_fn()] * num_envs"),),
+        ),
+        Slip(
+            "actions_not_counted",
+            "A wrong number of actions goes unnoticed: with too many the rest is dropped, and with "
+            "too few some environments are not stepped.",
+            edits=(
+                (
+                    "        if len(actions) != self.num_envs:\n"
+                    '            raise ValueError(f"actions must have {self.num_envs} rows, got '
+                    '{len(actions)}")\n',
+                    "",
+                ),
+                ("enumerate(self.envs):\n            observation, rewards[i]",
+                 "enumerate(self.envs[: len(actions)]):\n            observation, rewards[i]"),
+            ),
+        ),
+    ),
+)  # fmt: skip
