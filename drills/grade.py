@@ -267,7 +267,10 @@ class Attempt:
         if not (error <= tolerance):
             at = f" at index {place}" if place else ""
             off = f"{error:.3g}" if unit in ("", "1") else f"{error:.3g} {unit}"
-            sentence = f"Off by {off}{at}: {values[place]:.6g}, not {truth[place]:.6g}."
+            digits = 6 if f"{values[place]:.6g}" != f"{truth[place]:.6g}" else 16
+            sentence = (
+                f"Off by {off}{at}: {values[place]:.{digits}g}, not {truth[place]:.{digits}g}."
+            )
             base |= {"reason": Reason.WRONG_VALUE, "sentence": sentence, "slip": slip}
             self._add(Check(**base, error=error, got=describe(values, SHOWN)))
             return False
@@ -324,6 +327,7 @@ class Attempt:
                 self._add(Check(name, Reason.RIGHT, call=call, got=raised.type, expected=expected))
                 return True
             got, said = raised.type, f"It raised {raised.type}, not {expected}. {sentence}"
+            slip = ""  # it was refused after all
         else:
             got, said = f"returned {describe(value)}", sentence
         self._add(Check(name, Reason.MISSING_ERROR, said, call, got, expected, slip=slip))
