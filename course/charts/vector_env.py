@@ -282,6 +282,9 @@ def _draw(rates: list[Rate], accuracy: dict[str, Any], busy: dict[str, Any]) -> 
     import matplotlib.pyplot as plt
 
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(17, 5.2), layout="constrained")
+    for ax in (left, middle, right):
+        ax.set(xscale="log", yscale="log")
+        ax.grid(True, which="major", alpha=0.3)
     for i, contender in enumerate(CONTENDERS):
         rows = [rate for rate in rates if rate.name == contender.name]
         n = [rate.n for rate in rows]
@@ -293,7 +296,7 @@ def _draw(rates: list[Rate], accuracy: dict[str, Any], busy: dict[str, Any]) -> 
         )  # fmt: skip
     left.set(title="Reaching task, one step of 20 ms", xlabel="number of environments N")
     left.set_ylabel("environment steps per second")
-    left.set_ylim(top=left.get_ylim()[1] * 400.0)  # room for the legend
+    left.set_ylim(top=left.get_ylim()[1] * 300.0)  # room for the legend
     for i, (name, points) in enumerate(accuracy.items()):
         _, error, rate = zip(*points, strict=True)
         style = "-" if i == 0 else "--"
@@ -325,10 +328,8 @@ def _draw(rates: list[Rate], accuracy: dict[str, Any], busy: dict[str, Any]) -> 
         title=f"When processes pay, N = {busy['n']}",
         xlabel="cost of one environment's step [µs]", ylabel="time of a step of all N [µs]",
     )  # fmt: skip
-    for ax in (left, middle, right):
-        ax.set(xscale="log", yscale="log")
-        ax.grid(True, which="major", alpha=0.3)
     left.legend(fontsize="x-small", loc="upper left")
+    middle.set_ylim(bottom=1e-12)  # room for the legend
     middle.legend(fontsize="x-small", loc="lower left")
     right.legend(fontsize="x-small", loc="lower right")
     figure.supxlabel(machine(), fontsize="x-small", color="0.4")

@@ -23,7 +23,7 @@ STEPS = 14
 
 
 class Pair:
-    """The same environments on both sides: in the child with the submission, here with the answer."""
+    """The same environments twice: the submission's in the child, the worked answer's here."""
 
     def __init__(self, attempt: Attempt, num_envs: int, ends: int, clock: int) -> None:
         self.attempt, self.num_envs = attempt, num_envs
