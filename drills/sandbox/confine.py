@@ -166,6 +166,7 @@ NUMBERS = {
     "clock_settime": (227, 112), "adjtimex": (159, 171), "clock_adjtime": (305, 266),
     "init_module": (175, 105), "finit_module": (313, 273), "delete_module": (176, 106),
     "kexec_load": (246, 104), "kexec_file_load": (320, 294), "fanotify_init": (300, 262),
+    "inotify_init": (253, -1), "inotify_init1": (294, 26),
     "iopl": (172, -1), "ioperm": (173, -1), "modify_ldt": (154, -1),
     "mknod": (133, -1), "mknodat": (259, 33),
     # Landlock does not look at these: an owner could change the mode or the times of any own file.

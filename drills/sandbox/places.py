@@ -18,7 +18,7 @@ SYSTEM = (
     "/sys/devices/system/cpu", "/sys/devices/system/node", "/sys/fs/cgroup",
     "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/sys/vm", "/proc/filesystems",
     "/dev/null", "/dev/zero", "/dev/urandom", "/dev/random",
-    "/opt/homebrew/lib",
+    "/nix/store", "/gnu/store",
 )  # fmt: skip
 
 

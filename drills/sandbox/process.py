@@ -179,7 +179,7 @@ class Child:
                 "CPU": seconds,
                 "AS": self._limits.memory + (2 << 30),  # libraries map far more than they use
                 "NPROC": 256,
-                "NOFILE": 256,
+                "NOFILE": 128,
                 "STACK": 8 << 20,
             },
             "path": places.search_path(),

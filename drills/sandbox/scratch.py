@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import stat
 
 FILES = 2000  # entries
@@ -35,10 +36,15 @@ def excess(folder: str, limit: int) -> str:
 
 
 def remove(folder: str) -> None:
-    """Remove a folder that nobody can change any more, however closed, deep or full it is.
+    """Remove a folder that nobody can change any more, however closed, deep or full it is."""
+    try:
+        _flatten(folder)
+    except OSError:  # something that this file system does not let move: the plain way is left
+        shutil.rmtree(folder, ignore_errors=True)
 
-    Each subfolder is first moved to the top, so that no path ever gets long.
-    """
+
+def _flatten(folder: str) -> None:
+    """Remove a folder; each subfolder is first moved to the top, so that no path ever gets long."""
     try:
         os.chmod(folder, 0o700)
         top = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW)
