@@ -13,8 +13,8 @@ import unicodedata
 from typing import Any
 
 from drills.exercise import Card
-from drills.grade import Check, Cost, Report
 from drills.reasons import Reason
+from drills.report import Check, Cost, Report
 
 SHOWN_CASES = 6
 SHOWN_LINES = 12
