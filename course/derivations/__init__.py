@@ -162,6 +162,7 @@ _MODULES = (
     "contact",
     "randomisation",
     "drills",
+    "vector_env",
 )
 
 
