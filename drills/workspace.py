@@ -146,7 +146,7 @@ def chosen_card(target: str, source: str | None) -> Card:
 
 
 def top_level_names(source: str) -> set[str]:
-    """The names that a text binds at its top level; none if it isn't Python."""
+    """The names that a text binds at its top level, as far as it can be told if it isn't Python."""
     if len(source) > PARSED:  # the time to parse can grow as the square of the length
         return set(re.findall(r"^(?:def|class)\s+(\w+)", source, re.MULTILINE))
     try:
@@ -154,7 +154,7 @@ def top_level_names(source: str) -> set[str]:
             warnings.simplefilter("ignore")
             body = ast.parse(source).body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        return set()
+        return set(re.findall(r"^(?:def|class)\s+(\w+)", source, re.MULTILINE))
     found: set[str] = set()
     for node in body:
         if isinstance(node, ast.FunctionDef | ast.ClassDef):

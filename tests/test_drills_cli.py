@@ -224,6 +224,7 @@ def test_a_file_is_recognised_by_its_name_or_by_what_it_defines(place: Place) ->
     other.write_text(RIGHT)
     assert place.json("check", "mine.py")["drill"] == "verlet"
     assert place.json("check", "-", text=RIGHT)["drill"] == "verlet"
+    assert place.json("check", "-", text=WRONG + "(")["reason"] == "syntax_error"
     named = place.folder / "verlet.py"
     named.write_text("x = 1\n")
     assert place.json("check", "./verlet.py")["reason"] == "missing_name"
