@@ -111,6 +111,7 @@ def test_what_was_right_as_far_as_it_went_is_no_slip(monkeypatch: pytest.MonkeyP
     raising = late.replace("else {}", "else 1 / 0")
     report = _judged(monkeypatch, _by_value, raising, slips=slips)
     assert report.reason is Reason.RAISED and report.slip == ""
+    assert report.problem
     assert "1 / 0" in report.source.splitlines()[report.problem.frames[-1].line - 1]
     named = _judged(monkeypatch, _by_value, slips[0].source + "\nY = 0\n", slips=slips)
     assert named.slip == "late" and named.diagnosis == "Late."

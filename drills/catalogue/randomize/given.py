@@ -50,7 +50,7 @@ def computed(data):
 def draw(randomizer, model, data, rng, count, actions):
     """Many draws: what was written, and what `delay` gives back for the actions after each."""
     names = "geom_friction", "pair_friction", "body_mass", "body_inertia", "dof_damping"
-    written = {name: [] for name in names}
+    written: dict[str, list[np.ndarray]] = {name: [] for name in names}
     sent = []
     for number in range(count):
         randomizer.randomize(data, rng)
