@@ -170,6 +170,7 @@ def test_a_batch_is_gymnasiums_loop_to_the_bit(single, batch, mode) -> None:
     for other in start[1:]:
         identical(other, start[0])
     terminated = truncated = 0
+    masked = False
     observations = start[0][0]
     for k in range(140):
         actions = spring_policy(observations)
@@ -179,13 +180,14 @@ def test_a_batch_is_gymnasiums_loop_to_the_bit(single, batch, mode) -> None:
         observations = steps[0][0]
         terminated += int(steps[0][2].sum())
         truncated += int(steps[0][3].sum())
-        if k == 40:
-            mask = np.arange(n) % 2 == 0
+        over = steps[0][2] | steps[0][3]
+        if k > 40 and not masked and over.any():
+            masked, mask = True, over | (np.arange(n) == 0)
             part = [e.reset(seed=[9] * n, options={"reset_mask": mask}) for e in every]
             for other in part[1:]:
                 identical(other, part[0])
             observations = part[0][0]
-    assert terminated > 0 and truncated > 0
+    assert terminated > 0 and truncated > 0 and masked
     for envs in every:
         envs.close()
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import gymnasium
 import numpy as np
+from numpy.typing import ArrayLike
 
 from course.charts import chart, save
 from course.measure.work_precision import PALETTE, machine
@@ -202,7 +203,7 @@ BUSY_SIZES = (0, 4_000, 16_000, 64_000, 128_000, 256_000, 512_000, 1_024_000)
 
 
 def cost_of_processes(
-    sizes: Sequence[int] = BUSY_SIZES, n: int = CROSSING_ENVS, repeats: int = 9
+    sizes: Sequence[int] = BUSY_SIZES, n: int = CROSSING_ENVS, repeats: int = 25
 ) -> dict[str, Any]:
     """Seconds per step of N environments, a loop's and processes', against an environment's cost.
 
@@ -232,9 +233,9 @@ def cost_of_processes(
         for row in samples:
             for i, run in enumerate(runs):
                 begin = time.perf_counter()
-                for _ in range(20):
+                for _ in range(8):
                     run()
-                row[i] = (time.perf_counter() - begin) / 20
+                row[i] = (time.perf_counter() - begin) / 8
         for name, value in zip(names, np.median(samples, axis=0), strict=True):
             data[name].append(float(value))
         for envs in every:
@@ -262,17 +263,16 @@ def predicted_crossing(loop: float, processes: float, n: int, workers: int, base
     return base + max(0.0, processes - loop) / (n * (1.0 - 1.0 / workers))
 
 
-def crossing(
-    cost: Sequence[float], loop: Sequence[float], processes: Sequence[float]
-) -> float | None:
+def crossing(cost: ArrayLike, loop: ArrayLike, processes: ArrayLike) -> float | None:
     """Where the ratio of two curves passes 1, interpolated in logarithms; None if it never does."""
-    gap = np.log(np.array(processes) / np.array(loop))
+    c = np.log(np.array(cost, dtype=float))
+    gap = np.log(np.array(processes, dtype=float) / np.array(loop, dtype=float))
     below = np.flatnonzero((gap[:-1] > 0.0) & (gap[1:] <= 0.0))
     if below.size == 0:
         return None
     i = int(below[-1])
     share = gap[i] / (gap[i] - gap[i + 1])
-    return float(np.exp(np.log(cost[i]) + share * (np.log(cost[i + 1]) - np.log(cost[i]))))
+    return float(np.exp(c[i] + share * (c[i + 1] - c[i])))
 
 
 # --- the chart ------------------------------------------------------------------------------------

@@ -214,7 +214,7 @@ def _work(
 ) -> None:  # fmt: skip
     """A worker process: build the environments, then answer commands until told to close."""
     os.setpgid(0, 0)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C before the group was its own
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     # A copy of the main process's end would keep a pipe open after its death.
     for other in inherited:
