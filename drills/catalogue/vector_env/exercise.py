@@ -3,17 +3,22 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt
+from drills.grade import Attempt, start_child
 from drills.inprocess import Local
 from drills.reasons import Reason
 from drills.sandbox import Handle
 from drills.values import describe, type_name
+
+if TYPE_CHECKING:
+    from course.measure.work_precision import WorkPrecision
+    from drills.sandbox import Child
 
 ENTRY = "VectorizedEnv"
 ROUNDING = 1e-12
@@ -39,6 +44,8 @@ class Pair:
         got = attempt.learner.method(self.envs, "reset", *seeds)
         expected = attempt.reference.method(self.envs_here, "reset", *seeds)
         call = f"reset({seed})"
+        if isinstance(got, np.ndarray):  # not one row for each of two results
+            got = [got]
         parts = attempt.parts(got, ("observations", "infos"), call=call)
         return parts is not None and (
             self.values("first observations", parts[0], expected[0], call)
@@ -217,6 +224,62 @@ def _time(attempt: Attempt) -> None:
     )
 
 
+def chart(attempt: Attempt) -> WorkPrecision:
+    """Mean reward of the walk without actions, which is 0, from more and more environments."""
+    import gymnasium
+
+    from course.measure.work_precision import Method, Result, measure
+    from course.oracles.gymnasium import sync_vector_env
+
+    steps, sizes, unit = 20, [4.0, 16.0, 64.0, 256.0], "environment steps"
+    walk: Any = attempt.reference.evaluate("given.Walk")
+
+    class Walk(gymnasium.Env[Any, Any]):
+        """The walk behind Gymnasium's interface, with observations of its own."""
+
+        observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (3,), np.float64)
+        action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float64)
+
+        def __init__(self) -> None:
+            self.walk = walk(5, 4)
+
+        def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+            observation, info = self.walk.reset(seed)
+            return observation.copy(), info
+
+        def step(self, action: Any) -> Any:
+            observation, *rest = self.walk.step(action)
+            return observation.copy(), *rest
+
+    def driven(child: Child) -> Callable[[float], Result]:
+        return lambda n: Result(
+            [child.given("drive", int(n), np.zeros((steps, int(n), 2)))], steps * n
+        )
+
+    def library(n: float) -> Result:
+        envs = sync_vector_env(Walk, int(n))
+        envs.reset(seed=0)
+        actions = np.zeros((int(n), 2))
+        return Result([np.mean([envs.step(actions)[1] for _ in range(steps)])], steps * n)
+
+    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
+        worked.load()
+        return measure(
+            [
+                Method("yours", driven(attempt.learner.child), sizes, style="yours", unit=unit),
+                Method("worked answer", driven(worked), sizes, unit=unit),
+                Method("Gymnasium SyncVectorEnv", library, sizes, style="oracle", unit=unit),
+            ],
+            [0.0],
+            reference_check=[0.0],
+            tolerance=0.1,
+            failed_above=10.0,
+            repeats=3,
+            question=f"Mean reward of a random walk, {steps} steps of n environments",
+            error_unit="1",
+        )
+
+
 _OVER = """                first, reset_info = self._auto_reset(i)
                 info = {**reset_info, "final_obs": observation, "final_info": info}
                 observation = first
@@ -224,6 +287,7 @@ _OVER = """                first, reset_info = self._auto_reset(i)
 
 EXERCISE = Exercise(
     judge=judge,
+    chart=chart,
     given=Path(__file__).with_name("given.py").read_text(encoding="utf-8"),
     examples=(
         "VectorizedEnv(given.factory(5, 4), 2).reset(7)[0].shape",

@@ -59,10 +59,9 @@ def rollout(envs, actions):
 
 
 def drive(num_envs, actions):
+    """The mean reward of a rollout."""
     from submission import VectorizedEnv
 
     envs = VectorizedEnv(Factory(5, 4), num_envs)
     envs.reset(seed=0)
-    for row in actions:
-        envs.step(row)
-    return 0.0
+    return float(np.mean([envs.step(row)[1] for row in actions]))
