@@ -177,7 +177,7 @@ class Answers:
             code = trace.tb_frame.f_code
             files.append(code.co_filename)
             if code.co_filename == self.filename:
-                frames.append([trace.tb_lineno, str(code.co_name)[:100]])
+                frames.append([trace.tb_lineno or 0, str(code.co_name)[:100]])
             walked, trace = walked + 1, trace.tb_next
         try:
             message = str.__str__(str(error))[:2000]
