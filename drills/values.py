@@ -80,7 +80,7 @@ def numbers(value: Any, what: str = "the answer") -> Array:
         value = np.asarray(value)
         if value.dtype.kind not in "iuf":
             raise Mismatch(
-                Reason.WRONG_TYPE, f"{what} is an {type_name(value)}; numbers are asked for."
+                Reason.WRONG_TYPE, f"{what} is {_a(type_name(value))}; numbers are asked for."
             )
         return value.astype(np.float64)
     if type(value) in (int, float):
@@ -104,8 +104,13 @@ def numbers(value: Any, what: str = "the answer") -> Array:
             )
         return np.stack(rows)
     raise Mismatch(
-        Reason.WRONG_TYPE, f"{what} is (or holds) a {type_name(value)}; numbers are asked for."
+        Reason.WRONG_TYPE, f"{what} is (or holds) {_a(type_name(value))}; numbers are asked for."
     )
+
+
+def _a(name: str) -> str:
+    """A name with its article."""
+    return f"{'an' if name[:1].lower() in 'aeiou' else 'a'} {name}"
 
 
 def _shape_sentence(got: tuple[int, ...], wanted: tuple[int, ...], what: str) -> str:

@@ -79,8 +79,16 @@ def _cases(attempt: Attempt) -> list[Case]:
         Case((0.0, 0.0, 0.01, 0.5, 9.81), "lies on the floor"),
         Case((0.0, 0.0, 1.0, 1.0, 9.81), "lies on an elastic floor"),
         Case((0.0, 1e-7, 0.01, between(*usual), 9.81), "hardly moves"),
+        _small(between(1e-3, 4e-3), between(0.7, 0.9), between(1.2, 1.6)),
     ]
+    falling, bouncing = clear("falling", (1.0, 2.0), (-2.0, 0.0), (0.2, 0.3), usual), cases[3]
+    cases += [Case(case.args[:4], "gravity left out") for case in (falling, bouncing)]
     return cases
+
+
+def _small(speed: float, restitution: float, flights: float) -> Case:
+    """A ball that hops by a micrometre, some way into its second hop: it is not at rest yet."""
+    return Case((0.0, speed, flights * 2.0 * speed / 9.81, restitution, 9.81), "small hops")
 
 
 def _by_euler(case: Case, got: Any, y: float) -> bool:
@@ -102,6 +110,17 @@ def _energy(attempt: Attempt) -> None:
         if not new or new[0] is None or new[1] is None:
             return
         y, v = float(new[0]), float(new[1])
+        if y < -1e-9:
+            attempt.require(
+                "never below the floor",
+                False,
+                sentence=f"A step of a row of them ends at y = {y:.6g} m, below the floor.",
+                error=-y,
+                tolerance=1e-9,
+                unit="m",
+                why=CLOSED_FORM,
+            )
+            return
     energy = 0.5 * v * v + 9.81 * y
     ratio = energy / (9.81 * start)
     attempt.require(

@@ -89,7 +89,9 @@ def _coarse(got: Any, expected: Array) -> str:
     if error <= 1e-5 * scale and np.array_equal(values, values.astype(np.float32)):
         return "single_precision"
     decimals = next((k for k in range(2, 11) if np.array_equal(values, values.round(k))), None)
-    return "" if decimals is None or error > 10.0**-decimals else "rounded"
+    if decimals is None or error > 0.501 * 10.0**-decimals or not values.any():
+        return ""  # more than half a digit: another mistake, in numbers that happen to be short
+    return "rounded"
 
 
 def chart(attempt: Attempt) -> WorkPrecision:

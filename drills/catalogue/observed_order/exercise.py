@@ -24,22 +24,20 @@ Array = NDArray[np.float64]
 def judge(attempt: Attempt) -> None:
     """Values, then the two ways in which three runs have no order."""
     cases = _cases(attempt.rng)
-    made: list[tuple[tuple[Any, ...], Any]] = []
-    for index in attempt.rng.permutation(len(cases)):
-        case = cases[index]
+    shuffled = [cases[index] for index in attempt.rng.permutation(len(cases))]
+    made = [(case.args, attempt.call(*case.args)) for case in shuffled]
+    slips = _seen(made, 0, _wrong_orders), _seen(made, 1, _wrong_limits)
+    for case, (_, got) in zip(shuffled, made, strict=True):
         call = describe_call(attempt.card.entry, case.args)
-        got = attempt.call(*case.args)
-        made.append((case.args, got))
         parts = attempt.parts(got, ("order", "limit"), call=call)
         if parts is None:
             continue
         order, limit = attempt.expected(*case.args)
         check: dict[str, Any] = {"call": call, "why": "two differences and a logarithm: rounding"}
-        for what, part, right, unit, wrong in (
-            ("order", parts[0], order, "1", _wrong_orders(*case.args)),
-            ("limit", parts[1], limit, "m", _wrong_limits(*case.args)),
+        for what, part, right, unit, slip in (
+            ("order", parts[0], order, "1", slips[0]),
+            ("limit", parts[1], limit, "m", slips[1]),
         ):
-            slip = next((name for name, value in wrong.items() if _is(part, value)), "")
             name = f"{case.label}: {what}"
             attempt.compare(name, part, right, tolerance=1e-9, unit=unit, slip=slip, **check)
     _refused(attempt)
@@ -49,7 +47,18 @@ def judge(attempt: Attempt) -> None:
         attempt.time_call(*cases[0].args, repeat=1000)
 
 
-def _wrong_orders(coarse: Array, medium: Array, fine: Array, ratio: float) -> dict[str, float]:
+def _seen(made: list[tuple[tuple[Any, ...], Any]], place: int, wrong: Callable[..., Any]) -> str:
+    """The mistake that every answer shows in one of its parts, or ""."""
+    names = list(wrong(*made[0][0]))
+    for args, got in made:
+        part = got[place] if isinstance(got, list | tuple) and len(got) == 2 else None
+        names = [name for name, value in wrong(*args).items() if name in names and _is(part, value)]
+    return names[0] if names else ""
+
+
+def _wrong_orders(
+    coarse: Array, medium: Array, fine: Array, ratio: float = 2.0
+) -> dict[str, float]:
     """What the usual mistakes give, so that they are known whatever else is in the answer."""
     first, second = np.linalg.norm(medium - coarse), np.linalg.norm(fine - medium)
     return {
@@ -59,7 +68,9 @@ def _wrong_orders(coarse: Array, medium: Array, fine: Array, ratio: float) -> di
     }
 
 
-def _wrong_limits(coarse: Array, medium: Array, fine: Array, ratio: float) -> dict[str, Array]:
+def _wrong_limits(
+    coarse: Array, medium: Array, fine: Array, ratio: float = 2.0
+) -> dict[str, Array]:
     growth = np.linalg.norm(medium - coarse) / np.linalg.norm(fine - medium)
     return {
         "minus_one_missing": fine + (fine - medium) / growth,
@@ -82,7 +93,7 @@ def _cases(rng: np.random.Generator) -> list[Case]:
         C = 0.5 * C / np.linalg.norm(C)
         steps = [0.7 * ratio**-i for i in range(3)]
         values = [end + C * h**order + disturbed * D * h ** (order + 1.0) for h in steps]
-        return Case((*values, ratio), label)
+        return Case((*values, ratio) if "left out" not in label else tuple(values), label)
 
     return [
         runs(1.0, 2.0, 3, 0.0, "first order"),
@@ -95,6 +106,7 @@ def _cases(rng: np.random.Generator) -> list[Case]:
         runs(float(rng.uniform(0.5, 0.9)), 2.0, 2, 0.0, "less than first order"),
         runs(2.0, 2.0, 1, 0.0, "one quantity"),
         runs(2.0, 10.0, 6, 0.0, "a tenth of the step"),
+        runs(3.0, 2.0, 3, 0.0, "ratio left out"),
     ]
 
 
@@ -103,7 +115,9 @@ def _refused(attempt: Attempt) -> None:
     away = attempt.rng.normal(size=3)
     same = "two runs are equal", (start + away, start, start.copy(), 2.0)
     worse = "the differences grow", (start, start + away, start + 3.0 * away, 2.0)
-    for label, args in (same, worse):
+    # There and back: both differences are equal to the last bit.
+    swing = "the differences stay as they are", (start, start + away, start.copy(), 2.0)
+    for label, args in (same, worse, swing):
         attempt.require_error(
             label,
             partial(attempt.call, *args),
@@ -231,8 +245,7 @@ EXERCISE = Exercise(
         ),
         Slip(
             "not_extrapolated",
-            "The order is right; the second value is the finest run itself, not what the runs are "
-            "heading for.",
+            "The second value is the finest run itself, not what the three runs are heading for.",
             edits=((_LIMIT, "fine"),),
         ),
         Slip(

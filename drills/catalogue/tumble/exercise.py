@@ -41,7 +41,9 @@ def judge(attempt: Attempt) -> None:
             with np.errstate(all="ignore"):  # what came back may be as large as it likes
                 _conserved(attempt, case, call, q, omega)
         right = attempt.expected(*case.args)
-        sign = -1.0 if _opposite(parts[0], right[0]) else 1.0
+        with np.errstate(all="ignore"):
+            opposite = _opposite(parts[0], right[0])
+        sign = -1.0 if opposite else 1.0
         check: dict[str, Any] = {"tolerance": 1e-6, "why": ACCURATE, "call": call}
         attempt.compare(f"{case.label}: orientation", parts[0], sign * right[0], unit="1", **check)
         attempt.compare(f"{case.label}: rates", parts[1], right[1], unit="rad/s", **check)
