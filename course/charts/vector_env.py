@@ -1,13 +1,11 @@
 """Vectorised environments: steps per second against N, their error, when processes pay."""
 
 import time
-import zlib
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
 
-import gymnasium
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -16,6 +14,7 @@ from course.measure.work_precision import PALETTE, machine
 from course.oracles.gymnasium import async_vector_env, sync_vector_env
 from course.oracles.mujoco_reach import MujocoArmReach, MujocoArmReachVector
 from course.vector_env import ArmReach, ArmReachVector, ProcessVectorEnv, VectorizedEnv
+from course.vector_env.busy import Busy
 from course.vector_env.reach import RADIUS
 
 SIZES = (1, 4, 16, 64, 256, 1024, 4096)
@@ -178,25 +177,6 @@ def accuracy_and_speed(
 
 
 # --- when processes pay ---------------------------------------------------------------------------
-
-
-class Busy(gymnasium.Env[Any, Any]):
-    """An environment whose step costs what one wants: a checksum over so many bytes."""
-
-    def __init__(self, size: int) -> None:
-        self.observation_space = gymnasium.spaces.Box(-1.0, 1.0, (8,), np.float64)
-        self.action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self._bytes, self._observation = bytes(size), np.zeros(8)
-
-    def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
-        """Nothing to do."""
-        super().reset(seed=seed)
-        return self._observation, {}
-
-    def step(self, action: Any) -> Any:
-        """The work."""
-        zlib.crc32(self._bytes)
-        return self._observation, 0.0, False, False, {}
 
 
 BUSY_SIZES = (0, 4_000, 16_000, 64_000, 128_000, 256_000, 512_000, 1_024_000)

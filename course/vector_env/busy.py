@@ -1,0 +1,36 @@
+"""An environment whose step costs what one wants, to find out from where on processes pay."""
+
+from __future__ import annotations
+
+import zlib
+from typing import Any
+
+import numpy as np
+from gymnasium import Env, spaces
+
+from course.vector_env.interface import checked_count
+
+
+class Busy(Env[Any, Any]):
+    """Its step is a checksum over so many bytes; what it returns never changes."""
+
+    def __init__(self, size: int) -> None:
+        """Set the cost.
+
+        Args:
+            size: bytes in the checksum of one step; a core does about a thousand in a microsecond.
+        """
+        self.observation_space: Any = spaces.Box(-1.0, 1.0, (8,), np.float64)
+        self.action_space: Any = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        self._bytes = bytes(checked_count("size", size, 0))
+        self._observation = np.zeros(8)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:
+        """Nothing to do."""
+        super().reset(seed=seed)
+        return self._observation, {}
+
+    def step(self, action: Any) -> Any:
+        """The work."""
+        zlib.crc32(self._bytes)
+        return self._observation, 0.0, False, False, {}
