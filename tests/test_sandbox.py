@@ -179,6 +179,17 @@ def f(): return {expression}
         assert len(value.type_name) < 300
 
 
+def test_answer_within_every_bound_but_that_of_a_message() -> None:
+    source = """
+import numpy as np
+def f(): return [np.zeros(10**6), "\\U0001f600" * 250_000, [1 / 3 + i * 1e-9 for i in range(190_000)]]
+"""
+    with loaded(source) as running:
+        value = running.call("f", seconds=20)
+        assert isinstance(value, Foreign) and "too large" in value.type_name
+        assert not running.changed
+
+
 def test_foreign_value_inside_a_list() -> None:
     with loaded("def f(): return [1.0, 2j, (3, {4})]") as running:
         assert running.call("f") == [1.0, Foreign("complex"), (3, Foreign("set"))]

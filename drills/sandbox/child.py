@@ -305,7 +305,11 @@ def _serve(answers: Answers, report: dict[str, str]) -> None:
                 stream.flush()
             except BaseException:  # closed, or replaced underneath
                 continue
-        data = wire.pack({"id": identity, **content})
+        try:
+            data = wire.pack({"id": identity, **content})
+        except wire.TooLarge as error:
+            content = {"ok": {"x": f"value, {error}"}, "changed": False}
+            data = wire.pack({"id": identity, **content})
         try:
             while data:
                 data = data[_write(REPLIES, data) :]

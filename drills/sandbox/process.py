@@ -45,6 +45,7 @@ START = 60.0  # s, for the interpreter, numpy and the drill's own module: not th
 WATCH = 0.03  # s, between two looks from outside
 SPIN = 1e-4  # s, to look for an answer without sleeping
 ANSWERS = 64 << 20  # bytes of all answers, which the grader may keep
+THREADS = 1000
 KEPT = 16 << 10  # bytes of output kept for the feedback
 LAYERS = frozenset({"capabilities", "landlock", "seccomp", "procfs"})
 
@@ -558,6 +559,9 @@ class Child:
 
     def _watch(self, where: str) -> None:
         limits = self._limits
+        threads = self._tree.threads()
+        if threads > THREADS:  # so many that to look at each would take us too long
+            raise self._end(Reason.PROCESSES, f"{threads} threads ran {where}.")
         others = self._tree.descendants()
         if others:
             text = f"{len(others)} other process{'es' * (len(others) > 1)} ran {where}."

@@ -157,6 +157,12 @@ class Tree:
             self.seen[process] = 0
         return [process for process in ours - dead if process in parents]
 
+    def threads(self) -> int:
+        """Threads of the root; 1 where that can't be seen."""
+        text = _read(f"/proc/{self.root}/stat") if self.procfs else ""
+        fields = text[text.rfind(")") + 2 :].split()
+        return int(fields[17]) if len(fields) > 17 else 1
+
     def resident(self, processes: list[int]) -> int:
         """Memory of the root and the given processes together [bytes]."""
         if not self.procfs:
