@@ -182,7 +182,9 @@ def f(): return {expression}
 def test_answer_within_every_bound_but_that_of_a_message() -> None:
     source = """
 import numpy as np
-def f(): return [np.zeros(10**6), "\\U0001f600" * 250_000, [1 / 3 + i * 1e-9 for i in range(190_000)]]
+def f():
+    thirds = [1 / 3 + i * 1e-9 for i in range(190_000)]
+    return [np.zeros(10**6), "\\U0001f600" * 250_000, thirds]
 """
     with loaded(source) as running:
         value = running.call("f", seconds=20)
