@@ -71,7 +71,7 @@ def readable(text: str) -> str:
 
 
 class Child:
-    """A process for one attempt. A context manager; use it from one thread at a time.
+    """A process for one attempt. A context manager; the thread that makes it must outlive it.
 
     Args:
         source: the submission.
