@@ -137,8 +137,9 @@ def _start(session: Session, card: Card, force: bool, command: str) -> int:
     verb = "is the untouched starter already" if there else "is yours to edit"
     session.wrap(f"{workspace.shown(path)} {verb}: {card.title}")
     session.say()
-    session.say(f"  drills show {card.name:<12}  the task")
-    session.say(f"  drills check {card.name:<12} grade it; drills watch {card.name}: at every save")
+    session.say(f"  drills show {card.name}    the task")
+    session.say(f"  drills check {card.name}   grade it")
+    session.say(f"  drills watch {card.name}   grade it at every save")
     payload = {
         "drill": card.name,
         "file": str(path.absolute()),
@@ -168,7 +169,8 @@ def show(session: Session, name: str) -> int:
     session.say()
     path = workspace.answer(session.work, card.name)
     begin = f"Your answer: {workspace.shown(path)}" if path.exists() else f"drills start {name}"
-    session.wrap(f"{begin}   drills check {name}   drills hint {name}")
+    session.wrap(begin)
+    session.say(f"drills check {name}   drills hint {name}")
     pairs = [{"call": call, "answer": answer} for call, answer in present.examples(card)]
     payload = {**_card_data(card, record), "prompt": card.prompt(), "examples": pairs}
     return session.finish(RIGHT, payload)

@@ -57,9 +57,12 @@ def check_all(session: Session, seed: int | None) -> int:
             continue
         report = _graded(session, card, str(path), seed)
         results.append(_data(session, card, report, str(path)))
-        style = "good" if report.passed else "bad"
-        word = session.terminal.paint("right" if report.passed else "wrong", style)
-        note = "" if report.passed else report.diagnosis or report.sentence
+        word, style, note = "wrong", "bad", report.diagnosis or report.sentence
+        if report.passed:
+            word, style, note = "right", "good", f"all {len(report.checks)} checks hold"
+        elif report.reason is Reason.NOT_ATTEMPTED:
+            word, style, note = "open ", "warn", "the starter, untouched"
+        word = session.terminal.paint(word, style)
         session.wrap(note, " " * (width + 9), f"{word}  {card.name:<{width}}  ")
     if not results:
         raise Misuse(

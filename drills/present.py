@@ -13,6 +13,7 @@ from drills.terminal import Terminal
 STATE_WORDS = {NOT_ATTEMPTED: "not attempted", ATTEMPTED: "attempted", SOLVED: "solved"}
 STATE_SIGNS = {NOT_ATTEMPTED: "○", ATTEMPTED: "◐", SOLVED: "●"}
 _STATE_ASCII = {NOT_ATTEMPTED: "[ ]", ATTEMPTED: "[/]", SOLVED: "[x]"}
+_WHOLE = 400  # characters: an example is shown whole, unless its answer is large
 _STATE_STYLES = {NOT_ATTEMPTED: "dim", ATTEMPTED: "warn", SOLVED: "good"}
 
 
@@ -56,7 +57,7 @@ def examples(card: Card) -> list[tuple[str, str]]:
     pairs: list[tuple[str, str]] = []
     for text in exercise.examples:
         result: Any = example_result(card, exercise, text)
-        pairs.append((text, describe(result)))
+        pairs.append((text, describe(result, _WHOLE)))
     return pairs
 
 

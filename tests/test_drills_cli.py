@@ -287,6 +287,12 @@ def test_all_answers_are_checked_one_by_one(place: Place) -> None:
     verdicts = {entry["drill"]: entry["reason"] for entry in both["results"]}
     assert verdicts == {"verlet": "right", "observed_order": "not_attempted"}
     assert (both["verdict"], both["right"], both["total"], both["exit"]) == ("fail", 1, 2, 1)
+    # One line for each, also for those that are right.
+    lines = place.run("check", "--all").out.splitlines()
+    assert [line.split()[:2] for line in lines[:2]] == [
+        ["open", "observed_order"],
+        ["right", "verlet"],
+    ]
     (place.work / "observed_order.py").unlink()
     done = place.run("check", "--all")
     assert done.code == 0 and "1 of 1 right" in done.out
