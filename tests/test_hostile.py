@@ -6,11 +6,11 @@ Each has the verdict that it must get; `hostile_grading` says what is looked at 
 from __future__ import annotations
 
 import pytest
-from hostile_grading import Submission, a_world, check_verdict, read
+from hostile_grading import Submission, a_world, check_verdict, read, runnable
 
 from drills.reasons import Reason
 
-SUBMISSIONS = read("ends", "floods", "processes", "forging")
+SUBMISSIONS = runnable("ends", "floods", "processes", "forging")
 __all__ = ["a_world"]
 
 
@@ -22,7 +22,7 @@ def test_verdict(
 
 
 def test_there_are_enough_of_them() -> None:
-    every = SUBMISSIONS + read("files", "values", "unlucky")
+    every = read("ends", "floods", "processes", "forging", "files", "values", "unlucky")
     assert len(every) >= 220
     assert len({s.name for s in every}) == len(every)
     elsewhere = {

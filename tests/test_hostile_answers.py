@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from hostile_grading import PLAIN, Submission, a_world, check_verdict, processes, read
+from hostile_grading import PLAIN, Submission, a_world, check_verdict, processes, runnable
 
 from drills import exercise as catalogue
 from drills.cli import cli
@@ -22,7 +22,7 @@ from drills.sandbox import Limits
 __all__ = ["a_world"]
 
 
-@pytest.mark.parametrize("submission", read("files", "values", "unlucky"), ids=lambda s: s.name)
+@pytest.mark.parametrize("submission", runnable("files", "values", "unlucky"), ids=lambda s: s.name)
 def test_verdict(
     submission: Submission, world: dict[str, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
