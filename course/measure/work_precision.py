@@ -214,16 +214,18 @@ class WorkPrecision:
 
     def table(self) -> str:
         """All points and the observed orders as text."""
+        known, unit = self.reference_uncertainty, f" {self.error_unit}"
+        wide = max([24, *(len(curve.name) for curve in self.curves)])
         lines = [
             self.question,
-            f"reference known to {self.reference_uncertainty:.1e} {self.error_unit}"
-            + ("" if self.tolerance is None else f"; tolerance {self.tolerance:g}"),
-            f"{'method':<24} {'setting':>10} {'error':>10} {'count':>10} {'time':>10}"
+            (f"reference known to {known:.1e} {self.error_unit}" if known else "reference exact")
+            + ("" if self.tolerance is None else f"; tolerance {self.tolerance:g}{unit}"),
+            f"{'method':<{wide}} {'setting':>10} {'error':>10} {'count':>10} {'time':>10}"
             f" {'quartiles':>21}",
         ]
         for curve in self.curves:
             for p in curve.points:
-                head = f"{curve.name:<24} {p.parameter:>10.4g}"
+                head = f"{curve.name:<{wide}} {p.parameter:>10.4g}"
                 if p.failure:
                     lines.append(f"{head} failed: {p.failure}")
                 else:
@@ -232,7 +234,9 @@ class WorkPrecision:
                         f"{head} {p.error:>10.2e} {p.count:>10.4g} {_seconds(p.time):>10}"
                         f" {quartiles:>21}"
                     )
-            lines.append(f"{curve.name:<24} observed order {self.observed_order(curve.name):.2f}")
+            order = self.observed_order(curve.name)
+            if not math.isnan(order):
+                lines.append(f"{curve.name:<{wide}} observed order {order:.2f}")
         if self.tolerance is not None:
             for by in ("count", "time"):
                 lines.append(f"cheapest by {by}: {self._pick_text(by)}")
@@ -359,6 +363,19 @@ class WorkPrecision:
                 ax.errorbar(
                     x, [p.error for p in good], xerr=spread, fmt="none", ecolor=colour, lw=0.8
                 )
+            if curve.style == "yours":
+                # A ring on top: a right answer often lies exactly under the worked one.
+                ax.plot(
+                    x,
+                    [p.error for p in good],
+                    linestyle="none",
+                    marker="s",
+                    markersize=8,
+                    markerfacecolor="none",
+                    markeredgecolor=colour,
+                    markeredgewidth=1.0,
+                    zorder=5,
+                )
             failed += [(colour, curve)] * (len(curve.points) - len(good))
         # A failure costs infinitely much, so it has no place on a finite axis: the top edge.
         for k, (colour, _) in enumerate(failed):
@@ -406,6 +423,19 @@ class WorkPrecision:
             ax.axhspan(low, self.reference_uncertainty, color="0.92", zorder=0)
             ax.set_ylim(bottom=low)
         ax.grid(True, which="major", alpha=0.3)
+        self._few_labels(ax)
+
+    @staticmethod
+    def _few_labels(ax: Axes) -> None:
+        """On a short axis matplotlib labels most minor ticks, one over the other: 2 and 5 do."""
+        from matplotlib.ticker import LogFormatterSciNotation, LogLocator
+
+        low, high = ax.get_xlim()
+        if 0.6 < math.log10(high / low) < 1.7:
+            ax.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+            ax.xaxis.set_minor_formatter(
+                LogFormatterSciNotation(labelOnlyBase=False, minor_thresholds=(10.0, 10.0))
+            )
 
 
 def max_norm(answer: Array, reference: Array) -> float:
