@@ -51,6 +51,7 @@ def picture(measured: WorkPrecision, path: str | Path) -> Path:
     os.close(handle)
     try:
         figure.savefig(temporary, dpi=110)
+        os.chmod(temporary, 0o644)  # mkstemp's files are private
         os.replace(temporary, target)
     finally:
         Path(temporary).unlink(missing_ok=True)
