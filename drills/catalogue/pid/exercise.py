@@ -475,15 +475,15 @@ def _windup(attempt: Attempt) -> None:
         )
 
 
-def _winds_up(attempt: Attempt) -> bool:
+def _winds_up(attempt: Attempt, side: float) -> bool:
     """Whether the integral goes on at the limit, by the sample at which the command leaves it."""
     numbers = Numbers(kp=1.2, ki=14.0, u_min=-4.0, u_max=4.0)
     controller = Controller(attempt, numbers)
     held = 160
-    controller.run(np.ones(held), 0.0)
+    controller.run(np.full(held, side), 0.0)
     gain = numbers.ki * numbers.dt
     due = (held * gain - numbers.kp - numbers.u_max) / gain
-    after = controller.run(np.full(math.ceil(due) + 4, -1.0), 0.0)
+    after = side * controller.run(np.full(math.ceil(due) + 4, -side), 0.0)
     left = int(np.argmax(after < numbers.u_max - 1e-9)) if np.any(after < numbers.u_max) else 0
     return abs(left - due) <= 3.0
 
@@ -509,12 +509,12 @@ class Plant:
         return Numbers(*gains, dt, -self.limit, 0.9 * self.limit, 2.0 * dt)
 
 
-def _plant(rng: np.random.Generator, speed: float) -> Plant:
+def _plant(rng: np.random.Generator, speed: float, side: float = 0.0) -> Plant:
     """Drawn so that a faster loop has a stronger motor: in units of 1 / speed all are alike."""
     inertia = float(rng.uniform(0.03, 0.08))
     speed *= float(rng.uniform(0.95, 1.05))
     limit = 0.62 * inertia * speed**2
-    side = float(rng.choice([-1.0, 1.0]))
+    side = side or float(rng.choice([-1.0, 1.0]))
     return Plant(
         inertia=inertia,
         damping=float(rng.uniform(0.06, 0.4)) * inertia * speed,
@@ -536,8 +536,10 @@ def _loops(attempt: Attempt) -> None:
         angles, _ = closed_loop(controller, joint, setpoints)
         _kept(attempt, controller)
         _settled(attempt, f"settled at {1.0 / dt:g} Hz", controller, plant, angles)
-    if not attempt.failed:
-        _jam(attempt)
+    # Both ways: an integral may know one limit and not the other.
+    for side in attempt.rng.permutation([1.0, -1.0]).tolist():
+        if not attempt.failed:
+            _jam(attempt, side)
 
 
 def _kept(attempt: Attempt, controller: Controller) -> None:
@@ -576,12 +578,12 @@ def _settled(
     )
 
 
-def _jam(attempt: Attempt) -> None:
+def _jam(attempt: Attempt, side: float) -> None:
     from course.drills import closed_loop
     from course.oracles.mujoco_joint import MotorJoint
 
     dt, speed = JAM_RATE
-    plant = _plant(attempt.rng, speed)
+    plant = _plant(attempt.rng, speed, side)
     controller = Controller(attempt, plant.numbers(dt))
     joint = MotorJoint(plant.inertia, plant.damping, dt, plant.load, substeps=10)
     held = round(JAM / dt)
@@ -591,7 +593,7 @@ def _jam(attempt: Attempt) -> None:
     past = float(np.max((angles - plant.step) * np.sign(plant.step)))
     allowed = OVERSHOOT * abs(plant.step)
     holds = past <= allowed
-    winding = not holds and _winds_up(attempt)
+    winding = not holds and _winds_up(attempt, side)
     slowly = "" if holds or winding else " Its integral lets go too slowly."
     attempt.require(
         "recovers from a jam, on MuJoCo's joint",

@@ -45,10 +45,13 @@ class Setting:
     delay: tuple[int, int]
     noise: float
     idle: float
+    left_out: bool = False  # these are the defaults, and the constructor is not told
 
     @property
     def ranges(self) -> tuple[Any, ...]:
         """The constructor's arguments after the model."""
+        if self.left_out:
+            return ()
         return self.friction, self.mass, self.damping, self.delay, self.noise, self.idle
 
 

@@ -20,12 +20,14 @@ from drills.catalogue.randomize.bench import (
     same_arrays,
 )
 from drills.catalogue.randomize.many_draws import (
+    defaults,
     distributions,
     equal_ends,
     noise_added,
     refusals,
     repeated,
     reused_actions,
+    undelayed,
 )
 from drills.catalogue.randomize.one_draw import one_draw
 from drills.catalogue.randomize.slips import SLIPS
@@ -59,6 +61,7 @@ def _judge(attempt: Attempt) -> None:
     seeds = [int(seed) for seed in attempt.rng.integers(1 << 32, size=6)]
     bench = Bench(attempt, draw_setting(attempt.rng))
     same_arrays(attempt, "the constructor leaves the model", bench.before, bench.arrays())
+    undelayed(bench, "before the first draw")
     move_data(bench)
     first = one_draw(bench, seeds[0])
     if first is None:
@@ -72,6 +75,9 @@ def _judge(attempt: Attempt) -> None:
     if attempt.failed:
         return
     equal_ends(bench, seeds[5])
+    if attempt.failed:
+        return
+    defaults(bench, seeds[5])
     refusals(bench)
     if not attempt.failed:
         _time(bench)

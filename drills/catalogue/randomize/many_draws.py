@@ -86,17 +86,7 @@ def repeated(bench: Bench, first: Arrays, seeds: list[int]) -> None:
     )
     if not attempt.failed:
         check_state(bench, bench.before, state, now, "restore")
-        actions = [np.full(bench.default.nu, float(k)) for k in range(1, 4)]
-        due = [learner.method(bench.randomizer, "delay", action) for action in actions]
-        attempt.compare(
-            "no delay after restore",
-            due,
-            np.array(actions),
-            tolerance=0.0,
-            unit="1",
-            why="an action is handed on as it is",
-            call="delay(action)",
-        )
+        undelayed(bench, "after restore")
 
 
 def _equal(a: Arrays, b: Arrays, names: tuple[str, ...]) -> bool:
@@ -110,7 +100,49 @@ def _distance(values: Array, low: float, high: float) -> float:
     return float(max(np.max(np.arange(1, n + 1) / n - x), np.max(x - np.arange(n) / n)))
 
 
-def distributions(bench: Bench, first: Arrays, seed: int) -> None:
+def undelayed(bench: Bench, when: str) -> None:
+    """Actions come back at once."""
+    actions = [np.full(bench.default.nu, float(k)) for k in range(1, 4)]
+    due = [bench.learner.method(bench.randomizer, "delay", action) for action in actions]
+    bench.attempt.compare(
+        f"no delay {when}",
+        due,
+        np.array(actions),
+        tolerance=0.0,
+        unit="1",
+        why="an action is handed on as it is",
+        call="delay(action)",
+    )
+
+
+def defaults(bench: Bench, seed: int) -> None:
+    """A randomizer that is told nothing but its model draws from the ranges of the signature."""
+    attempt, told = bench.attempt, bench.setting
+    ranges = (0.4, 1.2), (0.7, 1.3), (0.0, 0.5), (0, 3), 0.01, 0.0
+    other = Bench(attempt, Setting(told.xml, told.tuned, *ranges, left_out=True))
+    first = other.randomize(seed)
+    if same_arrays(attempt, "nothing else changes", other.before, first, ALLOWED):
+        distributions(other, first, seed, " with the defaults of the signature")
+    if attempt.failed:
+        return
+    truth = attempt.rng.uniform(-1.0, 1.0, size=2000)
+    seen = attempt.learner.method(other.randomizer, "observe", truth, other.generator(seed))
+    noise = attempt.numbers("an observation with the default noise", seen, truth.shape)
+    if noise is None:
+        return
+    ratio, allowed = float((noise - truth).std() / other.setting.noise), 6.0 / np.sqrt(4000.0)
+    attempt.require(
+        "noise with the defaults of the signature",
+        bool(abs(ratio - 1.0) <= allowed),
+        sentence=f"The noise has {ratio:.3g} times the standard deviation of the signature.",
+        error=abs(ratio - 1.0),
+        tolerance=allowed,
+        unit="1",
+        why=CHANCE,
+    )
+
+
+def distributions(bench: Bench, first: Arrays, seed: int, how: str = "") -> None:
     """Whether many draws are spread as asked, and each body and joint has its own."""
     attempt, setting = bench.attempt, bench.setting
     actions = [np.full(bench.default.nu, float(k)) for k in range(1, 8)]
@@ -131,8 +163,8 @@ def distributions(bench: Bench, first: Arrays, seed: int) -> None:
         attempt.require(
             name,
             distance <= FAR,
-            sentence=f"{DRAWS} draws are not uniform between {low:.4g} and {high:.4g} {unit}: they "
-            f"range from {values.min():.4g} to {values.max():.4g}, with a mean of "
+            sentence=f"{DRAWS} draws{how} are not uniform between {low:.4g} and {high:.4g} {unit}: "
+            f"they range from {values.min():.4g} to {values.max():.4g}, with a mean of "
             f"{values.mean():.4g}.",
             error=distance,
             tolerance=FAR,

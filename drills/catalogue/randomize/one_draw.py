@@ -172,11 +172,14 @@ def _friction(bench: Bench, arrays: Arrays) -> None:
         why=ROUNDING,
         slip=friction_slip(bench, arrays),
     )
-    others = np.array_equal(arrays["geom_friction"][:, 1:], bench.default.geom_friction[:, 1:])
+    others = np.array_equal(
+        arrays["geom_friction"][:, 1:], bench.default.geom_friction[:, 1:]
+    ) and np.array_equal(arrays["pair_friction"][:, 2:], bench.default.pair_friction[:, 2:])
     attempt.require(
         "torsional and rolling friction",
         others,
-        sentence="The second and third column of geom_friction (torsion, rolling) changed.",
+        sentence="Torsional or rolling friction changed: the second and third column of "
+        "geom_friction, the third to fifth of pair_friction.",
     )
     if not fine:
         return

@@ -32,6 +32,7 @@ CELLS = 4  # along each axis, for the uniformity of the targets
 LARGEST_CHI2 = 60.0  # 15 degrees of freedom: a right answer is above it once in 4 million
 # Of several slips that let an edge pass, the grossest explains the others.
 GROSSEST = ("nothing_checked", "vertices_only", "coarse_sampling", "last_edge_unchecked")
+MOST_TWICE = 0.05
 PARTS = ("path", "nodes", "parents", "samples")
 
 
@@ -48,7 +49,8 @@ def judge(attempt: Attempt) -> None:
             return
         made.append((drawn[index], run))
     _report(attempt, made)
-    _report_targets(attempt, made)
+    if not attempt.failed:  # the targets of a run that is wrong tell nothing about the drawing
+        _report_targets(attempt, made)
     _report_generator(attempt, made)
     if not attempt.failed:
         _report_cost(attempt, max(drawn, key=lambda world: world.closed * world.max_samples))
@@ -74,8 +76,9 @@ def _refuses(attempt: Attempt, world: World) -> bool:
     )
 
 
-def _ask(attempt: Attempt, world: World) -> Any:
-    rng = attempt.learner.given_new("generator", int(attempt.rng.integers(1 << 31)))
+def _ask(attempt: Attempt, world: World, seed: int | None = None) -> Any:
+    chosen = int(attempt.rng.integers(1 << 31)) if seed is None else seed
+    rng = attempt.learner.given_new("generator", chosen)
     return attempt.call(*world.arguments(), rng)
 
 
@@ -84,9 +87,9 @@ def _typed(world: World) -> str:
     return f"rrt({', '.join(values)}, rng)"
 
 
-def _run(attempt: Attempt, world: World) -> Run | None:
+def _run(attempt: Attempt, world: World, seed: int | None = None) -> Run | None:
     """One run as arrays, or None after a failed check."""
-    got = _ask(attempt, world)
+    got = _ask(attempt, world, seed)
     call = _typed(world)
     parts = attempt.parts(got, PARTS, call=call)
     if parts is None:
@@ -95,6 +98,7 @@ def _run(attempt: Attempt, world: World) -> Run | None:
         path = None if parts[0] is None else _table(parts[0], "the path")
         nodes, samples = _table(parts[1], "the tree"), _table(parts[3], "samples")
         parents = as_float64(parts[2], None, "parents")
+        parents = np.clip(parents, -2.0, 1e9)  # what is beyond is no index either
         if parents.ndim != 1 or not np.array_equal(parents, parents.round()):
             raise Mismatch(
                 Reason.WRONG_SHAPE,
@@ -170,6 +174,8 @@ def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
         why=f"{SIGMAS:g} standard deviations of {total} draws",
         slip={0.0: "no_goal_bias", 1.0: "always_goal"}.get(share, ""),
     )
+    if not attempt.failed:
+        _report_chance(attempt, goals)
     places = [
         (run.samples[~mask] - world.bounds[0]) / (world.bounds[1] - world.bounds[0])
         for (world, run), mask in zip(closed, goals, strict=True)
@@ -185,6 +191,31 @@ def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
         why="chi-squared of the counts in 16 equal parts of the world",
         slip="bounds_from_zero",
     )
+    points = np.vstack(places)
+    twice = max(1.0 - len(np.unique(column)) / max(len(column), 1) for column in points.T)
+    attempt.require(
+        "other targets are new ones",
+        twice <= MOST_TWICE,
+        sentence=f"Of the targets that are not the goal, {twice:.1%} have a coordinate that came "
+        "before: they are drawn from a few values, or pushed onto the border.",
+        got=f"{twice:.3g}",
+        expected="0",
+        error=twice,
+        tolerance=MOST_TWICE,
+        unit="1",
+        why="a uniform number of 24 bits comes twice in one draw of 10 000",
+    )
+
+
+def _report_chance(attempt: Attempt, goals: list[NDArray[np.bool_]]) -> None:
+    """Whether the goal comes by chance: then the waiting times differ."""
+    waits = np.concatenate([np.diff(np.flatnonzero(mask)) for mask in goals])
+    attempt.require(
+        "the goal is drawn by chance",
+        bool(len(np.unique(waits)) > 1),
+        sentence=f"The goal comes regularly, every {waits[0] if len(waits) else 0} targets. Draw "
+        "each time whether it is the goal.",
+    )
 
 
 def _chi2(places: Array) -> float:
@@ -198,7 +229,7 @@ def _chi2(places: Array) -> float:
 
 
 def _report_generator(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
-    """Another generator must draw other targets."""
+    """Another generator must draw other targets, and the same one the same."""
     if attempt.failed:
         return
     world = min((w for w, _ in made if w.closed), key=lambda w: w.max_samples)
@@ -212,6 +243,19 @@ def _report_generator(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
         sentence="Two generators with different seeds led to the same targets.",
         call=_typed(world),
         slip="own_generator",
+    )
+    seed = int(attempt.rng.integers(1 << 31))
+    same = [_run(attempt, world, seed) for _ in range(2)]
+    if same[0] is None or same[1] is None:
+        return
+    attempt.require(
+        "nothing but rng decides",
+        np.array_equal(same[0].samples, same[1].samples)
+        and np.array_equal(same[0].nodes, same[1].nodes),
+        sentence="The same query with the same seed of rng gave another tree. Every random number "
+        "has to come from rng: none from a generator of your own, numpy.random or random.",
+        call=_typed(world),
+        reason=Reason.NOT_DETERMINISTIC,
     )
 
 

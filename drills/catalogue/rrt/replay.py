@@ -78,6 +78,9 @@ def _targets(world: World, run: Run) -> list[Fault]:
 def _tree(world: World, run: Run) -> list[Fault]:
     if len(run.parents) != len(run.nodes):
         return [Fault("tree", f"{len(run.nodes)} nodes have {len(run.parents)} parents.")]
+    if len(run.nodes) > world.max_samples + 2:
+        text = f"The tree has {len(run.nodes)} nodes, of {world.max_samples} targets at most."
+        return [Fault("tree", text)]
     if not len(run.nodes) or not np.array_equal(run.nodes[0], world.start):
         return [Fault("tree", "The first node is not the start.")]
     if run.parents[0] != -1:

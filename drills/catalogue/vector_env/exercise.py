@@ -80,6 +80,8 @@ class Pair:
         """Compare bools; an array or a list of them."""
         if isinstance(got, np.ndarray):
             got = got.tolist()
+        if isinstance(got, list | tuple):
+            got = [x.item() if isinstance(x, np.bool_) else x for x in got]
         wanted = expected.tolist()
         if not isinstance(got, list) or [type(x) for x in got] != [bool] * len(wanted):
             return self.attempt.require(
