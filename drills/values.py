@@ -7,6 +7,7 @@ The order is fixed: type, shape, finite, then the error, and an answer passes on
 from __future__ import annotations
 
 import math
+import types
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -21,12 +22,12 @@ from drills.sandbox import Handle
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True)
 class Mismatch(Exception):
     """Why a value is not the answer, with a sentence of its own."""
 
-    reason: Reason
-    sentence: str
+    def __init__(self, reason: Reason, sentence: str) -> None:
+        super().__init__(sentence)
+        self.reason, self.sentence = reason, sentence
 
 
 def as_float64(value: Any, shape: tuple[int, ...] | None, what: str = "the answer") -> Array:
@@ -158,6 +159,8 @@ def _described(value: Any, limit: int) -> str:
     if isinstance(value, list | tuple):
         inside = ", ".join(describe(item, limit) for item in value[:17])
         return f"[{inside}]" if isinstance(value, list) else f"({inside})"
+    if isinstance(value, types.FunctionType):
+        return value.__name__
     return "..." if isinstance(value, Handle | Local) else type_name(value)
 
 

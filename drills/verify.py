@@ -188,7 +188,7 @@ def _shapes(card: Card, one: Attempt) -> Finding:
 
 def shape_matches(quantity: Quantity, argument: Any, sizes: dict[str, int]) -> bool:
     """Whether an argument has the stated shape; symbols such as n are bound in `sizes`."""
-    if isinstance(argument, Handle | Local):
+    if isinstance(argument, Handle | Local) or callable(argument):
         return not quantity.shape.startswith("(")
     if quantity.shape == "number":
         return type(argument) in (int, float) or np.shape(argument) == ()

@@ -483,3 +483,83 @@ def test_any_exception_is_reported_and_the_child_lives_on(body: str) -> None:
         except Raised as error:
             assert len(error.message) < 20_000 and len(error.type) <= 200
             assert (error.type + error.message).isprintable()
+
+
+# --- Functions that stay in the grader ------------------------------------------------------------
+
+ASKING = """\
+import threading
+
+def twice(function, x):
+    return function(x) + function(2 * x)
+
+def keep(function):
+    global kept
+    kept = function
+    return function(1.0)
+
+def later():
+    return kept(3.0)
+
+def forever(function):
+    while True:
+        function(1.0)
+
+def from_threads(function):
+    found = []
+    threads = [threading.Thread(target=lambda i=i: found.append(function(i))) for i in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    return sorted(found)
+
+"""
+
+
+def test_a_function_argument_is_answered_by_the_grader() -> None:
+    asked: list[Any] = []
+
+    def square(x: Any) -> Any:
+        asked.append(x)
+        return np.asarray(x, dtype=float) ** 2
+
+    with Child(ASKING, filename="a.py", entry="twice") as child:
+        child.load()
+        assert child.call("twice", square, np.array([1.0, 3.0])).tolist() == [5.0, 45.0]
+        assert len(asked) == 2 and not child.changed
+        assert child.call("from_threads", square) == [float(i * i) for i in range(8)]
+        with pytest.raises(Raised) as raised:
+            child.call("twice", square, "text")
+        assert raised.value.type == "TypeError" and "could not convert" in raised.value.message
+        assert child.call("keep", square) == 1.0
+        assert child.call("later") == 9.0
+        with pytest.raises(Ended) as ended:
+            child.call("forever", square, seconds=0.5)
+        assert ended.value.reason is Reason.TIMED_OUT and "0.5 s" in ended.value.sentence
+
+
+@pytest.mark.parametrize(
+    "forged", ['{"ask": 7, "args": []}', '{"ask": 0, "args": 1}', '{"ask": "0"}']
+)
+def test_a_question_that_makes_no_sense_is_garbled(forged: str) -> None:
+    source = (
+        "import json, os, sys\n\n"
+        "def f(function):\n"
+        "    frame = sys._getframe()\n"
+        "    while frame and 'request' not in frame.f_locals:\n"
+        "        frame = frame.f_back\n"
+        "    identity = frame.f_locals['request']['id']\n"
+        f"    data = json.dumps({{'id': identity, **json.loads({forged!r})}}).encode()\n"
+        "    for number in range(3, 64):\n"
+        "        try:\n"
+        "            os.write(number, len(data).to_bytes(4, 'big') + data)\n"
+        "        except OSError:\n"
+        "            pass\n"
+        "    return 1\n"
+    )
+    with Child(source, filename="a.py", entry="f") as child:
+        child.load()
+        with pytest.raises(Ended) as ended:
+            child.call("f", lambda: 0)
+        assert ended.value.reason is Reason.GARBLED

@@ -16,6 +16,7 @@ import os
 import select
 import signal
 import sys
+import threading
 import time
 import types
 from typing import Any, cast
@@ -59,10 +60,30 @@ class Answers:
         self.modules: dict[str, types.ModuleType] = {}
         self.attempts: list[str] = []  # functions called that start a process
         self.filename = "submission.py"
+        self.request = ""  # the one that is being answered
+        self.one_at_a_time = threading.Lock()
+        self.converse: Any = None
 
     def value(self, data: Any) -> Any:
-        """An argument: plain data, with handles resolved."""
-        return self.wire.decode(data, lambda tag, number: self.kept[number])
+        """An argument: plain data, with handles and the grader's functions resolved."""
+        return self.wire.decode(
+            data, lambda tag, number: self.kept[number] if tag == "h" else self.asking(number)
+        )
+
+    def asking(self, number: int) -> Any:
+        """A function that stays in the grader: a call goes there and waits for the answer."""
+
+        def function(*args: Any) -> Any:
+            if not self.request:
+                raise RuntimeError("this function can only be asked during the call that gave it")
+            with self.one_at_a_time:
+                question = {"ask": number, "args": [self.plain(value) for value in args]}
+                answer = self.converse(self.request, question)
+            if "refused" in answer:
+                raise TypeError(answer["refused"])
+            return self.value(answer["value"])
+
+        return function
 
     def plain(self, value: Any) -> Any:
         """A result as it travels."""
@@ -160,7 +181,9 @@ class Answers:
         pairs = [*zip(request["args"], args, strict=True)]
         pairs += [(data, kwargs[key]) for key, data in request["kwargs"].items()]
         return any(
-            isinstance(data, (dict, list)) and "h" not in data and self.plain(value) != data
+            isinstance(data, (dict, list))
+            and not {"h", "c"} & set(data if isinstance(data, dict) else ())
+            and self.plain(value) != data
             for data, value in pairs
         )
 
@@ -185,6 +208,9 @@ class Answers:
             message = f"(its text can't be read: {type(second).__name__})"[:200]
         return {
             "raised": [str(type(error).__name__)[:200], message, frames[-20:]],
+            "kinds": [
+                kind.__name__ for kind in type.mro(type(error)) if kind.__module__ == "builtins"
+            ][:20],
             "about": self.about(error, files),
         }
 
@@ -316,17 +342,24 @@ def _serve(answers: Answers, report: dict[str, str]) -> None:
         except OSError:  # the submission has closed the pipe
             _exit(1)
 
+    def converse(identity: str, question: dict[str, Any]) -> dict[str, Any]:
+        reply(identity, question)
+        return loads(_frame().decode())
+
+    answers.converse = converse
     reply("ready", {"ok": report})
     while True:
         request = loads(_frame().decode())
         for number in request["drop"]:
             answers.kept.pop(number, None)
         answers.attempts.clear()
+        answers.request = request["id"]
         try:
             content = actions[request["do"]](request)
         except BaseException as error:
             content = answers.raised(error)
             del error
+        answers.request = ""
         reply(request["id"], content)
 
 

@@ -72,9 +72,12 @@ class Handle:
 class Raised(Exception):
     """The submission raised an exception; the child lives on."""
 
-    def __init__(self, kind: str, message: str, frames: list[Frame]) -> None:
+    def __init__(
+        self, kind: str, message: str, frames: list[Frame], kinds: tuple[str, ...] = ()
+    ) -> None:
         super().__init__(f"{kind}: {message}")
         self.type, self.message, self.frames = kind, message, frames
+        self.kinds = kinds  # the built-in exceptions that it is one of
 
 
 class Ended(Exception):

@@ -18,6 +18,7 @@ import sys
 import tempfile
 import time
 import weakref
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -113,6 +114,7 @@ class Child:
         self._peak = 0
         self._dropped: list[int] = []
         self._handles = 0
+        self._functions: list[Callable[..., Any]] = []  # that the submission may ask
         self._files: set[int] = set()
         self._process: subprocess.Popen[bytes] | None = None
         self._folder = tempfile.mkdtemp(prefix="drills-")
@@ -286,7 +288,8 @@ class Child:
 
         Args:
             name: of the function.
-            args: None, bool, int, float, str, list, tuple, dict with str keys, ndarray or Handle.
+            args: None, bool, int, float, str, list, tuple, dict with str keys, ndarray, Handle, or
+                a function: it stays here, and each call of it from the child is answered here.
             repeat: how often to call it, in one request; the last result counts.
             seconds: limit for this request, in place of `Limits.call`.
             kwargs: as `args`.
@@ -344,6 +347,9 @@ class Child:
                 return {"h": self._number(x)}
             if isinstance(x, (np.generic, np.ndarray)) and x.dtype.name in wire.DTYPES:
                 return plain(np.asarray(x))
+            if callable(x):
+                self._functions.append(x)
+                return {"c": len(self._functions) - 1}
             raise TypeError(f"an argument of type {name} can't be sent to the child")
 
         def plain(x: Any) -> Any:
@@ -408,6 +414,12 @@ class Child:
         self._dropped, dropped = [], self._dropped
         self._pending = memoryview(wire.pack({"id": identity, "drop": dropped, **request}))
         answer = self._wait(identity, seconds, where)
+        spent = self.elapsed
+        while "ask" in answer:
+            self._pending = memoryview(wire.pack({"id": identity, **self._asked(answer)}))
+            answer = self._wait(identity, seconds, where, spent)
+            spent += self.elapsed
+        self.elapsed = spent
         if "raised" in answer:
             raise self._raised(answer, where)
         if "missing" in answer:
@@ -425,6 +437,19 @@ class Child:
         if "ok" not in answer:
             raise self._garbled()
         return answer
+
+    def _asked(self, question: dict[str, Any]) -> dict[str, Any]:
+        """Answer a question of the submission to a function that stays on this side."""
+        number, listed = question["ask"], question.get("args")
+        if type(number) is not int or not 0 <= number < len(self._functions):
+            raise self._garbled()
+        if type(listed) is not list:
+            raise self._garbled()
+        args = [self._value({"ok": item}, "") for item in listed]
+        try:
+            return {"value": self._plain(self._functions[number](*args))}
+        except Exception as error:  # it was asked about something that it does not take
+            return {"refused": f"{type(error).__name__}: {error}"[:500]}
 
     def _raised(self, answer: dict[str, Any], where: str) -> Exception:
         parts, about = answer["raised"], answer.get("about")
@@ -450,14 +475,18 @@ class Child:
             text = f"The code called sys.exit({readable(status)}) {where}."
             return self._end(Reason.EXITED, text)
         frames = [Frame(line, readable(function[:100])) for line, function in listed[-20:]]
-        return Raised(readable(kind[:200]), message, frames)
+        kinds = answer.get("kinds")
+        named = [k for k in kinds if type(k) is str] if type(kinds) is list else []
+        return Raised(readable(kind[:200]), message, frames, tuple(named))
 
     # One loop for everything that is waited for
 
-    def _wait(self, identity: str, seconds: float, where: str) -> dict[str, Any]:
+    def _wait(
+        self, identity: str, seconds: float, where: str, spent: float = 0.0
+    ) -> dict[str, Any]:
         start = time.monotonic()
         left = self._limits.total - self._used if self._ready else START
-        deadline = start + min(seconds, left)
+        deadline = start + min(seconds - spent, left)
         try:
             self._send()
             while True:

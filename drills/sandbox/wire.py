@@ -6,7 +6,7 @@ never trusted: `decode` accepts exactly the forms that `encode` writes, within f
 A JSON number, string, true, false, null or array stands for itself. All else is an object of one
 key: `i` an int beyond 2**53 (hexadecimal), `f` NaN or an infinity, `t` a tuple, `d` a dictionary,
 `a` an array as [dtype, shape, base64], `x` a value that does not travel (its type's name), `h` an
-object that stays in the child.
+object that stays in the child, `c` a function that stays in the grader.
 """
 
 from __future__ import annotations
@@ -141,8 +141,8 @@ def decode(data: Any, special: Callable[[str, Any], Any]) -> Any:
 
     Args:
         data: parsed JSON.
-        special: called with "x" and a type's name, or "h" and a number; returns the value, or
-            raises `Malformed` where such a thing must not appear.
+        special: called with "x" and a type's name, or "h" or "c" and a number; returns the value,
+            or raises `Malformed` where such a thing must not appear.
 
     Raises:
         Malformed: for anything that `encode` would not have written.
@@ -204,7 +204,7 @@ def decode(data: Any, special: Callable[[str, Any], Any]) -> Any:
                 return int(content, 16)
             except ValueError as error:
                 raise Malformed("not an int") from error
-        if tag in ("x", "h"):
+        if tag in ("x", "h", "c"):
             return special(tag, content)
         raise Malformed("unknown form")
 

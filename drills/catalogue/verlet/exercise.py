@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from drills.exercise import Exercise, Slip
 from drills.grade import Attempt, describe_call, repeat_calls, start_child
 from drills.reasons import Reason
+from drills.values import numbers as numbers_of
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
@@ -63,41 +64,59 @@ def _cases(rng: np.random.Generator) -> list[tuple[str, list[float], Any, Any, f
 def _single_step(
     attempt: Attempt, kind: str, numbers: list[float], q: Any, v: Any, dt: float, label: str
 ) -> tuple[tuple[Any, ...], Any]:
-    a = attempt.reference.given("acceleration", kind, numbers, q)
-    theirs = attempt.learner.given_new("field", kind, numbers)
-    args = q, v, a, theirs, dt
+    asked: list[Any] = []
+
+    def acceleration(place: Any) -> Array:
+        """Answered by the grader, which also counts: the child's own count could be forged."""
+        asked.append(place)
+        return _pull(attempt, kind, numbers, place, q.shape)
+
+    args = q, v, _pull(attempt, kind, numbers, q, q.shape), acceleration, dt
     call = describe_call(attempt.card.entry, args)
     got = attempt.call(*args)
+    calls = len(asked)
     parts = attempt.parts(got, tuple(UNITS), call=call)
     if parts is None:
         return args, got
-    ours = attempt.reference.given_new("field", kind, numbers)
     for part, right, (what, unit) in zip(
-        parts, attempt.expected(q, v, a, ours, dt), UNITS.items(), strict=True
+        parts, attempt.expected(*args), UNITS.items(), strict=True
     ):
         attempt.compare(
             f"{label}: {what}", part, right, tolerance=1e-11, unit=unit, why=ROUNDING, call=call
         )
-    calls = attempt.learner.given("calls", theirs)
     attempt.require(
         f"{label}: evaluations",
-        type(calls) is int and calls == 1,
+        calls == 1,
         sentence=f"The acceleration was asked for {calls} times in one step; once is enough.",
         got=str(calls),
         expected="1",
         call=call,
+        slip="evaluated_twice" if calls == 2 else "",
     )
     return args, got
+
+
+def _pull(
+    attempt: Attempt, kind: str, numbers: list[float], place: Any, shape: tuple[int, ...]
+) -> Array:
+    """The acceleration at a place; a `ValueError` where that is no place of this system."""
+    q = numbers_of(place, "the position")
+    if q.shape != shape:
+        raise ValueError(f"acceleration takes positions of shape {shape}, got {q.shape}")
+    return np.asarray(attempt.reference.given("acceleration", kind, numbers, q))
 
 
 def _run(
     attempt: Attempt, q: Array, v: Array, omega: float, dt: float, steps: int
 ) -> tuple[Array, Array] | None:
     """A run on a spring, or None after a failed check."""
-    field = attempt.learner.given_new("field", "spring", [omega**2, 0.0])
-    a = -(omega**2) * q
+
+    def acceleration(place: Any) -> Array:
+        return _pull(attempt, "spring", [omega**2, 0.0], place, shape)
+
+    a, shape = -(omega**2) * q, q.shape
     for _ in range(steps):
-        parts = attempt.parts(attempt.call(q, v, a, field, dt), tuple(UNITS))
+        parts = attempt.parts(attempt.call(q, v, a, acceleration, dt), tuple(UNITS))
         if parts is None:
             return None
         new = [attempt.numbers("a step of a run", part, q.shape) for part in parts]

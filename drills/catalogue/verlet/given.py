@@ -1,4 +1,4 @@
-"""Accelerations that count how often they are asked for."""
+"""Accelerations, for the judge and for runs inside the child, where the chart counts them."""
 
 import numpy as np
 
@@ -29,10 +29,6 @@ def acceleration(kind, numbers, q):
 
 def field(kind, numbers):
     return Field(kind, numbers)
-
-
-def calls(field):
-    return field.calls
 
 
 def drive(q, v, kind, numbers, dt, steps):
