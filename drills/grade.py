@@ -239,7 +239,7 @@ class Attempt:
         try:
             value = request()
         except Raised as raised:
-            if raised.type in errors:
+            if raised.type in errors or not set(errors).isdisjoint(raised.kinds):
                 self._add(Check(name, Reason.RIGHT, call=call, got=raised.type, expected=expected))
                 return True
             got, said = raised.type, f"It raised {raised.type}, not {expected}. {sentence}"

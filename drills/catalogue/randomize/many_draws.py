@@ -30,7 +30,7 @@ from drills.catalogue.randomize.one_draw import (
     friction_slip,
 )
 from drills.grade import Attempt, describe
-from drills.values import Mismatch, as_float64
+from drills.values import Mismatch, as_float64, identical
 
 
 def repeated(bench: Bench, first: Arrays, seeds: list[int]) -> None:
@@ -160,6 +160,9 @@ def distributions(bench: Bench, first: Arrays, seed: int, how: str = "") -> None
         ("distribution of damping", added, setting.damping, "N m s/rad"),
     ):
         distance = max(_distance(column, low, high) for column in values.T)
+        if distance <= FAR:  # all together tell more than each alone
+            fewer = np.sqrt(DRAWS / values.size)
+            distance = max(distance, _distance(values.ravel(), low, high) / float(fewer))
         attempt.require(
             name,
             distance <= FAR,
@@ -302,6 +305,18 @@ def reused_actions(bench: Bench, seed: int) -> None:
     if not found:
         return
     bench.randomize(seed)
+    again = [bench.learner.method(bench.randomizer, "delay", action) for action in actions]
+    due = attempt.require(
+        "the same seed, the same delay",
+        _same(again, expected[lags[0]]),
+        sentence="The same seed gave another delay. Every random number must come from rng.",
+        got=describe(again),
+        expected=describe(plain),
+        call="delay(action)",
+    )
+    if not due:
+        return
+    bench.randomize(seed)
     reused = bench.learner.given("delay_reused", bench.randomizer, [*actions])
     attempt.compare(
         "actions handed over in one array",
@@ -327,6 +342,16 @@ def noise_added(bench: Bench, seed: int) -> None:
         tolerance=8.0 * sigma,
         unit="1",
         why="eight standard deviations: once in 1e15",
+        call="observe(observation, rng)",
+    )
+    twice = learner.method(bench.randomizer, "observe", truth, bench.generator(seed))
+    attempt.require(
+        "the same seed, the same noise",
+        identical(back, twice),
+        sentence="Two generators with the same seed gave different noise. Every random number must "
+        "come from rng.",
+        got=describe(twice),
+        expected=describe(back),
         call="observe(observation, rng)",
     )
     like = {"handed": truth, "shared": False}

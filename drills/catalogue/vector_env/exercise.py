@@ -14,7 +14,7 @@ from drills.grade import Attempt, start_child
 from drills.inprocess import Local
 from drills.reasons import Reason
 from drills.sandbox import Handle
-from drills.values import describe, type_name
+from drills.values import describe
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
@@ -81,7 +81,8 @@ class Pair:
         if isinstance(got, np.ndarray):
             got = got.tolist()
         if isinstance(got, list | tuple):
-            got = [x.item() if isinstance(x, np.bool_) else x for x in got]
+            scalars = [isinstance(x, np.ndarray | np.generic) and x.ndim == 0 for x in got]
+            got = [x.item() if scalar else x for x, scalar in zip(got, scalars, strict=True)]
         wanted = expected.tolist()
         if not isinstance(got, list) or [type(x) for x in got] != [bool] * len(wanted):
             return self.attempt.require(
@@ -119,11 +120,12 @@ class Pair:
     def info(self, name: str, got: Any, expected: dict[str, Any], call: str) -> bool:
         """Compare one dict."""
         if not isinstance(got, dict) or set(got) != set(expected):
-            keys = f"the keys {sorted(got)}" if isinstance(got, dict) else f"a {type_name(got)}"
+            found = f"has the keys {sorted(got)}" if isinstance(got, dict) else "is no dict"
+            found = "is None" if got is None else found
             return self.attempt.require(
                 name,
                 False,
-                sentence=f"It has {keys}, and should have {sorted(expected)}.",
+                sentence=f"It {found}, and should have the keys {sorted(expected)}.",
                 got=describe(got),
                 expected=describe(expected),
                 call=call,
