@@ -194,8 +194,9 @@ def cost_of_processes(
 
     Returns:
         Best of all repeats: "cost" [s] of one environment's step, "loop", "processes" and
-        "gymnasium" [s per step of all N], each a list by size; "predicted" and "measured", the cost [s] above which the processes
-        of ours are faster than the loop (None where they do not meet).
+        "gymnasium" [s per step of all N], each a list by size;
+        "predicted" and "measured", the cost [s] above which the processes of ours are faster than
+        the loop (None where they do not meet).
     """
     data: dict[str, Any] = {"n": n, "workers": WORKERS}
     names = ("cost", "loop", "processes", "gymnasium")
