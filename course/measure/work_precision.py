@@ -214,12 +214,12 @@ class WorkPrecision:
 
     def table(self) -> str:
         """All points and the observed orders as text."""
-        known, unit = self.reference_uncertainty, f" {self.error_unit}"
+        known = self.reference_uncertainty
         wide = max([24, *(len(curve.name) for curve in self.curves)])
         lines = [
             self.question,
-            (f"reference known to {known:.1e} {self.error_unit}" if known else "reference exact")
-            + ("" if self.tolerance is None else f"; tolerance {self.tolerance:g}{unit}"),
+            (f"reference known to {known:.1e}{self._unit}" if known else "reference exact")
+            + ("" if self.tolerance is None else f"; tolerance {self.tolerance:g}{self._unit}"),
             f"{'method':<{wide}} {'setting':>10} {'error':>10} {'count':>10} {'time':>10}"
             f" {'quartiles':>21}",
         ]
@@ -244,6 +244,11 @@ class WorkPrecision:
             lines.append(f"yours against the pick, side by side: {self.ratio:.3g} times its time")
         lines.append(self.machine)
         return "\n".join(lines)
+
+    @property
+    def _unit(self) -> str:
+        """The unit of an error behind its number: nothing for a plain one."""
+        return "" if self.error_unit == "1" else f" {self.error_unit}"
 
     def _pick_text(self, by: str) -> str:
         pick = self.pick(by=by)
@@ -392,7 +397,7 @@ class WorkPrecision:
         if self.tolerance is not None:
             ax.axhline(self.tolerance, color="0.3", linestyle=":", linewidth=1.2)
             ax.annotate(
-                f"tolerance {self.tolerance:g} {self.error_unit}",
+                f"tolerance {self.tolerance:g}{self._unit}",
                 (0.01, self.tolerance),
                 xycoords=("axes fraction", "data"),
                 ha="left",
