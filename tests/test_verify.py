@@ -1,4 +1,7 @@
-"""The whole catalogue proved on the real grader, and the proof itself shown to be able to fail."""
+"""The chapters' exercises proved on the real grader, and the proof shown to be able to fail.
+
+The drills are in a file of their own, so that two workers share the load.
+"""
 
 from __future__ import annotations
 
@@ -14,7 +17,7 @@ from drills.exercise import Quantity, Slip
 from drills.sandbox import Limits
 
 
-@pytest.mark.parametrize("name", catalogue.names())
+@pytest.mark.parametrize("name", [card.name for card in catalogue.cards() if not card.drill])
 def test_exercise_is_proved(name: str) -> None:
     findings = verify.findings_of(name, seeds=50)
     assert [f"{f.what}: {f.detail}" for f in findings if not f.passed] == []
