@@ -185,3 +185,9 @@ def test_the_first_and_the_last_seed_are_fair(name):
     for seed in (0, 2**32 - 1):
         report = grade(name, catalogue.card(name).solution_text(), seed=seed)
         assert report.passed, report.sentence
+
+
+def test_a_generator_function_is_not_told_that_it_accepts_collisions():
+    text = edited("rrt") + "\n_right = rrt\n\n\ndef rrt(*args):\n    yield from _right(*args)\n"
+    report = grade("rrt", text, seed=4242)
+    assert not report.passed and report.slip == ""

@@ -72,7 +72,7 @@ def _refuses(attempt: Attempt, world: World) -> bool:
         outcome,
         sentence=f"The query must be refused with ValueError: {world.label}.",
         call=_typed(world),
-        slip="" if raised else "collision_accepted",
+        slip="" if raised or not isinstance(answer, list | tuple) else "collision_accepted",
     )
 
 
@@ -99,7 +99,9 @@ def _run(attempt: Attempt, world: World, seed: int | None = None) -> Run | None:
         nodes, samples = _table(parts[1], "the tree"), _table(parts[3], "samples")
         parents = as_float64(parts[2], None, "parents")
         parents = np.clip(parents, -2.0, 1e9)  # what is beyond is no index either
-        if parents.ndim != 1 or not np.array_equal(parents, parents.round()):
+        if not np.array_equal(parents, parents.round()):
+            raise Mismatch(Reason.WRONG_TYPE, "parents holds numbers that are not whole.")
+        if parents.ndim != 1:
             raise Mismatch(
                 Reason.WRONG_SHAPE,
                 f"parents has shape {parents.shape}; integers of shape (m,) are asked for.",
