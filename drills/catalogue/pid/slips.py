@@ -116,8 +116,9 @@ SLIPS = (
     ),
     Slip(
         "nan_accepted",
-        "A measurement that is NaN or infinite gets into the state. From then on every command "
-        "is wrong: refuse it before anything is changed.",
+        "A number that is NaN or infinite gets in, and every command after it is wrong. A "
+        "comparison does not stop it: nan < 0 is false. Ask math.isfinite, in the constructor and "
+        "in update, before anything is changed.",
         edits=(("if not abs(value) < np.inf:", "if abs(value) < 0.0:"),),
     ),
 )
