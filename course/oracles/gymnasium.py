@@ -42,6 +42,37 @@ def async_vector_env(
     return vector.AsyncVectorEnv([env_fn] * num_envs, autoreset_mode=autoreset_mode)
 
 
+def wrapped(
+    env_fn: Callable[[], Any], observation_size: int, action_size: int
+) -> Callable[[], Env[Any, Any]]:
+    """Gymnasium's interface around a plain environment, with observations that are copies.
+
+    Args:
+        env_fn: builds one with `reset(seed)`, `step(action)`, as Gymnasium's return.
+        observation_size, action_size: lengths of its vectors.
+    """
+    _gymnasium()
+    import gymnasium
+    import numpy as np
+
+    class Wrapped(gymnasium.Env[Any, Any]):
+        observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (observation_size,), np.float64)
+        action_space = gymnasium.spaces.Box(-1.0, 1.0, (action_size,), np.float64)
+
+        def __init__(self) -> None:
+            self.inner = env_fn()
+
+        def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
+            observation, info = self.inner.reset(seed)
+            return observation.copy(), info
+
+        def step(self, action: Any) -> Any:
+            observation, *rest = self.inner.step(action)
+            return observation.copy(), *rest
+
+    return Wrapped
+
+
 def check(env: Env[Any, Any]) -> list[str]:
     """Gymnasium's checks of a single environment.
 

@@ -230,30 +230,11 @@ def _time(attempt: Attempt) -> None:
 
 def chart(attempt: Attempt) -> WorkPrecision:
     """Mean reward of the walk without actions, which is 0, from more and more environments."""
-    import gymnasium
-
     from course.measure.work_precision import Method, Result, measure
-    from course.oracles.gymnasium import sync_vector_env
+    from course.oracles.gymnasium import sync_vector_env, wrapped
 
     steps, sizes, unit = 20, [4.0, 16.0, 64.0, 256.0], "environment steps"
     walk: Any = attempt.reference.evaluate("given.Walk")
-
-    class Walk(gymnasium.Env[Any, Any]):
-        """The walk behind Gymnasium's interface, with observations of its own."""
-
-        observation_space = gymnasium.spaces.Box(-np.inf, np.inf, (3,), np.float64)
-        action_space = gymnasium.spaces.Box(-1.0, 1.0, (2,), np.float64)
-
-        def __init__(self) -> None:
-            self.walk = walk(5, 4)
-
-        def reset(self, *, seed: int | None = None, options: Any = None) -> Any:
-            observation, info = self.walk.reset(seed)
-            return observation.copy(), info
-
-        def step(self, action: Any) -> Any:
-            observation, *rest = self.walk.step(action)
-            return observation.copy(), *rest
 
     def driven(child: Child) -> Callable[[float], Result]:
         return lambda n: Result(
@@ -261,7 +242,7 @@ def chart(attempt: Attempt) -> WorkPrecision:
         )
 
     def library(n: float) -> Result:
-        envs = sync_vector_env(Walk, int(n))
+        envs = sync_vector_env(wrapped(lambda: walk(5, 4), 3, 2), int(n))
         envs.reset(seed=0)
         actions = np.zeros((int(n), 2))
         return Result([np.mean([envs.step(actions)[1] for _ in range(steps)])], steps * n)
