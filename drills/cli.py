@@ -5,6 +5,7 @@ Every command ends with one line of JSON when it is given `--json`; `schema.json
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from dataclasses import asdict
@@ -28,6 +29,11 @@ NAME = click.argument("name")
 
 def main() -> None:
     """The console script."""
+    for stream in range(3):  # where one was closed, the next file to be opened would take its place
+        try:
+            os.fstat(stream)
+        except OSError:
+            os.open(os.devnull, os.O_RDWR)
 
     def stop(number: int, frame: object) -> None:
         sys.exit(128 + number)

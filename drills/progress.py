@@ -11,6 +11,7 @@ import contextlib
 import errno
 import json
 import os
+import stat
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field, fields
@@ -164,12 +165,16 @@ class _Damaged(Exception):
 
 def _read(path: Path) -> dict[str, Record]:
     try:
-        with path.open("rb") as file:
-            data = file.read(_LARGEST + 1)
+        # Opening a named pipe would otherwise wait for somebody to write.
+        with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
+            regular = stat.S_ISREG(os.fstat(file.fileno()).st_mode)
+            data = file.read(_LARGEST + 1) if regular else b""
     except FileNotFoundError:
         return {}
     except OSError as error:
         raise ProgressProblem(f"Your progress in {path} can't be read: {_why(error)}.") from None
+    if not regular:
+        raise ProgressProblem(f"Your progress in {path} can't be read: it is not a file.")
     if len(data) > _LARGEST:
         raise _Damaged
     try:
@@ -190,7 +195,9 @@ def _records(content: Any, path: Path) -> dict[str, Record]:
         )
     if schema != SCHEMA or not isinstance(entries, dict):
         raise _Damaged
-    return {str(name): _record(entry) for name, entry in entries.items()}
+    if not all(name.isprintable() for name in entries):
+        raise _Damaged
+    return {name: _record(entry) for name, entry in entries.items()}
 
 
 def _record(entry: Any) -> Record:
@@ -200,11 +207,13 @@ def _record(entry: Any) -> Record:
     texts = (record.first, record.last, record.solved)
     sane = (
         record.state in STATES
-        and all(type(count) is int and count >= 0 for count in (record.attempts, record.hints))
-        and all(isinstance(text, str) for text in texts)
+        and all(
+            type(count) is int and 0 <= count < 1 << 53 for count in (record.attempts, record.hints)
+        )
+        and all(isinstance(text, str) and text.isprintable() for text in texts)
         and isinstance(record.gave_up, bool)
         and isinstance(record.best, dict)
-        and all(map(_is_cost, record.best.values()))
+        and all(name.isprintable() and _is_cost(cost) for name, cost in record.best.items())
     )
     if not sane:
         raise _Damaged
@@ -215,7 +224,9 @@ def _is_cost(entry: Any) -> bool:
     return (
         isinstance(entry, dict)
         and type(entry.get("value")) in (int, float)
+        and abs(entry["value"]) < 1e300  # no NaN either
         and isinstance(entry.get("unit"), str)
+        and entry["unit"].isprintable()
     )
 
 

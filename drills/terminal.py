@@ -64,7 +64,8 @@ class Terminal:
     def complain(self, text: str) -> None:
         """Write a sentence to standard error, unless JSON is asked for: there it is in the line."""
         if not self.json:
-            for line in wrapped(text, self.width):
+            plain = "".join(c if c.isprintable() or c == "\n" else repr(c)[1:-1] for c in text)
+            for line in wrapped(plain, self.width):
                 _write(sys.stderr, line + "\n", _speaks_unicode(sys.stderr))
 
     def paint(self, text: str, style: str) -> str:

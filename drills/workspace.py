@@ -34,7 +34,7 @@ def folder(chosen: str | None = None) -> Path:
             folder is inside it, else `work` in the current folder.
     """
     if chosen or os.environ.get("DRILLS_WORK"):
-        return Path(chosen or os.environ["DRILLS_WORK"]).expanduser()
+        return _expanded(chosen or os.environ["DRILLS_WORK"])
     try:
         here = Path.cwd()
     except OSError:
@@ -48,7 +48,14 @@ def progress_file(work: Path) -> Path | None:
     told = os.environ.get("DRILLS_PROGRESS")
     if told == NO_PROGRESS:
         return None
-    return Path(told).expanduser() if told else work / "progress.json"
+    return _expanded(told) if told else work / "progress.json"
+
+
+def _expanded(place: str) -> Path:
+    try:
+        return Path(place).expanduser()
+    except RuntimeError:
+        raise Misuse(f"There is no home folder for {place}.") from None
 
 
 def answer(work: Path, name: str) -> Path:

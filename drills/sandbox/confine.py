@@ -149,16 +149,22 @@ NUMBERS = {
     "prlimit64": (302, 261), "sched_setparam": (142, 118), "sched_setscheduler": (144, 119),
     "sched_setaffinity": (203, 122), "sched_setattr": (314, 274), "setpriority": (141, 140),
     "ioprio_set": (251, 30), "migrate_pages": (256, 238), "move_pages": (279, 239),
-    "socket": (41, 198), "setsid": (112, 157), "setpgid": (109, 154),
-    "shmget": (29, 194), "shmat": (30, 196), "semget": (64, 190), "msgget": (68, 186),
+    "socket": (41, 198), "socketpair": (53, 199), "connect": (42, 203), "bind": (49, 200),
+    "setsid": (112, 157), "setpgid": (109, 154),
+    # System V's objects are found by number, not by name: those of other processes are in reach.
+    "shmget": (29, 194), "shmat": (30, 196), "shmctl": (31, 195), "shmdt": (67, 197),
+    "semget": (64, 190), "semctl": (66, 191), "semop": (65, 193), "semtimedop": (220, 192),
+    "msgget": (68, 186), "msgctl": (71, 187), "msgrcv": (70, 188), "msgsnd": (69, 189),
     "mq_open": (240, 180), "mq_unlink": (241, 181),
     "memfd_create": (319, 279), "memfd_secret": (447, 447),
     "mount": (165, 40), "umount2": (166, 39), "pivot_root": (155, 41), "chroot": (161, 51),
     "unshare": (272, 97), "setns": (308, 268), "open_tree": (428, 428), "move_mount": (429, 429),
     "fsopen": (430, 430), "fsconfig": (431, 431), "fsmount": (432, 432), "fspick": (433, 433),
-    "mount_setattr": (442, 442), "name_to_handle_at": (303, 264), "open_by_handle_at": (304, 265),
+    "mount_setattr": (442, 442), "open_tree_attr": (467, 467), "quotactl_fd": (443, 443),
+    "name_to_handle_at": (303, 264), "open_by_handle_at": (304, 265),
     "bpf": (321, 280), "perf_event_open": (298, 241), "userfaultfd": (323, 282),
     "io_uring_setup": (425, 425), "io_uring_enter": (426, 426), "io_uring_register": (427, 427),
+    "io_setup": (206, 0),
     "add_key": (248, 217), "request_key": (249, 218), "keyctl": (250, 219),
     "personality": (135, 92), "syslog": (103, 116), "acct": (163, 89), "quotactl": (179, 60),
     "swapon": (167, 224), "swapoff": (168, 225), "reboot": (169, 142),
@@ -190,11 +196,18 @@ OWN_ONLY = {
 # Calls that are refused for some values of an argument only.
 REFUSED_VALUES = {
     "setpriority": (0, (1, 2)),  # of a group, of a user
-    "fcntl": (1, (8, 15)),  # signals to another owner
-    "ioctl": (1, (0x5412, 0x541C, 0x8901, 0x8902)),  # typing into a terminal, signals to others
+    "fcntl": (1, (8, 15, 1024, 1026)),  # signals to another owner, holding up who opens a file
     "prctl": (0, (PR_SET_PDEATHSIG, PR_SET_DUMPABLE, PR_SET_MM, PR_SET_CHILD_SUBREAPER,
                   PR_SET_PTRACER)),
 }  # fmt: skip
+# Calls that are allowed for some values of their arguments only.
+ALLOWED_VALUES = {
+    # What a terminal is asked, bytes waiting, not to wait, closing on exec. Others change flags of
+    # files that may only be read, make subvolumes, type into a terminal or signal.
+    "ioctl": ((1, (0x5401, 0x802C542A, 0x5413, 0x540F, 0x541B, 0x5421, 0x5450, 0x5451)),),
+    # Streams within the process; datagrams could be sent to any address.
+    "socketpair": ((0, (1,)), (1, (1, 0x801, 0x80001, 0x80801))),
+}
 
 LOAD, JEQ, JGE, JSET, RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
 ALLOW, REFUSE = 0x7FFF0000, 0x00050000
@@ -235,6 +248,12 @@ def filter_program(machine: str, own: int) -> bytes:
                 block += [(JEQ, 0, 1, value), (RETURN, 0, 0, no)]
             if name not in OWN_ONLY:
                 block.append((RETURN, 0, 0, ALLOW))
+        for index, values in ALLOWED_VALUES.get(name, ()):
+            block.append(argument(index))
+            block += [(JEQ, len(values) - i, 0, value) for i, value in enumerate(values)]
+            block.append((RETURN, 0, 0, no))
+        if name in ALLOWED_VALUES:
+            block.append((RETURN, 0, 0, ALLOW))
         if name in OWN_ONLY:
             index, zero = OWN_ONLY[name]
             block.append(argument(index))

@@ -16,6 +16,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import weakref
 from collections.abc import Callable
@@ -40,13 +41,16 @@ from drills.sandbox.outcome import (
     StartFailed,
     SyntaxProblem,
 )
+from drills.sandbox.words import readable, size_text
 
 SCRIPT = Path(__file__).with_name("child.py")
 START = 60.0  # s, for the interpreter, numpy and the drill's own module: not the learner's time
 WATCH = 0.03  # s, between two looks from outside
+PAUSED = 1.0  # s, by which no wait is ever too long while this process runs
 SPIN = 1e-4  # s, to look for an answer without sleeping
 ANSWERS = 64 << 20  # bytes of all answers, which the grader may keep
 THREADS = 1000
+LINES = 1 << 31  # beyond any line of a submission
 KEPT = 16 << 10  # bytes of output kept for the feedback
 LAYERS = frozenset({"capabilities", "landlock", "seccomp", "procfs"})
 
@@ -58,17 +62,10 @@ _open: weakref.WeakSet[Child] = weakref.WeakSet()
 
 @atexit.register
 def _close_all() -> None:
+    if _open and threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # impatience would leave something behind
     for child in list(_open):
         child.close()
-
-
-def readable(text: str) -> str:
-    """Text of foreign origin, safe to print: control characters and half characters spelled out."""
-    text = text.encode("utf-8", "backslashreplace").decode("utf-8")
-    return "".join(
-        c if c in "\n\t" or (c.isprintable() or c == " ") else c.encode("unicode_escape").decode()
-        for c in text.replace("\r\n", "\n")
-    )
 
 
 class Child:
@@ -103,7 +100,7 @@ class Child:
         self._limits = limits
         self._owner = os.getpid()
         self._ended: Ended | None = None
-        self._closed = False
+        self._closed = True
         self._ready = False
         self._printed = 0
         self._answered = 0
@@ -119,6 +116,7 @@ class Child:
         self._process: subprocess.Popen[bytes] | None = None
         self._folder = tempfile.mkdtemp(prefix="drills-")
         tree.adopt_orphans(True)
+        self._closed = False
         _open.add(self)
         try:
             self._start(_layers)
@@ -129,9 +127,15 @@ class Child:
     # Start and end
 
     def _start(self, layers: frozenset[str]) -> None:
-        requests_out, requests_in = os.pipe()
-        replies_out, replies_in = os.pipe()
-        output_out, output_in = os.pipe()
+        pipes: list[int] = []
+        try:
+            for _ in range(3):
+                pipes += os.pipe()
+        except OSError as error:
+            for file in pipes:
+                os.close(file)
+            raise StartFailed(f"no pipe can be opened: {error}") from error
+        requests_out, requests_in, replies_out, replies_in, output_out, output_in = pipes
         self._files = {requests_in, replies_out, output_out}
         theirs = (requests_out, replies_in, output_in)
         self._requests, self._replies, self._prints = requests_in, replies_out, output_out
@@ -208,22 +212,24 @@ class Child:
         """Kill the process and all that came from it, and remove its folder. Safe to repeat."""
         if self._closed or self._owner != os.getpid():
             return
-        self._closed = True
+        # An interrupt may come at any point: what is done is noted, so that a second call goes on.
         process = self._process
         left: list[int] = []
         if process is not None:
-            self._tree.kill()
-            patience = time.monotonic() + 10
-            while self._status() is None and time.monotonic() < patience:
-                time.sleep(0.0005)
-            left = self._tree.kill()  # what that death has orphaned
-            process.wait()
+            if process.returncode is None:  # else its number may be another's by now
+                self._tree.kill()
+                patience = time.monotonic() + 10
+                while self._status() is None and time.monotonic() < patience:
+                    time.sleep(0.0005)
+                left = self._tree.kill()  # what that death has orphaned
+                process.wait()
             tree.ROOTS.discard(process.pid)
-        for file in self._files:
-            os.close(file)
-        self._files = set()
-        tree.adopt_orphans(False)
+            self._process = None
+        while self._files:
+            os.close(self._files.pop())
         scratch.remove(self._folder)
+        self._closed = True
+        tree.adopt_orphans(False)
         _open.discard(self)
         if left:
             raise RuntimeError(f"processes {left} of a submission could not be ended")
@@ -261,7 +267,9 @@ class Child:
             for item in listed:
                 if type(item) is not list or [type(part) for part in item] != [str, str, bool]:
                     raise self._garbled()
-            parameters = tuple(Parameter(readable(n), readable(k), d) for n, k, d in listed)
+            parameters = tuple(
+                Parameter(readable(n[:100]), readable(k[:100]), d) for n, k, d in listed[:100]
+            )
         return Loaded(parameters, is_callable, is_class)
 
     def _start_up(self) -> None:
@@ -426,13 +434,14 @@ class Child:
             missing = answer["missing"]
             if type(missing) is list and len(missing) == 2 and type(missing[1]) is list:
                 if all(type(name) is str for name in missing[1]):
-                    names = [readable(name) for name in missing[1][:50]]
+                    names = [readable(name[:100]) for name in missing[1][:50]]
                     raise MissingName(str(request.get("entry", request.get("name"))), names)
             raise self._garbled()
         if "syntax" in answer:
             found = answer["syntax"]
             if type(found) is list and [type(part) for part in found] == [int, int, str, str]:
-                raise SyntaxProblem(found[0], found[1], readable(found[2]), readable(found[3]))
+                line, column = (number if 0 <= number < LINES else 0 for number in found[:2])
+                raise SyntaxProblem(line, column, *(readable(part[:500]) for part in found[2:]))
             raise self._garbled()
         if "ok" not in answer:
             raise self._garbled()
@@ -462,10 +471,10 @@ class Child:
         message = readable(message[:2000])
         limits = self._limits
         if about == "memory":
-            text = f"The memory limit of {_size(limits.memory)} was reached {where}."
+            text = f"The memory limit of {size_text(limits.memory)} was reached {where}."
             return self._end(Reason.OUT_OF_MEMORY, text)
         if about == "disk":
-            text = f"A file grew beyond {_size(limits.disk)} {where}."
+            text = f"A file grew beyond {size_text(limits.disk)} {where}."
             return self._end(Reason.DISK_FLOOD, text)
         if about == "processes":
             text = f"Another process was to be started {where} and was refused ({message})."
@@ -474,7 +483,10 @@ class Child:
             status = about[5:20].replace("?", "1")
             text = f"The code called sys.exit({readable(status)}) {where}."
             return self._end(Reason.EXITED, text)
-        frames = [Frame(line, readable(function[:100])) for line, function in listed[-20:]]
+        frames = [
+            Frame(line if 0 <= line < LINES else 0, readable(function[:100]))
+            for line, function in listed[-20:]
+        ]
         kinds = answer.get("kinds")
         named = [k for k in kinds if type(k) is str] if type(kinds) is list else []
         return Raised(readable(kind[:200]), message, frames, tuple(named))
@@ -499,10 +511,15 @@ class Child:
                 if now >= self._next_watch:
                     self._watch(where)
                     self._next_watch = time.monotonic() + WATCH
-                pause = max(0.0, min(deadline, self._next_watch) - time.monotonic())
+                asked = time.monotonic()
+                pause = max(0.0, min(deadline, self._next_watch) - asked)
                 # Most answers are there at once; to sleep and be woken would take longer.
                 wait = 0 if now - start < SPIN else math.ceil(1e3 * pause)
-                for file, _ in self._poll.poll(wait):
+                heard = self._poll.poll(wait)
+                late = time.monotonic() - asked - pause
+                if late > PAUSED:  # this process was stopped (Ctrl-Z): not the learner's time
+                    start, deadline = start + late, deadline + late
+                for file, _ in heard:
                     if file == self._prints:
                         self._drain(where)
                     elif file == self._requests:
@@ -549,7 +566,7 @@ class Child:
             if len(self._text) < KEPT:
                 self._text += part[: KEPT - len(self._text)]
             if self._printed > self._limits.output:
-                text = f"More than {_size(self._limits.output)} were printed {where}."
+                text = f"More than {size_text(self._limits.output)} were printed {where}."
                 raise self._end(Reason.OUTPUT_FLOOD, text)
 
     def _receive(self, where: str) -> bool:
@@ -574,7 +591,7 @@ class Child:
         payload = bytes(self._received[4:])
         self._answered += len(payload)
         if self._answered > ANSWERS:
-            raise self._garbled(f"More than {_size(ANSWERS)} came back in all")
+            raise self._garbled(f"More than {size_text(ANSWERS)} came back in all")
         self._received.clear()
         try:
             answer = wire.unpack(payload)
@@ -598,9 +615,8 @@ class Child:
         resident = self._tree.resident(others)
         self._peak = max(self._peak, resident)
         if resident > limits.memory:
-            text = (
-                f"{_size(resident)} of memory were in use {where} (limit {_size(limits.memory)})."
-            )
+            used, most = size_text(resident), size_text(limits.memory)
+            text = f"{used} of memory were in use {where} (limit {most})."
             raise self._end(Reason.OUT_OF_MEMORY, text)
         problem = scratch.excess(self._folder, limits.disk)
         if problem:
@@ -642,7 +658,7 @@ class Child:
         if name == "SIGXCPU":
             return self._end(Reason.TIMED_OUT, f"The processor time ran out {where}.")
         if name == "SIGXFSZ":
-            text = f"A file grew beyond {_size(self._limits.disk)} {where}."
+            text = f"A file grew beyond {size_text(self._limits.disk)} {where}."
             return self._end(Reason.DISK_FLOOD, text)
         if name in CRASHES:
             return self._end(Reason.CRASHED, f"The process crashed ({name}) {where}.")
@@ -672,11 +688,3 @@ class Child:
                 return
             self._printed += len(part)
             self._text += part[: max(0, KEPT - len(self._text))]
-
-
-def _size(count: int) -> str:
-    """Bytes for people."""
-    for unit, name in ((1 << 30, "GiB"), (1 << 20, "MiB"), (1 << 10, "KiB")):
-        if count >= unit:
-            return f"{count / unit:.3g} {name}"
-    return f"{count} bytes"

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import stat
+from collections.abc import Iterator
 
 FILES = 2000  # entries
 LEVELS = 40  # of folders
@@ -13,26 +15,58 @@ LEVELS = 40  # of folders
 def excess(folder: str, limit: int) -> str:
     """Why the folder holds too much, as the beginning of a sentence; empty while it does not."""
     total = entries = 0
-    pending = [(folder, 0)]
-    while pending:
-        place, level = pending.pop()
+
+    def problem(place: int, level: int) -> str:
+        nonlocal total, entries
         if level > LEVELS:
             return f"Folders were nested more than {LEVELS} deep"
-        try:
-            with os.scandir(place) as found:
-                for entry in found:
-                    entries += 1
-                    if entries > FILES:
-                        return f"More than {FILES} files were made"
+        inner: list[str] = []
+        with os.scandir(place) as found:
+            for entry in found:
+                entries += 1
+                if entries > FILES:
+                    return f"More than {FILES} files were made"
+                with contextlib.suppress(OSError):  # removed meanwhile
                     if entry.is_dir(follow_symlinks=False):
-                        pending.append((entry.path, level + 1))
+                        inner.append(entry.name)
                     else:
                         total += entry.stat(follow_symlinks=False).st_blocks * 512
-        except OSError:
-            continue  # removed, closed to us, or made unreachable meanwhile
+        for name in inner:
+            with contextlib.suppress(OSError), _opened(name, place) as below:
+                said = problem(below, level + 1)
+                if said:
+                    return said
+        return ""
+
+    with contextlib.suppress(OSError), _opened(folder) as top:
+        said = problem(top, 0)
+        if said:
+            return said
     if total > limit:
         return f"More than {limit / (1 << 20):.3g} MiB were written to disk"
     return ""
+
+
+@contextlib.contextmanager
+def _opened(name: str, above: int | None = None) -> Iterator[int]:
+    """A folder, never through a link; one that is closed to its owner is opened to us first."""
+    flags = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+    try:
+        handle = os.open(name, flags, dir_fd=above)
+    except PermissionError:
+        if not hasattr(os, "O_PATH"):
+            raise
+        # By its handle, as its name may lead elsewhere by now.
+        place = os.open(name, os.O_PATH | os.O_DIRECTORY | os.O_NOFOLLOW, dir_fd=above)
+        try:
+            os.chmod(f"/proc/self/fd/{place}", 0o700)
+            handle = os.open(f"/proc/self/fd/{place}", flags & ~os.O_NOFOLLOW)
+        finally:
+            os.close(place)
+    try:
+        yield handle
+    finally:
+        os.close(handle)
 
 
 def remove(folder: str) -> None:

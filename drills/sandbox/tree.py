@@ -71,6 +71,14 @@ def _children(process: int) -> list[int]:
     return found
 
 
+def _another(process: int) -> int:
+    """A thread of a process, not its first; the process itself if there is none."""
+    try:
+        return max(int(name) for name in os.listdir(f"/proc/{process}/task") if name.isdigit())
+    except (OSError, ValueError):
+        return process
+
+
 def _limit(process: int, name: str) -> float:
     for line in _read(f"/proc/{process}/limits").splitlines():
         if line.startswith(name):
@@ -174,6 +182,8 @@ class Tree:
         pages = 0
         for process in (self.root, *processes):
             fields = _read(f"/proc/{process}/statm").split()
+            if fields[1:2] == ["0"]:  # its first thread has ended; another shares what it had
+                fields = _read(f"/proc/{process}/task/{_another(process)}/statm").split()
             pages += int(fields[1]) if len(fields) > 1 else 0
         return pages * PAGE
 
