@@ -254,14 +254,14 @@ class Attempt:
 
         A list, or an array with one row for each member, is as good as a tuple.
         """
-        if isinstance(got, np.ndarray) and got.ndim > 0:
+        if isinstance(got, np.ndarray) and got.ndim > 0 and len(got) < 100:
             got = [np.asarray(row) for row in got]
         if isinstance(got, list | tuple) and len(got) == len(names):
             return tuple(got)
         wanted = f"{len(names)} values ({', '.join(names)})"
         if got is None:
             reason, sentence = Reason.NOTHING_RETURNED, SENTENCES[Reason.NOTHING_RETURNED]
-        elif isinstance(got, list | tuple):
+        elif isinstance(got, list | tuple) or (isinstance(got, np.ndarray) and got.ndim > 0):
             reason, sentence = Reason.WRONG_SHAPE, f"{len(got)} came back; {wanted} are asked for."
         else:
             reason = Reason.WRONG_TYPE
@@ -577,7 +577,7 @@ def _stopped(attempt: Attempt, stop: Exception) -> None:
         report.reason, report.sentence = Reason.SYNTAX_ERROR, SENTENCES[Reason.SYNTAX_ERROR]
         report.problem = Problem("SyntaxError", stop.message, line=stop.line, column=stop.column)
     elif isinstance(stop, MissingName):
-        near = f" It defines {', '.join(stop.defined[:6])}." if stop.defined else ""
+        near = f" The code defines {', '.join(stop.defined[:6])}." if stop.defined else ""
         report.reason = Reason.MISSING_NAME
         report.sentence = f"{attempt.card.entry} is not defined.{near}"
     else:
@@ -601,6 +601,9 @@ def _conclude(attempt: Attempt) -> None:
 
 def _matched_slip(attempt: Attempt) -> str:
     """The slip that gives what the submission gave in every recorded request, or ""."""
+    for slip in attempt.exercise.slips:
+        if slip.ends is attempt.report.reason:
+            return slip.name
     steps = attempt.learner.steps
     right = InProcess(attempt.card.solution_text(), attempt.exercise.given)
     if all(close(step.result, result) for step, result in _repeated(right, steps)):

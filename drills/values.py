@@ -92,8 +92,11 @@ def numbers(value: Any, what: str = "the answer") -> Array:
                 Reason.NOT_FINITE, f"{what} holds an integer too large for a float."
             ) from None
     if isinstance(value, list | tuple):
-        if value and all(type(item) is float for item in value):
-            return np.array(value, dtype=np.float64)
+        if value and all(type(item) in (int, float) for item in value):
+            try:
+                return np.array([float(item) for item in value])
+            except OverflowError:
+                pass  # the sentence comes below
         rows = [numbers(item, what) for item in value]
         if not rows:
             return np.zeros(0)
@@ -141,7 +144,7 @@ def describe(value: Any, limit: int = 72) -> str:
 
 def _described(value: Any, limit: int) -> str:
     if isinstance(value, np.ndarray):
-        if value.size > 16:
+        if value.size > 16 or any(count > 16 for count in value.shape):
             return f"array of shape {value.shape}"
         return _described(value.tolist(), limit)
     if isinstance(value, bool) or value is None:
@@ -161,7 +164,7 @@ def _described(value: Any, limit: int) -> str:
         return f"[{inside}]" if isinstance(value, list) else f"({inside})"
     if isinstance(value, types.FunctionType):
         return value.__name__
-    return "..." if isinstance(value, Handle | Local) else type_name(value)
+    return "an object" if isinstance(value, Handle | Local) else type_name(value)
 
 
 def describe_call(name: str, args: Sequence[Any], kwargs: dict[str, Any] | None = None) -> str:
