@@ -17,7 +17,7 @@ import click
 
 from drills import progress, workspace
 from drills.exercise import UnknownExercise
-from drills.terminal import SCHEMA, Terminal, listed
+from drills.terminal import SCHEMA, OutputLost, Terminal, listed
 from drills.workspace import Misuse
 
 RIGHT, WRONG, MISUSE, FAILED, STOPPED = 0, 1, 2, 3, 130
@@ -148,7 +148,10 @@ class Commands(click.Group):
     ) -> Any:
         """Run a command and exit with its code."""
         given = list(sys.argv[1:] if args is None else args)
-        code = self._code(given, prog_name or "drills", extra)
+        try:
+            code = self._code(given, prog_name or "drills", extra)
+        except OutputLost:  # not even that could be said
+            code = FAILED
         if standalone_mode:
             sys.exit(code)
         return code
@@ -170,6 +173,9 @@ class Commands(click.Group):
             return stop.exit_code
         except (KeyboardInterrupt, click.Abort, EOFError):
             return self._end(args, known, STOPPED, "interrupted", "Stopped.")
+        except OutputLost as error:
+            text = f"The output can't be written: {error.strerror}."
+            return self._end(args, known, FAILED, "grader", text)
         except (Misuse, UnknownExercise) as error:
             text = str(error)
             if isinstance(error, UnknownExercise):

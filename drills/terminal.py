@@ -37,6 +37,10 @@ _ASCII = str.maketrans(
 )
 
 
+class OutputLost(OSError):
+    """What is to be said can't be written, as on a full disk."""
+
+
 class Terminal:
     """Where a command writes.
 
@@ -123,12 +127,14 @@ def _write(stream: TextIO | None, text: str, unicode: bool) -> None:
     try:
         stream.write(text)
         stream.flush()
-    except BrokenPipeError:
-        # The reader has seen enough. The rest goes nowhere, also what the interpreter flushes last.
+    except OSError as error:
+        # The rest goes nowhere, also what the interpreter flushes last.
         with contextlib.suppress(OSError, ValueError):
             nowhere = os.open(os.devnull, os.O_WRONLY)
             os.dup2(nowhere, stream.fileno())
             os.close(nowhere)
+        if not isinstance(error, BrokenPipeError):  # then the reader has seen enough
+            raise OutputLost(error.errno, error.strerror) from None
 
 
 def _speaks_unicode(stream: TextIO | None) -> bool:

@@ -108,7 +108,7 @@ def decode_submission(data: bytes) -> str:
         cookie = COOKIE.match(line)
         if cookie is None:
             continue
-        name = cookie.group(1).decode("ascii", "replace")
+        name = cookie.group(1)[:40].decode("ascii", "replace")
         try:
             standard = codecs.lookup(name).name
         except LookupError:
