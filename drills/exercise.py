@@ -17,6 +17,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from drills.reasons import Reason
+
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
     from drills.grade import Attempt
@@ -149,12 +151,14 @@ class Slip:
         edits: pairs (old, new) that turn the worked answer into the slip; each old text stands
             in it exactly once.
         source: the whole wrong answer instead, where an edit does not say it.
+        ends: the reason that shows this slip by itself, for one that never answers.
     """
 
     name: str
     sentence: str
     edits: tuple[tuple[str, str], ...] = ()
     source: str = ""
+    ends: Reason | None = None
 
     def text(self, solution: str) -> str:
         """The source of the slip.

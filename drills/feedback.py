@@ -190,10 +190,11 @@ class _Page:
         if report.passed:
             self.heading("Remember")
             self.wrapped(card.insight)
-        if report.reason is not Reason.NOT_ATTEMPTED:
-            self.lines.append("")
+        if report.checks or report.call:  # else no case was drawn
             note = f"seed {report.seed} (the same cases again: --seed {report.seed})"
-            self.lines.append(self.paint(self.cut(note, self.width), "dim"))
+            if len(note) > self.width:
+                note = f"--seed {report.seed}"
+            self.lines += ["", self.paint(note, "dim")]
 
 
 def grouped(checks: list[Check]) -> list[tuple[Check, int]]:

@@ -384,7 +384,7 @@ def test_a_borrowed_name_is_named_and_nothing_is_graded(kernel: Kernel) -> None:
         ("check(len)", "No exercise asks for len"),
         ("check(lambda x: x)", "No exercise asks for <lambda>"),
         ("def g(): pass\ncheck(g, 'verlt')", "did you mean verlet"),
-        ("def g(): pass\ncheck(g, 'verlet')", "verlet_step is not defined. It defines g"),
+        ("def g(): pass\ncheck(g, 'verlet')", "verlet_step is not defined. The code defines g"),
     ],
 )
 def test_a_mistake_is_a_sentence_and_never_raises(kernel: Kernel, code: str, said: str) -> None:

@@ -210,6 +210,14 @@ def bounce_step(y, v, dt, restitution, gravity=9.81):
     return y + v * dt - 0.5 * gravity * dt * dt, v - gravity * dt
 """
 _PARABOLA = "y + v * dt - 0.5 * gravity * dt * dt"
+_ENDLESS = """def bounce_step(y, v, dt, restitution, gravity=9.81):
+    while True:
+        impact = (v * v + 2.0 * gravity * y) ** 0.5
+        fall = (v + impact) / gravity
+        if dt < fall:
+            return y + v * dt - 0.5 * gravity * dt * dt, v - gravity * dt
+        y, v, dt = 0.0, restitution * impact, dt - fall
+"""
 _END = """def bounce_step(y, v, dt, restitution, gravity=9.81):
     y, v = {flight}, v - gravity * dt
     if y < 0.0:
@@ -242,6 +250,14 @@ EXERCISE = Exercise(
             "there. That moves the impact to the end of the step: a first-order error each time, "
             "and energy out of nothing (the ball was lifted by m g d).",
             source=_END.format(flight=_PARABOLA, floor="0.0", speed="-restitution * v"),
+        ),
+        Slip(
+            "endless_bounces",
+            "It did not come to an end. A loop over the impacts never does for a ball that comes "
+            "to rest: its bounces are infinitely many, each shorter than the one before, in the "
+            "finite time 2 u / (g (1 - e)). Beyond it, the ball lies still.",
+            source=_ENDLESS,
+            ends=Reason.TIMED_OUT,
         ),
         Slip(
             "restitution_on_the_position",

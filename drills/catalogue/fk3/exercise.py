@@ -180,8 +180,8 @@ EXERCISE = Exercise(
     given=GIVEN,
     examples=(
         "fk3(np.array([1.0, 1.0, 1.0]), np.array([0.0, 0.0, 0.0]))",
-        "fk3(np.array([1.0, 1.0, 1.0]), np.array([np.pi / 2, 0.0, 0.0]))",
-        "fk3(np.array([1.0, 1.0, 1.0]), np.array([np.pi / 2, -np.pi / 2, np.pi / 2]))",
+        "fk3(np.array([1.0, 1.0, 1.0]), np.array([0.5, 0.0, 0.0]))",
+        "fk3(np.array([1.0, 1.0, 1.0]), np.array([0.5, -0.5, 0.5]))",
         "fk3(np.array([0.5, 0.3, 0.2]), np.array([0.3, 0.4, -0.2]))",
     ),
     chart=chart,
