@@ -283,7 +283,7 @@ def _start() -> tuple[Answers, Any]:
     report = {"limits": confine.limit(settings["limits"])}
     if "capabilities" in layers:
         report["capabilities"] = confine.reached(confine.drop_capabilities)
-    report["settled"] = confine.reached(confine.settle, PARENT)
+    report["settled"] = confine.reached(confine.settle, PARENT, "procfs" in layers)
     sys.path += settings["path"]
     sys.path.insert(0, here)
     wire = importlib.import_module("wire")

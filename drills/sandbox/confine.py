@@ -77,10 +77,16 @@ def drop_capabilities() -> str:
     return "on"
 
 
-def settle(parent: int) -> str:
-    """No new privileges, no inspection by others, and death with the grader."""
+def settle(parent: int, hidden: bool) -> str:
+    """No new privileges, death with the grader, and no inspection by others.
+
+    Args:
+        parent: the grader's process.
+        hidden: whether others may not look; where the grader asks `ps`, it must see its mark.
+    """
     _prctl(PR_SET_NO_NEW_PRIVS, 1)
-    _prctl(PR_SET_DUMPABLE, 0)
+    if hidden:
+        _prctl(PR_SET_DUMPABLE, 0)
     _prctl(PR_SET_PDEATHSIG, 9)
     if os.getppid() != parent:  # it died before the call above
         os._exit(0)
