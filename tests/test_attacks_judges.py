@@ -6,6 +6,8 @@ overlooked, or wrong in one way and once named as another.
 
 from __future__ import annotations
 
+from typing import Any, cast
+
 import pytest
 
 from drills import exercise as catalogue
@@ -104,8 +106,8 @@ def exercise_of(entry: str) -> str:
 
 
 @pytest.mark.parametrize("label", WRONG)
-def test_a_wrong_answer_that_once_passed_fails_and_is_not_named_as_another(label):
-    entry, *edits = WRONG[label]
+def test_a_wrong_answer_that_once_passed_fails_and_is_not_named_as_another(label: str) -> None:
+    entry, *edits = cast(tuple[Any, ...], WRONG[label])
     name = exercise_of(entry)
     report = grade(name, edited(name, *edits), seed=4242)
     allowed = ("", "integral_not_stopped", "end_excluded", "no_order_not_refused")

@@ -9,7 +9,7 @@ class Walk:
     def __init__(self, ends, clock):
         self.ends, self.clock = ends, clock
         self.observation = np.zeros(3)
-        self.rng = None
+        self.rng: np.random.Generator | None = None
         self.closed = 0
 
     def reset(self, seed=None):
@@ -23,6 +23,7 @@ class Walk:
     def step(self, action):
         self.steps += 1
         self.observation[:2] += np.asarray(action, dtype=float)
+        assert self.rng is not None, "reset() comes first"
         self.observation[2] += self.rng.normal()
         reward = float(self.observation[0] - self.observation[1])
         info = {"steps": self.steps}
