@@ -1,9 +1,13 @@
-"""The browser test runs where there is a browser, and says so where there is none."""
+"""The environment of the tests; those in a browser run where there is one, and say so if not."""
 
 import importlib.util
 import os
 import shutil
 from pathlib import Path
+
+# A learner's own settings are not for the tests, which make work folders of their own.
+for _name in [name for name in os.environ if name.startswith("DRILLS_")]:
+    del os.environ[_name]
 
 
 def chromium() -> str | None:
