@@ -10,16 +10,14 @@ import struct
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
+from sandbox_children import PLAIN, QUICK, child, ended, loaded
 
 from drills.reasons import Reason
 from drills.sandbox import (
-    Child,
     Ended,
     Limits,
     Raised,
@@ -32,38 +30,6 @@ from drills.sandbox import (
 from drills.sandbox.process import LAYERS
 
 LINUX = sys.platform.startswith("linux")
-QUICK = Limits(load=5, call=1.0, total=20, memory=512 << 20, output=1 << 18, disk=2 << 20)
-PLAIN = """
-import numpy as np
-
-def same(x, *more):
-    return x
-"""
-
-
-def child(source: str, entry: str = "f", **options: Any) -> Child:
-    options.setdefault("limits", QUICK)
-    return Child(source, filename="answer.py", entry=entry, **options)
-
-
-@contextlib.contextmanager
-def loaded(source: str, entry: str = "f", **options: Any) -> Iterator[Child]:
-    with child(source, entry, **options) as running:
-        running.load()
-        yield running
-
-
-def ended(source: str, **options: Any) -> Ended:
-    """How a submission ends when its `f` is loaded and called."""
-    with child(source, **options) as running:
-        with pytest.raises(Ended) as caught:
-            running.load()
-            running.call("f")
-        with pytest.raises(Ended):  # it stays ended
-            running.call("f")
-        return caught.value
-
-
 # Ends
 
 
