@@ -1,4 +1,4 @@
-"""The command `drills`: pick a drill, write the answer, have it graded in a second.
+"""The command `drills`: pick a drill, write the answer, have it graded in a second or two.
 
 Every command ends with one line of JSON when it is given `--json`; `schema.json` describes it.
 """
@@ -55,7 +55,7 @@ def main() -> None:
 @options
 @click.pass_context
 def cli(context: click.Context, as_json: bool, work: str | None) -> int:
-    """Coding drills and exercises, graded in a second."""
+    """Coding drills and exercises, graded in a second or two."""
     if context.invoked_subcommand is None:
         return body(_welcome)(as_json=as_json, work=work)
     return RIGHT
@@ -63,7 +63,7 @@ def cli(context: click.Context, as_json: bool, work: str | None) -> int:
 
 def _welcome(session: Session) -> int:
     terminal = session.terminal
-    session.say(terminal.paint("Drills", "head") + ": write an answer, have it graded in a second.")
+    session.say(terminal.paint("Drills", "head") + ": write an answer, have it graded in seconds.")
     drills = [card for card in catalogue.cards() if card.drill] or list(catalogue.cards())
     name = drills[0].name if drills else "NAME"
     session.say()

@@ -67,7 +67,7 @@ Markdown(contents.map_of_chapters())
 # - **You want to learn the subject.** Open the first chapter that is ready in the table above and
 #   run it: *Run, Run All Cells*. It needs no network.
 # - **You have an interview soon.** Each chapter ends with the questions and their follow-ups. In a
-#   terminal, `.venv/bin/drills` lists coding drills that are graded in a second; the exercises of a
+#   terminal, `.venv/bin/drills` lists coding drills that are graded in a second or two; the exercises of a
 #   chapter are graded in its notebook, which shows at its top which of them you have attempted and
 #   solved. Coming: the checkpoint that closes a chapter.
 # - **You want the code.** Each chapter is a module that needs neither a notebook nor a display, and
