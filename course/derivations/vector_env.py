@@ -246,6 +246,14 @@ def _one_seed() -> Finding:
             "N": Symbol("number of environments", 1.0, 100.0),
             "W": Symbol("number of workers", 2.0, 16.0),
         },
+        slips={
+            "r/N": "That is where the loop's time equals r alone. The processes also compute: they "
+            "take N c / W beside r.",
+            "r/(N*(1 + 1/W))": "The sign: the processes save N c (1 - 1 / W) and pay r for it.",
+            "r*W/N": "That compares r with the processes' own computing, N c / W, not with what "
+            "they save.",
+            "r/(1 - 1/W)": "This forgets that the saving is that of all N environments.",
+        },
         left=("c",),
         relation=">",
     ),
