@@ -41,8 +41,10 @@ def chart(function: Chart) -> Chart:
 
 def load() -> None:
     """Import every module of this folder, so that all charts are registered."""
-    for path in sorted(Path(__file__).parent.glob("[a-z]*.py")):
-        importlib.import_module(f"course.charts.{path.stem}")
+    folder = Path(__file__).parent
+    for path in sorted(folder.rglob("[a-z]*.py")):
+        parts = path.relative_to(folder).with_suffix("").parts
+        importlib.import_module(".".join(("course.charts", *parts)))
 
 
 def read(name: str) -> str:

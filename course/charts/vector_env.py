@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from course.charts import chart, save
 from course.measure.work_precision import PALETTE, machine
 from course.oracles.gymnasium import async_vector_env, sync_vector_env
-from course.oracles.mujoco_reach import MujocoArmReach, MujocoArmReachVector
+from course.oracles.mujoco.reach import MujocoArmReach, MujocoArmReachVector
 from course.vector_env import ArmReach, ArmReachVector, ProcessVectorEnv, VectorizedEnv
 from course.vector_env.busy import Busy
 from course.vector_env.reach import RADIUS

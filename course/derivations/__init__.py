@@ -159,10 +159,11 @@ _MODULES = (
     "rigid_body.methods",
     "rigid_body.loop",
     "rigid_body.mujoco",
-    "contact",
-    "randomisation",
-    "drills",
-    "vector_env",
+    "rigid_body.time_step",
+    "planning",
+    "control",
+    "sim_to_real.randomisation",
+    "sim_to_real.vector_env",
 )
 
 

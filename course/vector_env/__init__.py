@@ -6,7 +6,7 @@ on them, and all give what a loop over single environments gives, bit for bit:
 - `VectorizedEnv(env_fn, num_envs)`: one after the other, in this process;
 - `ProcessVectorEnv(env_fn, num_envs)`: in worker processes, with shared memory;
 - `ArmReachVector(num_envs)`: the closed-form two-link arm, all copies in one compiled call;
-- `course.oracles.mujoco_reach.MujocoArmReachVector(num_envs)`: the same task in `mujoco.batch`.
+- `course.oracles.mujoco.reach.MujocoArmReachVector(num_envs)`: the same task in `mujoco.batch`.
 
 An episode ends in one of two ways, which are kept apart: `terminations` (the task is over, there is
 no future to value) and `truncations` (the clock ran out, there is one). A finished environment is
@@ -42,7 +42,7 @@ __all__ = [
 # comes by these names.
 for _name, _single in (
     ("course/ArmReach-v0", "course.vector_env.reach:ArmReach"),
-    ("course/ArmReachMujoco-v0", "course.oracles.mujoco_reach:MujocoArmReach"),
+    ("course/ArmReachMujoco-v0", "course.oracles.mujoco.reach:MujocoArmReach"),
 ):
     if _name not in gymnasium.registry:
         gymnasium.register(_name, entry_point=_single, vector_entry_point=f"{_single}Vector")

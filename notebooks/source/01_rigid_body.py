@@ -27,7 +27,8 @@ import numpy as np
 from IPython.display import Markdown
 
 from course import rigid_body
-from course.charts import accuracy, read
+from course.charts import read
+from course.charts.rigid_body import accuracy
 from course.derivations import answer, show
 from course.rigid_body import planar, problems, quaternion
 

@@ -36,7 +36,7 @@ _OSCILLATOR = {
 def _explicit_energy_factor() -> Finding:
     import sympy
 
-    from course.derivations.linear import step_matrix, symbols
+    from course.derivations.rigid_body.linear import step_matrix, symbols
 
     h, omega, _ = symbols()
     A = step_matrix("explicit_euler")
@@ -83,7 +83,7 @@ def _explicit_energy_factor() -> Finding:
 def _explicit_growth_proportional_to_dt() -> Finding:
     import sympy
 
-    from course.derivations.linear import symbols
+    from course.derivations.rigid_body.linear import symbols
     from course.rigid_body import integrators, problems
 
     system = problems.oscillator().system
@@ -182,7 +182,7 @@ def _explicit_adds_always() -> Finding:
 def _semi_implicit_dissipates() -> Finding:
     import sympy
 
-    from course.derivations.linear import step_matrix, symbols
+    from course.derivations.rigid_body.linear import step_matrix, symbols
     from course.rigid_body import integrators, problems
 
     omega = symbols()[1]
@@ -260,7 +260,7 @@ def _semi_implicit_energy_swing() -> Finding:
     figures={"inside": (1.0, 1e-4), "outside": (4, 1e-4), "explicit_outside": (2.692582, 1e-4)},
 )
 def _swapping_two_lines() -> Finding:
-    from course.derivations.linear import spectral_radius
+    from course.derivations.rigid_body.linear import spectral_radius
 
     inside = spectral_radius("semi_implicit_euler", 1.9)
     outside = spectral_radius("semi_implicit_euler", 2.5)
@@ -295,7 +295,7 @@ def _swapping_two_lines() -> Finding:
 def _area_preserved() -> Finding:
     import sympy
 
-    from course.derivations.linear import step_matrix, symbols
+    from course.derivations.rigid_body.linear import step_matrix, symbols
     from course.rigid_body.integrators import INTEGRATORS
 
     h, omega, _ = symbols()
@@ -452,7 +452,7 @@ def _semi_implicit_arm_energy() -> Finding:
 def _semi_implicit_keeps_area_always() -> Finding:
     import sympy
 
-    from course.derivations.linear import step_matrix, symbols
+    from course.derivations.rigid_body.linear import step_matrix, symbols
 
     h, omega, zeta = symbols()
     free = sympy.simplify(step_matrix("semi_implicit_euler").det())
@@ -494,7 +494,7 @@ def _semi_implicit_keeps_area_always() -> Finding:
 def _rk4_energy_factor() -> Finding:
     import sympy
 
-    from course.derivations.linear import step_matrix, symbols
+    from course.derivations.rigid_body.linear import step_matrix, symbols
     from course.rigid_body import integrators, problems
 
     h, omega, _ = symbols()
@@ -541,7 +541,7 @@ def _rk4_energy_factor() -> Finding:
 def _verlet_frequency() -> Finding:
     import sympy
 
-    from course.derivations.linear import step_matrix, symbols
+    from course.derivations.rigid_body.linear import step_matrix, symbols
     from course.rigid_body import integrators, problems
 
     h, omega, _ = symbols()

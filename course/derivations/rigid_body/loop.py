@@ -83,7 +83,7 @@ def _clock_by_adding_dt() -> Finding:
     figures={"limit_100_n_per_m_ms": (200, 1e-6), "limit_1_mn_per_m_ms": (2, 1e-6)},
 )
 def _step_sweet_spot() -> Finding:
-    from course.derivations.linear import spectral_radius
+    from course.derivations.rigid_body.linear import spectral_radius
 
     def stable(stiffness: float, dt: float) -> bool:
         return spectral_radius("semi_implicit_euler", np.sqrt(stiffness) * dt) <= 1 + 1e-9
@@ -155,7 +155,7 @@ def _tenth_of_the_step() -> Finding:
     },
 )
 def _halving_dt_finds_the_culprit() -> Finding:
-    from course.derivations.linear import spectral_radius
+    from course.derivations.rigid_body.linear import spectral_radius
 
     omega = np.sqrt(1e5)
 

@@ -146,7 +146,7 @@ def _rk4_costs_four_times() -> Finding:
     "methods (1985)",
 )
 def _semi_implicit_stability_per_cost() -> Finding:
-    from course.derivations.linear import measured_limit, spectral_radius
+    from course.derivations.rigid_body.linear import measured_limit, spectral_radius
 
     cost = {"explicit_euler": 1, "semi_implicit_euler": 1, "velocity_verlet": 1,
             "explicit_midpoint": 2, "rk4": 4}  # fmt: skip

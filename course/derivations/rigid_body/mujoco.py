@@ -112,7 +112,7 @@ def _mujoco_defaults() -> Finding:
 def _mujoco_euler_is_semi_implicit() -> Finding:
     import mujoco
 
-    from course.derivations.linear import numeric_matrix
+    from course.derivations.rigid_body.linear import numeric_matrix
 
     columns = []
     for x, v in ((1.0, 0.0), (0.0, 1.0)):

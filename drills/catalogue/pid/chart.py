@@ -22,7 +22,7 @@ def chart(attempt: Attempt) -> WorkPrecision:
     """The same loop, sampled ever faster, against the loop in continuous time."""
     from course.drills import PID, closed_loop
     from course.measure.work_precision import Method, Result, measure
-    from course.oracles.mujoco_joint import MotorJoint
+    from course.oracles.mujoco.joint import MotorJoint
     from drills.grade import start_child
     from drills.sandbox import Child
 

@@ -580,7 +580,7 @@ def _settled(
 
 def _jam(attempt: Attempt, side: float) -> None:
     from course.drills import closed_loop
-    from course.oracles.mujoco_joint import MotorJoint
+    from course.oracles.mujoco.joint import MotorJoint
 
     dt, speed = JAM_RATE
     plant = _plant(attempt.rng, speed, side)

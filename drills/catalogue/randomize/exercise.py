@@ -104,7 +104,7 @@ def chart(attempt: Attempt) -> WorkPrecision:
     import mujoco
 
     from course.measure.work_precision import Method, Result, measure
-    from course.oracles.mujoco_randomize import recompiled, worst_constant
+    from course.oracles.mujoco.randomize import recompiled, worst_constant
 
     count = 50
     sizes = {1.0 / n: n for n in (2, 8, 32)}  # a larger parameter means less work

@@ -152,7 +152,7 @@ def check_constants(bench: Bench, arrays: Arrays) -> None:
 
 def _friction(bench: Bench, arrays: Arrays) -> None:
     """The friction that contacts get, and that a sliding sled feels, on this side."""
-    from course.oracles.mujoco_randomize import sliding_friction
+    from course.oracles.mujoco.randomize import sliding_friction
 
     attempt, (low, high) = bench.attempt, bench.setting.friction
     model = bench.here(arrays)

@@ -1,0 +1,326 @@
+"""The PID drill: where its loop becomes unstable, and what a jam does to its integral."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from course.charts import chart, save
+from course.drills import PID, Array, Joint, closed_loop
+from course.measure import stability
+from course.measure.scene import LeftOut, Modelled, Scene, Tolerance
+from course.measure.work_precision import PALETTE
+from course.oracles.mujoco.joint import MotorJoint
+
+BLUE, ORANGE, GREEN, *_ = PALETTE
+
+
+@dataclass(frozen=True)
+class Loop:
+    """A joint and its controller's numbers.
+
+    Attributes:
+        inertia, damping, load: of the joint [kg m^2, N m s/rad, N m].
+        kp, ki, kd: gains [N m/rad, N m/(rad s), N m s/rad].
+        tau: time constant of the derivative's filter [s].
+        dt: sample time [s].
+        limit: the motor's largest torque, both ways [N m].
+        friction: dry friction [N m], which only MuJoCo's joint has.
+    """
+
+    inertia: float = 0.05
+    damping: float = 0.1
+    load: float = 0.3
+    kp: float = 6.4
+    ki: float = 25.6
+    kd: float = 0.7
+    tau: float = 0.01
+    dt: float = 0.005
+    limit: float = 2.0
+    friction: float = 0.0
+
+    def scaled(self, gain: float) -> "Loop":
+        """The same with all three gains times a factor."""
+        return replace(self, kp=gain * self.kp, ki=gain * self.ki, kd=gain * self.kd)
+
+    def controller(self, kind: type[PID] = PID, limit: float | None = None) -> PID:
+        """A new controller; `limit` replaces the motor's torque [N m]."""
+        top = self.limit if limit is None else limit
+        return kind(self.kp, self.ki, self.kd, self.dt, -top, top, self.tau)
+
+    def joint(self) -> Joint:
+        """The exact joint."""
+        return Joint(self.inertia, self.damping, self.dt, self.load)
+
+    def mujoco(self, substeps: int = 10, integrator: str = "implicitfast") -> MotorJoint:
+        """MuJoCo's joint."""
+        return MotorJoint(
+            self.inertia, self.damping, self.dt, self.load,
+            substeps=substeps, friction=self.friction, integrator=integrator,
+        )  # fmt: skip
+
+
+# With these gains three poles of the continuous loop lie at -8 rad/s, the filter left out.
+LOOP = Loop()
+
+
+class WindingPID(PID):
+    """The same controller without anti-windup: it integrates at the limit as well."""
+
+    def update(self, setpoint: float, measurement: float) -> float:
+        """See `PID.update`."""
+        integral = self.integral + self.ki * (setpoint - measurement) * self.dt
+        command = super().update(setpoint, measurement)
+        self.integral = integral
+        return command
+
+
+# --- stability ------------------------------------------------------------------------------------
+
+
+def characteristic(loop: Loop) -> Polynomial:
+    """The closed loop's polynomial in z, from the transfer functions of joint and controller.
+
+    1 + C G = 0 with C = kp + ki dt z / (z - 1) + kd (z - 1) / ((tau + dt) z - tau) and G, the joint
+    behind a zero-order hold, drive times transition as in `course.drills.Joint` (Astrom and
+    Wittenmark, 1997, sec. 2.3). Without ki the factor z - 1 goes from both.
+    """
+    joint = loop.joint()
+    (_, reach), (_, decay) = joint.transition
+    near, fast = joint.drive
+    z, one = Polynomial([0.0, 1.0]), Polynomial([1.0])
+    above = near * (z - decay) + reach * fast
+    below = (z - 1.0) * (z - decay)
+    sums = z - 1.0 if loop.ki > 0.0 else one
+    low_pass = (loop.tau + loop.dt) * z - loop.tau
+    control = loop.kp * sums * low_pass + loop.kd * (z - 1.0) * sums
+    if loop.ki > 0.0:
+        control += loop.ki * loop.dt * z * low_pass
+    return below * sums * low_pass + above * control
+
+
+def theoretical_growth(loop: Loop) -> float:
+    """Growth per sample of the closed loop: the largest modulus of a root."""
+    return float(np.max(np.abs(characteristic(loop).roots())))
+
+
+def loop_step(loop: Loop, joint: Joint | MotorJoint) -> Callable[[Array], Array]:
+    """One sample of the real controller on a joint, as a map of its state.
+
+    The set-point is 0, the limits are off. The state is (angle, speed, integral, filtered rate,
+    last angle), shape (5,); what `course.measure.stability` takes.
+    """
+    controller = loop.controller(limit=math.inf)
+
+    def step(state: Array) -> Array:
+        q, v, controller.integral, controller.rate, controller.last = state.tolist()
+        joint.reset(q, v)
+        joint.step(controller.update(0.0, q))
+        return np.array([joint.q, joint.v, controller.integral, controller.rate, q])
+
+    return step
+
+
+def measured_growth(loop: Loop, mujoco: bool = False) -> float:
+    """The same, measured on the controller's class, with the exact joint or MuJoCo's."""
+    free = replace(loop, load=0.0)
+    joint = free.mujoco() if mujoco else free.joint()
+    return stability.spectral_radius(stability.amplification(loop_step(loop, joint), 5))
+
+
+def gain_limit(loop: Loop, growth: Callable[[Loop], float]) -> float:
+    """The largest factor on all gains with which the loop is stable, by bisection."""
+    return stability.limit(lambda gain: growth(loop.scaled(gain)) <= 1.0 + 1e-9, 1.0, 1e3)
+
+
+def rate_limit(loop: Loop, growth: Callable[[Loop], float]) -> float:
+    """The largest sample time with which the loop is stable [s], by bisection."""
+    return stability.limit(
+        lambda dt: growth(replace(loop, dt=dt)) <= 1.0 + 1e-9, 0.1 * loop.dt, 100.0 * loop.dt
+    )
+
+
+@chart
+def pid_stability() -> str:
+    """Where the sampled PID loop is stable, over sample time and gain, measured and in theory."""
+    import matplotlib.pyplot as plt
+
+    dt, gain = np.linspace(0.003, 0.065, 125), np.linspace(1.0, 30.0, 117)
+    found = stability.stability_map(
+        lambda x, y: measured_growth(replace(LOOP, dt=x).scaled(y)), dt, gain
+    )
+    theory = [gain_limit(replace(LOOP, dt=float(x)), theoretical_growth) for x in dt]
+    few = np.array([0.004, 0.006, 0.008, 0.012, 0.02, 0.03, 0.045, 0.06])
+    marks = [
+        gain_limit(replace(LOOP, dt=float(x)), lambda loop: measured_growth(loop, mujoco=True))
+        for x in few
+    ]
+    figure, ax = plt.subplots(figsize=(8.0, 5.2), layout="constrained")
+    found.plot(
+        ax,
+        {"theory: roots of 1 + C G": (dt, theory)},
+        x_label="sample time [s]",
+        y_label="factor on all gains",
+        title="A slower loop stands less gain",
+    )
+    ax.plot(few, marks, "o", color="white", mec="black", label="MuJoCo, ten steps a sample")
+    ax.legend(fontsize="small", loc="upper right")
+    save(
+        "pid_stability",
+        figure,
+        {"dt": dt.tolist(), "theory": theory, "mujoco": [few.tolist(), marks]},
+    )
+    by_gain = gain_limit(LOOP, theoretical_growth), gain_limit(LOOP, measured_growth)
+    by_rate = rate_limit(LOOP, theoretical_growth), rate_limit(LOOP, measured_growth)
+    off = max(
+        abs(mark / gain_limit(replace(LOOP, dt=float(x)), theoretical_growth) - 1.0)
+        for x, mark in zip(few, marks, strict=True)
+    )
+    return "\n".join(
+        [
+            f"largest factor on the gains at {1e3 * LOOP.dt:g} ms: "
+            f"theory {by_gain[0]:.3f}, measured {by_gain[1]:.3f}",
+            f"largest sample time with the gains as they are: "
+            f"theory {1e3 * by_rate[0]:.2f} ms, measured {1e3 * by_rate[1]:.2f} ms",
+            f"MuJoCo's limit (implicitfast, ten steps a sample) is within {off:.1%} of theory",
+        ]
+    )
+
+
+# --- windup ---------------------------------------------------------------------------------------
+
+STEP = 0.25  # rad: the set-point's step
+BAND = 0.02 * STEP  # rad: settled within 2 %
+JAM = 2.0  # s, from the start
+DURATION = 8.0  # s
+
+
+@dataclass(frozen=True)
+class Recovery:
+    """After the jam: how far past the set-point [rad], and the time until it is settled [s]."""
+
+    overshoot: float
+    time: float
+
+
+def jammed(
+    loop: Loop = LOOP,
+    joint: Joint | MotorJoint | None = None,
+    kind: type[PID] = PID,
+    jam: float = JAM,
+) -> tuple[Array, Array, Array]:
+    """Times, angles and commands of a set-point step with the joint jammed from the start on.
+
+    Args:
+        loop: joint and controller.
+        joint: another joint than the exact one.
+        kind: the controller's class.
+        jam: how long [s].
+
+    Returns:
+        Times (n + 1,) [s], angles (n + 1,) [rad] and commands (n,) [N m].
+    """
+    n = round(DURATION / loop.dt)
+    times = np.linspace(0.0, n * loop.dt, n + 1)
+    angles, commands = closed_loop(
+        loop.controller(kind), joint or loop.joint(), np.full(n, STEP), times[:n] < jam - 1e-9
+    )
+    return times, angles, commands
+
+
+def recovery(times: Array, angles: Array, jam: float = JAM) -> Recovery:
+    """What a record of `jammed` shows.
+
+    Raises:
+        ValueError: if the joint is not settled at the end.
+    """
+    outside = np.flatnonzero(np.abs(angles - STEP) > BAND)
+    if outside[-1] + 1 >= times.size:
+        raise ValueError(f"angles must end within {BAND:g} rad of {STEP:g}, got {angles[-1]:g}")
+    return Recovery(float(np.max(angles) - STEP), float(times[outside[-1] + 1] - jam))
+
+
+def overshoot(
+    joint: Joint | MotorJoint | None = None,
+    kind: type[PID] = PID,
+    jam: float = JAM,
+    **changes: float,
+) -> float:
+    """How far the joint goes past the set-point once it is free [rad].
+
+    Args:
+        joint, kind, jam: as for `jammed`.
+        **changes: fields of `Loop`; the controller keeps its gains.
+    """
+    loop = replace(LOOP, **changes)
+    return float(np.max(jammed(loop, joint, kind, jam)[1]) - STEP)
+
+
+def jam_scene() -> Scene:
+    """The drill's scene: what the jam leaves in the integral shows as overshoot."""
+    answer = overshoot()
+    stepping = overshoot(LOOP.mujoco())
+    rubbing = replace(LOOP, friction=0.01 * LOOP.limit)
+    return Scene(
+        question="How far does the joint shoot past the set-point when its jam ends?",
+        tolerance=Tolerance(
+            0.01, "rad", "anti-windup must show: it changes the answer by over a hundred times this"
+        ),
+        degrees_of_freedom=("angle",),
+        modelled=(
+            Modelled("the jam", lambda: abs(overshoot(jam=0.0) - answer), "rad",
+                     against="the exact joint, never jammed"),
+            Modelled("the torque limit", lambda: abs(overshoot(limit=1e6) - answer), "rad",
+                     against="the exact joint, no limit"),
+            Modelled("damping", lambda: abs(overshoot(damping=0.0) - answer), "rad",
+                     against="the exact joint without"),
+            Modelled("the load", lambda: abs(overshoot(load=0.0) - answer), "rad",
+                     against="the exact joint without"),
+        ),
+        left_out=(
+            LeftOut("a jam that gives way", lambda: abs(stepping - answer), "rad",
+                    against="MuJoCo, ten steps a sample"),
+            LeftOut("dry friction, 1 % of the motor",
+                    lambda: abs(overshoot(rubbing.mujoco()) - stepping), "rad",
+                    against="MuJoCo, friction loss"),
+        ),
+    )  # fmt: skip
+
+
+@chart
+def pid_windup() -> str:
+    """A jam of two seconds with anti-windup and without, on the exact joint and on MuJoCo's."""
+    import matplotlib.pyplot as plt
+
+    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), layout="constrained")
+    lines, data = [], {}
+    for name, kind, colour in (
+        ("conditional integration", PID, BLUE),
+        ("no anti-windup", WindingPID, ORANGE),
+    ):
+        for model, joint in (("exact", LOOP.joint()), ("MuJoCo", LOOP.mujoco())):
+            times, angles, commands = jammed(joint=joint, kind=kind)
+            style = "-" if model == "exact" else ":"
+            label = f"{name}, {model}"
+            left.plot(
+                times, angles, style, color=colour, lw=2 if style == ":" else 1.2, label=label
+            )
+            right.plot(times[:-1], commands, style, color=colour, lw=1.2, label=label)
+            found = recovery(times, angles)
+            data[label] = vars(found)
+            lines.append(
+                f"{label:<32} {found.overshoot:.3f} rad past the set-point, settled after "
+                f"{found.time:.2f} s"
+            )
+    for ax in (left, right):
+        ax.axvspan(0.0, JAM, color="0.9", label="jammed")
+        ax.set(xlabel="time [s]", xlim=(0.0, 5.0))
+        ax.grid(True, alpha=0.3)
+    left.axhline(STEP, color="black", lw=0.8)
+    left.set(ylabel="angle [rad]", title="The integral of a jam has to be unwound")
+    right.set(ylabel="command [N m]", title="It holds the command at the limit")
+    left.legend(fontsize="small")
+    save("pid_windup", figure, data)
+    return "\n".join([*lines, jam_scene().table()])

@@ -1,0 +1,143 @@
+"""A folder to work in and the real console script, for the tests of the command `drills`."""
+
+import json
+import os
+import pty
+import select
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+
+from drills import exercise as catalogue
+from drills.cli import cli
+
+ROOT = Path(__file__).resolve().parents[2]
+SCRIPT = Path(sys.executable).with_name("drills")
+SCHEMA = json.loads((ROOT / "drills" / "schema.json").read_text(encoding="utf-8"))
+VALIDATOR = jsonschema.Draft202012Validator(SCHEMA)
+COMMANDS = list(cli.commands)
+
+RIGHT = catalogue.card("verlet").solution_text()
+WRONG = "def verlet_step(q, v, a, acceleration, dt):\n    return q, v, a\n"
+
+
+class Place:
+    """A folder to work in, and the real console script."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.work = folder / "work"
+        kept = {k: v for k, v in os.environ.items() if not k.startswith(("DRILLS", "LC_", "LANG"))}
+        kept.pop("NO_COLOR", None)
+        kept.pop("COLUMNS", None)
+        self.environment = {**kept, "LC_ALL": "C.UTF-8", "TERM": "xterm"}
+        self.environment["COURSE_QUIET"] = "1"
+
+    def popen(self, *arguments: str, **options: Any) -> subprocess.Popen[bytes]:
+        extra = options.pop("env", {})
+        return subprocess.Popen(
+            [str(SCRIPT), *arguments],
+            cwd=self.folder,
+            env={**self.environment, **extra},
+            **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options},
+        )
+
+    def run(self, *arguments: str, text: str | bytes = "", **extra: str) -> "Done":
+        process = self.popen(*arguments, stdin=subprocess.PIPE, env=extra)
+        data = text.encode() if isinstance(text, str) else text
+        out, err = process.communicate(data, timeout=120)
+        return Done(process.returncode, out.decode(), err.decode())
+
+    def json(self, *arguments: str, text: str | bytes = "", **extra: str) -> dict[str, Any]:
+        done = self.run(*arguments, "--json", text=text, **extra)
+        lines = done.out.splitlines()
+        assert len(lines) == 1, done
+        assert done.err == "", done
+        data = json.loads(lines[0])
+        VALIDATOR.validate(data)
+        assert data["exit"] == done.code
+        return data
+
+    def answer(self, text: str, name: str = "verlet") -> Path:
+        self.work.mkdir(exist_ok=True)
+        path = self.work / f"{name}.py"
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    def record(self, name: str = "verlet") -> dict[str, Any]:
+        content = json.loads((self.work / "progress.json").read_text(encoding="utf-8"))
+        return content["exercises"].get(name, {})
+
+
+class Done:
+    """How a command ended."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+
+    def __repr__(self) -> str:
+        return f"exit {self.code}\n{self.out}\n--- stderr\n{self.err}"
+
+
+def descendants(pid: int) -> set[int]:
+    """The processes below one, by /proc."""
+    parents: dict[int, int] = {}
+    for entry in Path("/proc").iterdir():
+        if entry.name.isdigit():
+            try:
+                status = (entry / "stat").read_text()
+            except OSError:
+                continue
+            parents[int(entry.name)] = int(status.rpartition(")")[2].split()[1])
+    found: set[int] = set()
+    while more := {child for child, parent in parents.items() if parent in {pid, *found}} - found:
+        found |= more
+    return found
+
+
+def in_terminal(
+    place: Place, arguments: list[str], typed: str = "", **extra: str
+) -> tuple[int, str]:
+    """Run a command in a pseudo-terminal; gives its exit code and what it wrote."""
+    ours, theirs = pty.openpty()
+    process = place.popen(
+        *arguments, stdin=theirs, stdout=theirs, stderr=theirs, env=extra, start_new_session=True
+    )
+    os.close(theirs)
+    os.write(ours, typed.encode())
+    out = b""
+    while True:
+        try:
+            data = os.read(ours, 65536)
+        except OSError:  # the other side is closed
+            break
+        if not data:
+            break
+        out += data
+    os.close(ours)
+    return process.wait(timeout=60), out.decode("utf-8", "replace")
+
+
+def next_line(process: subprocess.Popen[bytes], seconds: float = 30.0) -> bytes:
+    """The next line of a running command's output."""
+    assert process.stdout is not None
+    line, deadline = b"", time.monotonic() + seconds
+    handle = process.stdout.fileno()
+    while not line.endswith(b"\n"):
+        assert select.select([handle], [], [], max(0.0, deadline - time.monotonic()))[0], line
+        byte = os.read(handle, 1)
+        assert byte, (process.wait(), line)
+        line += byte
+    return line
+
+
+def until(process: subprocess.Popen[bytes], text: str) -> str:
+    """What a running command writes until a line holds `text`."""
+    read = ""
+    while text not in read:
+        read += next_line(process).decode()
+    return read

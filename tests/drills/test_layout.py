@@ -1,0 +1,90 @@
+"""The drills' room: what it imports, and that its parts stay light."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from test_project import BIG, imports
+
+from drills import exercise
+from drills.exercise import Slip, UnknownExercise, definitions
+
+ROOT = Path(__file__).resolve().parents[2]
+FILES = sorted((ROOT / "drills").rglob("*.py"))
+JUDGES = sorted((ROOT / "drills" / "catalogue").glob("*/exercise.py"))
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
+def test_a_big_library_is_asked_through_its_oracle(path: Path) -> None:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    found = [(name, late) for name, late in imports(tree, "drills") if name.split(".")[0] in BIG]
+    if path.parent.name == "randomize":  # this drill is about a MuJoCo model
+        child = path.name in ("given.py", "starter.py")  # runs where the course isn't
+        found = [(name, late) for name, late in found if name != "mujoco" or not (late or child)]
+    assert found == []
+
+
+@pytest.mark.parametrize("path", JUDGES, ids=lambda path: path.parent.name)
+def test_a_judge_imports_nothing_heavy_at_its_top(path: Path) -> None:
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tops = {name.partition(".")[0] for name, deferred in imports(tree, "drills") if not deferred}
+    assert tops <= {"numpy", "drills", "__future__"} | sys.stdlib_module_names
+
+
+@pytest.mark.parametrize("path", JUDGES, ids=lambda path: path.parent.name)
+def test_an_exercise_has_its_four_files(path: Path) -> None:
+    for name in ("card.toml", "prompt.md", "starter.py"):
+        assert (path.parent / name).stat().st_size > 0
+
+
+@pytest.mark.parametrize("module", ["drills", "drills.exercise", "drills.reasons"])
+def test_what_the_list_needs_does_not_import_numpy(module: str) -> None:
+    program = f"import sys, {module}; print('numpy' in sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=60
+    )
+    assert done.stdout.split() == ["False"], done.stderr
+
+
+def test_entries_are_unique_so_that_a_function_finds_its_exercise() -> None:
+    entries = [card.entry for card in exercise.cards()]
+    assert len(set(entries)) == len(entries)
+
+
+def test_the_interview_drills_are_there() -> None:
+    drills = {card.name for card in exercise.cards() if card.drill}
+    assert {"fk3", "rrt", "pid", "randomize", "vector_env"} <= drills
+
+
+def test_an_unknown_name_gets_the_nearest() -> None:
+    with pytest.raises(UnknownExercise) as caught:
+        exercise.card("fk33")
+    assert caught.value.nearest[0] == "fk3"
+
+
+def test_definitions_bring_what_they_use(tmp_path: Path) -> None:
+    module = tmp_path / "module.py"
+    module.write_text(
+        "import math\nimport os\n\nSCALE = 2.0\n\n\ndef helper(x):\n    return SCALE * x\n\n\n"
+        "def unused():\n    return os.sep\n\n\n@staticmethod\ndef wanted(x):\n"
+        "    return helper(math.sin(x))\n"
+    )
+    text = definitions(module, ["wanted"])
+    names: dict[str, object] = {}
+    exec(text, names)
+    assert "unused" not in names and "os" not in names and "SCALE" in names
+    assert text.index("helper") < text.index("wanted") and "@staticmethod" in text
+    with pytest.raises(ValueError, match="does not define missing"):
+        definitions(module, ["missing"])
+
+
+def test_a_slip_that_no_longer_fits_its_solution_says_so() -> None:
+    assert Slip("s", "S.", edits=(("a", "b"),)).text("x = a") == "x = b"
+    with pytest.raises(ValueError, match="stands 2 times"):
+        Slip("s", "S.", edits=(("a", "b"),)).text("a = a")
+    with pytest.raises(ValueError, match="does not differ"):
+        Slip("s", "S.", edits=(("a", "a"),)).text("a")

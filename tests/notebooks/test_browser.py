@@ -1,0 +1,335 @@
+"""The simulation of chapter 1 in a real browser: JupyterLab, its kernel, headless Chromium.
+
+Prints how long a slider takes to change the picture and how many pictures a second arrive while it
+is dragged. With COURSE_SCREENSHOTS=1 it keeps pictures of the page under docs/screenshots.
+"""
+
+import importlib.util
+import json
+import os
+import secrets
+import signal
+import socket
+import statistics
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import nbformat
+
+from tests.conftest import chromium, why_no_browser
+
+ROOT = Path(__file__).resolve().parents[2]
+CHAPTER = ROOT / "notebooks" / "01_rigid_body.ipynb"
+EXTENSION = "course.lab_extension"
+
+FLAGS = [
+    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
+    "--disable-background-networking", "--disable-component-update", "--disable-sync",
+]  # fmt: skip
+
+SETTINGS = {
+    "@jupyterlab/apputils-extension:notification": {"fetchNews": "false", "checkForUpdates": False},
+    "@jupyterlab/notebook-extension:tracker": {"windowingMode": "none"},
+}
+# An installed package may bring an extension that "needs a build": no dialogue about that.
+PAGE = {"buildCheck": False, "buildAvailable": False}
+
+# The picture: a checksum of the pixels of the canvas, and the number of the frame it shows.
+PIXELS = """canvas => {
+  const data = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+  let sum = 0, dark = 0;
+  for (let k = 0; k < data.length; k += 4) {
+    const value = data[k] + 256 * data[k + 1] + 65536 * data[k + 2];
+    sum = (sum * 31 + value) % 4294967291;
+    dark += data[k] + data[k + 1] + data[k + 2] < 600;
+  }
+  return {sum, share: 4 * dark / data.length, frame: Number(canvas.dataset.frame)};
+}"""
+
+# Notes when the browser has drawn each frame, and when each key came in.
+WATCH = """canvas => {
+  window.drawn = [];
+  window.inputs = [];
+  new MutationObserver(() => window.drawn.push(performance.now()))
+    .observe(canvas, {attributes: true, attributeFilter: ['data-frame']});
+  document.addEventListener('keydown', () => window.inputs.push(performance.now()), true);
+}"""
+
+
+def notebook(path: Path) -> None:
+    """The chapter's notebook, or one that holds its simulation only; without outputs."""
+    if CHAPTER.exists():
+        content = nbformat.read(CHAPTER, as_version=4)
+    else:
+        content = nbformat.v4.new_notebook()
+        source = "from course.simulations.rigid_body import simulation\n\nsimulation()"
+        content.cells = [nbformat.v4.new_code_cell(source)]
+    for cell in content.cells:
+        if cell.cell_type == "code":
+            cell.outputs, cell.execution_count = [], None
+    # Without the name of a kernel JupyterLab asks for one.
+    content.metadata["kernelspec"] = {
+        "name": "python3", "display_name": "Python 3", "language": "python",
+    }  # fmt: skip
+    nbformat.write(content, path)
+
+
+@contextmanager
+def jupyter_lab(folder: Path, extension: bool) -> Iterator[str]:
+    """A JupyterLab server of its own on the folder; its address, with the token."""
+    config = folder / "config"
+    (config / "labconfig").mkdir(parents=True, exist_ok=True)
+    (config / "labconfig" / "default_setting_overrides.json").write_text(json.dumps(SETTINGS))
+    (config / "labconfig" / "page_config.json").write_text(json.dumps(PAGE))
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    token = secrets.token_hex(16)
+    options = [f"--ServerApp.jpserver_extensions={{'{EXTENSION}': True}}"] if extension else []
+    environment = os.environ | {
+        "JUPYTER_CONFIG_DIR": str(config),
+        "JUPYTER_DATA_DIR": str(folder / "data"),
+        "JUPYTER_RUNTIME_DIR": str(folder / "runtime"),
+        "IPYTHONDIR": str(folder / "ipython"),
+        "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
+        "COURSE_QUIET": "1",
+    }
+    with (folder / "server.log").open("w") as log:
+        server = subprocess.Popen(
+            [
+                sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root",
+                f"--ServerApp.root_dir={folder}", "--ServerApp.ip=127.0.0.1",
+                f"--ServerApp.port={port}", "--ServerApp.port_retries=0",
+                f"--IdentityProvider.token={token}", "--LabApp.expose_app_in_browser=True",
+                *options,
+            ],
+            stdout=log, stderr=subprocess.STDOUT, env=environment, start_new_session=True,
+        )  # fmt: skip
+        address = f"http://127.0.0.1:{port}"
+        try:
+            wait_for_server(server, f"{address}/api/status?token={token}", folder / "server.log")
+            yield f"{address}/doc/tree/{{}}?token={token}&reset"
+        finally:
+            os.killpg(server.pid, signal.SIGINT)
+            try:
+                server.wait(timeout=5)
+            except subprocess.TimeoutExpired:
+                os.killpg(server.pid, signal.SIGKILL)
+                server.wait()
+
+
+def wait_for_server(server: subprocess.Popen[Any], address: str, log: Path) -> None:
+    end = time.monotonic() + 90
+    while time.monotonic() < end:
+        assert server.poll() is None, f"JupyterLab ended:\n{log.read_text()[-2000:]}"
+        try:
+            with urllib.request.urlopen(address, timeout=5):
+                return
+        except (urllib.error.URLError, TimeoutError, ConnectionError):
+            time.sleep(0.2)
+    raise AssertionError(f"JupyterLab did not start in 90 s:\n{log.read_text()[-2000:]}")
+
+
+@contextmanager
+def open_page(profile: Path) -> Iterator[Any]:
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        context = playwright.chromium.launch_persistent_context(
+            str(profile), executable_path=chromium(), args=FLAGS, headless=True,
+            viewport={"width": 1200, "height": 900}, timeout=60_000,
+        )  # fmt: skip
+        try:
+            page = context.pages[0] if context.pages else context.new_page()
+            page.set_default_timeout(60_000)
+            yield page
+        finally:
+            context.close()
+
+
+def run_notebook(page: Any, address: str) -> Any:
+    """Open the notebook, run all its cells; the canvas of the simulation."""
+    page.goto(address, wait_until="domcontentloaded")
+    page.wait_for_function(
+        """() => {
+          const shell = window.jupyterapp?.shell;
+          window.panel = shell ? [...shell.widgets('main')].find(w => w.sessionContext) : null;
+          return window.panel?.sessionContext?.session?.kernel?.status === 'idle';
+        }"""
+    )
+    page.evaluate("() => window.jupyterapp.shell.activateById(window.panel.id)")
+    page.evaluate("() => window.jupyterapp.commands.execute('notebook:run-all-cells')")
+    errors = page.evaluate(
+        """async () => {
+          const panel = window.panel;
+          const kernel = panel.sessionContext.session.kernel;
+          const cells = panel.content.model.sharedModel.cells.filter(c => c.cell_type == 'code');
+          const runnable = cells.filter(c => c.source.trim());
+          while (kernel.status !== 'idle' || runnable.some(c => !c.execution_count))
+            await new Promise(done => setTimeout(done, 100));
+          return cells.flatMap(c => c.metadata.tags?.includes('raises-exception') ? [] :
+            c.outputs.filter(o => o.output_type === 'error').map(o => o.ename + ': ' + o.evalue));
+        }"""
+    )
+    assert errors == []
+    canvas = page.locator("canvas.course-canvas").first
+    canvas.wait_for()
+    canvas.scroll_into_view_if_needed()
+    page.wait_for_function("c => c.dataset.frame", arg=canvas.element_handle())
+    return canvas
+
+
+def wait_for_frame(page: Any, canvas: Any, after: int) -> dict[str, Any]:
+    page.wait_for_function(
+        "([c, n]) => Number(c.dataset.frame) > n", arg=[canvas.element_handle(), after]
+    )
+    return canvas.evaluate(PIXELS)
+
+
+def numbers_of(page: Any) -> str:
+    return page.locator(".course-simulation .course-numbers").first.inner_text()
+
+
+def slider(page: Any, label: str) -> Any:
+    row = page.locator(".course-simulation .widget-slider", has_text=label).first
+    return row.locator(".noUi-handle")
+
+
+def measure_latency(page: Any, canvas: Any, handle: Any, times: int = 15) -> list[float]:
+    """Milliseconds from the key to the drawn picture, one key at a time."""
+    handle.focus()
+    result = []
+    for k in range(times):
+        before = canvas.evaluate("c => Number(c.dataset.frame)")
+        page.evaluate("() => { window.drawn.length = 0; window.inputs.length = 0; }")
+        handle.press("ArrowLeft" if k % 2 else "ArrowRight")
+        wait_for_frame(page, canvas, before)
+        result.append(page.evaluate("() => window.drawn[0] - window.inputs[0]"))
+        page.wait_for_timeout(60)
+    return result
+
+
+def measure_drag(page: Any, handle: Any) -> tuple[float, float]:
+    """Pictures and mouse moves per second while the handle is dragged to and fro for two seconds.
+
+    The moves are made in the page, one per animation frame, as a real mouse makes them; from
+    outside each would wait until the page has answered the last one.
+    """
+    result = handle.evaluate(
+        """async handle => {
+          const box = handle.getBoundingClientRect();
+          const [x, y] = [box.left + box.width / 2, box.top + box.height / 2];
+          const send = (target, kind, shift) => target.dispatchEvent(new MouseEvent(kind, {
+            bubbles: true, cancelable: true, button: 0, buttons: kind === 'mouseup' ? 0 : 1,
+            clientX: x + shift, clientY: y}));
+          send(handle.firstElementChild, 'mousedown', 0);
+          window.drawn.length = 0;
+          const start = performance.now();
+          let moves = 0;
+          while (performance.now() - start < 2000) {
+            moves += 1;
+            send(document.documentElement, 'mousemove', 2 * Math.abs(moves % 40 - 20) - 20);
+            await new Promise(requestAnimationFrame);
+          }
+          const seconds = (performance.now() - start) / 1000;
+          const rates = [window.drawn.length / seconds, moves / seconds];
+          send(document.documentElement, 'mouseup', 0);
+          return rates;
+        }"""
+    )
+    page.wait_for_timeout(300)
+    return result[0], result[1]
+
+
+def keep(page: Any, name: str) -> None:
+    if os.environ.get("COURSE_SCREENSHOTS") == "1":
+        folder = ROOT / "docs" / "screenshots"
+        folder.mkdir(parents=True, exist_ok=True)
+        page.locator(".course-simulation").first.screenshot(path=str(folder / name))
+
+
+def exercise(page: Any, canvas: Any) -> tuple[float, float, float, float]:
+    """Everything a reader does with the simulation; median and worst latency, two rates."""
+    first, words = canvas.evaluate(PIXELS), numbers_of(page)
+    assert first["share"] > 0.01, "the canvas is blank"
+    label = canvas.get_attribute("aria-label")
+    assert "0.000 s" in words and "time 0.000 s" in label and "kinetic" in label
+    keep(page, "rigid_body_start.png")
+
+    # A key on a slider: another picture, other numbers.
+    gravity = slider(page, "Gravity")
+    gravity.focus()
+    gravity.press("ArrowRight")
+    second = wait_for_frame(page, canvas, first["frame"])
+    assert second["sum"] != first["sum"]
+    page.wait_for_function(
+        "old => document.querySelector('.course-numbers').innerText !== old", arg=words
+    )
+    assert canvas.get_attribute("aria-label") != label
+
+    canvas.evaluate(WATCH)
+    latencies = measure_latency(page, canvas, gravity)
+    pictures, moves = measure_drag(page, gravity)
+
+    # Reset and play: time runs and the box moves; pause: it stands still.
+    words = numbers_of(page)
+    before = canvas.evaluate(PIXELS)
+    page.get_by_role("button", name="Play").first.click()
+    wait_for_frame(page, canvas, before["frame"] + 15)
+    page.wait_for_timeout(700)
+    moving = canvas.evaluate(PIXELS)
+    assert moving["sum"] != before["sum"]
+    assert numbers_of(page) != words
+    keep(page, "rigid_body_playing.png")
+    page.get_by_role("button", name="Pause").first.click()
+    page.get_by_role("button", name="Play").first.wait_for()
+    page.wait_for_timeout(300)
+    still = canvas.evaluate(PIXELS)
+    page.wait_for_timeout(300)
+    assert canvas.evaluate(PIXELS) == still
+
+    # A preset, the pointer on the picture, and keys on the picture.
+    page.locator(".course-simulation select").first.select_option("Explicit Euler gains energy")
+    third = wait_for_frame(page, canvas, still["frame"])
+    assert "explicit Euler" not in words and third["sum"] != still["sum"]
+    box = canvas.bounding_box()
+    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.4 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.4 * box["width"], box["y"] + 0.3 * box["height"], steps=4)
+    page.mouse.up()
+    moved = wait_for_frame(page, canvas, third["frame"])
+    assert moved["sum"] != third["sum"]
+    canvas.press(" ")
+    page.get_by_role("button", name="Pause").first.wait_for()
+    page.wait_for_timeout(2500)
+    keep(page, "rigid_body_explicit_euler.png")
+    canvas.press(" ")
+    page.get_by_role("button", name="Play").first.wait_for()
+    return statistics.median(latencies), max(latencies), pictures, moves
+
+
+def test_chapter_1_in_the_browser(tmp_path, capsys):
+    assert not why_no_browser(), f"the browser test cannot run: {why_no_browser()}"
+    available = importlib.util.find_spec(EXTENSION) is not None
+    compare = os.environ.get("COURSE_COMPARE_NAGLE") == "1"
+    for extension in [False, True] if available and compare else [available]:
+        folder = tmp_path / f"extension_{extension}"
+        folder.mkdir()
+        notebook(folder / CHAPTER.name)
+        with jupyter_lab(folder, extension) as address, open_page(folder / "profile") as page:
+            canvas = run_notebook(page, address.format(CHAPTER.name))
+            median, worst, pictures, moves = exercise(page, canvas)
+        with capsys.disabled():
+            print(
+                f"\nbrowser ({'Nagle off' if extension else 'stock server'}): slider to picture "
+                f"{median:.0f} ms (median), {worst:.0f} ms (worst); "
+                f"{pictures:.0f} pictures/s while dragging ({moves:.0f} mouse moves/s)"
+            )
+        assert pictures > 1.0 and median < 5000.0

@@ -1,0 +1,136 @@
+"""What chapter 1 says of its charts, on smaller settings: errors, orders, picks, ratios."""
+
+import json
+
+import numpy as np
+import pytest
+
+from course import charts
+from course.charts.rigid_body import accuracy, box_scene, throughput
+from course.rigid_body.integrators import INTEGRATORS
+
+charts.load()
+
+
+@pytest.fixture(scope="module")
+def tumble():
+    return accuracy.work_precision("tumble", repeats=1, steps=(250, 500, 1000, 2000, 4000, 8000))
+
+
+def test_every_integrator_shows_its_order_on_the_tumble(tumble) -> None:
+    for name, item in INTEGRATORS.items():
+        if item.order > 1:
+            assert tumble.observed_order(name) == pytest.approx(item.order, abs=0.1), name
+    assert tumble.observed_order("MuJoCo RK4") == pytest.approx(4.0, abs=0.1)
+
+
+def test_mujocos_euler_is_our_semi_implicit_euler(tumble) -> None:
+    theirs = [p.error for p in tumble.curve("MuJoCo Euler").points]
+    ours = [p.error for p in tumble.curve("semi_implicit_euler").points]
+    np.testing.assert_allclose(theirs, ours, rtol=1e-6)
+
+
+def test_mujocos_implicit_methods_are_of_first_order_on_a_tumble() -> None:
+    result = accuracy.work_precision("tumble", repeats=1, steps=(16_000, 32_000, 64_000))
+    for name in ("Euler", "implicitfast", "discrete"):
+        assert result.observed_order(f"MuJoCo {name}") == pytest.approx(1.0, abs=0.1)
+    finest = [result.curve(f"MuJoCo {n}").points[-1].error for n in ("Euler", "implicitfast")]
+    assert 0.5 < finest[1] / finest[0] < 2.0
+
+
+def test_at_a_milliradian_rk4_needs_the_fewest_evaluations(tumble) -> None:
+    pick = tumble.pick(by="count")
+    assert pick.name in ("rk4", "rk4_renormalised", "MuJoCo RK4")
+    second = tumble.pick(by="count", tolerance=1e-3, styles=("oracle",))
+    assert pick.point.count == second.point.count
+
+
+def test_a_function_of_the_learner_joins_the_chart_with_one_call() -> None:
+    result = accuracy.work_precision("pendulum", repeats=1, steps=(40, 80, 160, 320))
+
+    def mine(q, v, acceleration, dt, params):
+        v = v + dt * acceleration(q, v, params)
+        return q + dt * v, v
+
+    chart = result.with_method(accuracy.your_method("pendulum", mine))
+    errors = {p.parameter: p.error for p in chart.curve("yours").points}
+    for point in result.curve("semi_implicit_euler").points:
+        assert errors[point.parameter] == pytest.approx(point.error, rel=1e-9)
+    assert chart.ratio is not None
+
+
+def test_the_box_is_exact_with_impact_times_and_first_order_without() -> None:
+    result = accuracy.box_work_precision(repeats=1)
+    assert max(p.error for p in result.curve("exact flight, impact times").points) < 1e-10
+    late = [p.error for p in result.curve("exact flight, end of step").points]
+    assert late[0] > 1e-2 and 1e-5 < late[-1] < 1e-2
+    for curve in result.curves:
+        if curve.style == "oracle":
+            assert min(p.error for p in curve.points) > 1e-6, curve.name
+    pick = result.pick(by="count")
+    assert pick is not None
+    assert pick.name == "exact flight, impact times" and pick.point.count == 10
+
+
+def test_table_has_every_scene_and_integrator() -> None:
+    rows = accuracy.table_at(repeats=1)
+    for problem in ("tumble", "heavy_top", "oscillator", "box drop"):
+        names = " ".join(row.method for row in rows if row.problem == problem)
+        for integrator in accuracy.MUJOCO_SHOWN:
+            assert f"MuJoCo {integrator}" in names
+    error = {(row.problem, row.method): row.error for row in rows}
+    assert error["tumble", "rk4"] < 1e-9 and error["tumble", "MuJoCo RK4"] < 1e-9
+    assert error["tumble", "rk4"] < 1e-6 * error["tumble", "semi_implicit_euler"]
+    text = accuracy.format_rows(rows)
+    assert len(text.splitlines()) == len(rows) + 1
+
+
+def test_batches_beat_a_general_engine_at_the_same_accuracy() -> None:
+    """Aims are 100 and 25; the bounds here leave room for a busy machine."""
+    boxes = throughput.box_contenders(samples=8)
+    assert boxes[0].dt == boxes[1].dt
+    assert boxes[0].error < 1e-9 < boxes[1].error <= throughput.BOX_TOLERANCE
+    rates = throughput.measure_rates(boxes[:2], (256,), 3, horizon=1.0)
+    step, second = throughput.ratios(rates, "course", "mujoco.batch")
+    assert step == pytest.approx(second, rel=1e-9) and step > 40
+    bodies = throughput.body_contenders(samples=8)
+    assert all(c.error <= throughput.BODY_TOLERANCE for c in bodies)
+    ours, theirs = "course rk4_renormalised", "mujoco.batch RK4"
+    chosen = [c for c in bodies if c.name in (ours, theirs)]
+    rates = throughput.measure_rates(chosen, (512,), 3)
+    assert throughput.ratios(rates, ours, theirs)[1] > 8
+
+
+def test_the_scene_fits_its_question_and_its_neighbours_do_not() -> None:
+    scene = box_scene.bouncing_box()
+    assert scene.check() == []
+    assert box_scene.third_dimension(depth=0.2) > scene.tolerance.value
+    assert box_scene.ours() == pytest.approx(box_scene._mujocos_plane(), abs=1e-3)
+    assert box_scene.ours(dt=1e-3) == pytest.approx(box_scene.ours(dt=5e-4), abs=1e-5)
+
+
+def test_apex_of_a_known_path() -> None:
+    t = np.arange(0.0, 1.0, 1e-3)
+    fall = 1.0 - 4.9 * t**2
+    rise = 3.0 * (t - 0.4) - 4.9 * (t - 0.4) ** 2
+    assert box_scene.apex(np.where(t < 0.4, fall, rise)) == pytest.approx(9.0 / 19.6, abs=1e-9)
+    with pytest.raises(ValueError, match="without a bounce"):
+        box_scene.apex(fall)
+
+
+def test_saving_is_whole_or_not_at_all(tmp_path, monkeypatch) -> None:
+    import matplotlib.pyplot as plt
+
+    monkeypatch.setattr(charts, "FOLDER", tmp_path)
+    figure, _ = plt.subplots()
+    charts.save("one", figure, {"x": [1.0]})
+    assert json.loads((tmp_path / "one.json").read_text()) == {"x": [1.0]}
+    before = (tmp_path / "one.png").read_bytes()
+    broken = plt.figure()
+    monkeypatch.setattr(broken, "savefig", lambda *a, **k: (_ for _ in ()).throw(OSError("full")))
+    with pytest.raises(OSError, match="full"):
+        charts.save("one", broken, {"x": [2.0]})
+    assert (tmp_path / "one.png").read_bytes() == before
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["one.json", "one.png"]
+    with pytest.raises(ValueError, match="name is 'two'"):
+        charts.read("two")
