@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from test_project import BIG, imports
+from tests.test_project import BIG, imports
 
 from drills import exercise
 from drills.exercise import Slip, UnknownExercise, definitions
