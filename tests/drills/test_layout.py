@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from tests.test_project import BIG, imports
 
 from drills import exercise
 from drills.exercise import Slip, UnknownExercise, definitions
+from tests.test_project import BIG, imports
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted((ROOT / "drills").rglob("*.py"))
