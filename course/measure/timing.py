@@ -1,0 +1,148 @@
+"""One timer for all that is compared: warmed up, interleaved, with its spread and a gate.
+
+A busy moment of the machine hits everything that runs in the same round alike, so rounds are
+interleaved and the figures are medians and quartiles over the rounds. Between two rounds the timer
+computes for 2 ms by itself: where it did not get nine tenths of a core, something else ran too, and
+the round is taken again, a limited number of times. What could not be measured undisturbed says so.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Sampler = Callable[[int], float]
+"""n -> seconds that n calls took."""
+
+_PROBE = 2e-3  # s
+_UNDISTURBED = 0.9  # share of a core
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Seconds of one call.
+
+    Attributes:
+        median, low, high: median and quartiles over the rounds [s].
+        best: the least [s]; nearest to what the call costs alone.
+        calls: how many calls one sample held.
+        busy: share of the rounds in which the machine had other work, whatever was tried.
+    """
+
+    median: float
+    low: float
+    high: float
+    best: float
+    calls: int = 1
+    busy: float = 0.0
+
+
+def calls(
+    function: Callable[..., Any], *args: Any, clock: Callable[[], float] = time.perf_counter
+) -> Sampler:
+    """A sampler that calls a function again and again.
+
+    Args:
+        function: what is timed, called with `args`.
+        *args: its arguments.
+        clock: `time.perf_counter`, or `time.process_time` for what computes in this process alone:
+            that one does not count what other processes do.
+    """
+
+    def sampler(n: int) -> float:
+        start = clock()
+        for _ in range(n):
+            function(*args)
+        return clock() - start
+
+    return sampler
+
+
+def batches(
+    function: Callable[[int], Any], clock: Callable[[], float] = time.perf_counter
+) -> Sampler:
+    """A sampler of a function that repeats by itself: function(n) does n units in one call."""
+
+    def sampler(n: int) -> float:
+        start = clock()
+        function(n)
+        return clock() - start
+
+    return sampler
+
+
+def interleaved(
+    samplers: Sequence[Sampler],
+    *,
+    repeats: int = 5,
+    sample: float = 1e-3,
+    most: int = 10**9,
+    patience: float = 1.0,
+    warm: bool = False,
+) -> list[Timing]:
+    """Time all of them in turn, round after round.
+
+    Args:
+        samplers: what is timed, see `calls` and `batches`.
+        repeats: rounds that count, at least 1; each takes one sample of every sampler.
+        sample: about how long one sample should take [s]; short calls are repeated inside it.
+        most: calls that one sample may hold.
+        patience: how many disturbed rounds may be taken again, as a multiple of `repeats`. When it
+            is used up, the least disturbed rounds count.
+        warm: whether each has been called before. Otherwise a first call, which may compile and
+            fills caches, is made and not counted.
+
+    Returns:
+        A `Timing` for each, in order.
+
+    Raises:
+        ValueError: for numbers out of range.
+    """
+    if repeats < 1 or most < 1:
+        raise ValueError(f"repeats and most must be at least 1, got {repeats} and {most}")
+    if not (sample >= 0.0 and patience >= 0.0):
+        raise ValueError(f"sample and patience must not be negative, got {sample} and {patience}")
+    if not warm:
+        for sampler in samplers:
+            sampler(1)
+    counts = [_calls_in(sampler, sample, most) for sampler in samplers]
+    rounds: list[tuple[float, list[float]]] = []  # (share of a core, seconds of a call each)
+    before = core_share()
+    allowed = repeats + math.floor(patience * repeats)
+    while len(rounds) < allowed and sum(s >= _UNDISTURBED for s, _ in rounds) < repeats:
+        seconds = [sampler(n) / n for sampler, n in zip(samplers, counts, strict=True)]
+        after = core_share()
+        rounds.append((min(before, after), seconds))
+        before = after
+    rounds.sort(key=lambda row: min(row[0], _UNDISTURBED), reverse=True)  # stable: the early ones
+    counted = rounds[:repeats]
+    busy = sum(s < _UNDISTURBED for s, _ in counted) / repeats
+    columns = np.array([row for _, row in counted]).reshape(repeats, len(counts))
+    low, median, high = np.percentile(columns, [25.0, 50.0, 75.0], axis=0)
+    best = columns.min(axis=0)
+    return [
+        Timing(float(median[i]), float(low[i]), float(high[i]), float(best[i]), n, busy)
+        for i, n in enumerate(counts)
+    ]
+
+
+def core_share() -> float:
+    """Share of a core that this thread got while it computed for 2 ms, from 0 to 1."""
+    wall, own = time.perf_counter(), time.thread_time()
+    while (passed := time.perf_counter() - wall) < _PROBE:
+        pass
+    return min(1.0, (time.thread_time() - own) / passed)
+
+
+def _calls_in(sampler: Sampler, sample: float, most: int) -> int:
+    """How many calls fill a sample, tried with more and more of them."""
+    n = 1
+    while (took := sampler(n)) < 0.5 * sample and n < most:
+        wanted = n * sample / max(took, 1e-9)
+        n = min(most, max(2 * n, math.ceil(min(wanted, 100.0 * n))))
+    return n

@@ -1,0 +1,96 @@
+"""The timer: rounds in turn, medians of what was undisturbed, on clocks that are made up."""
+
+import time
+
+import numpy as np
+import pytest
+
+from course.measure import timing
+
+
+@pytest.fixture
+def quiet(monkeypatch):
+    monkeypatch.setattr(timing, "core_share", lambda: 1.0)
+
+
+def _costs(seconds, log=None, name=""):
+    """A sampler whose calls take the given seconds, in turn and then the last one again."""
+    rest = list(seconds)
+
+    def sampler(n):
+        if log is not None:
+            log.append((name, n))
+        return n * (rest.pop(0) if len(rest) > 1 else rest[0])
+
+    return sampler
+
+
+def test_rounds_are_interleaved_after_a_warm_up(quiet):
+    log: list[tuple[str, int]] = []
+    a, b = _costs([1.0], log, "a"), _costs([1.0], log, "b")
+    timing.interleaved([a, b], repeats=3)
+    assert [name for name, _ in log] == ["a", "b", "a", "b"] + ["a", "b"] * 3
+    log.clear()
+    timing.interleaved([a, b], repeats=3, warm=True)
+    assert len(log) == 8
+
+
+def test_median_quartiles_and_best_are_of_the_rounds_alone(quiet):
+    # The warm-up and the sizing take 9 s and 8 s, and are not counted.
+    (found,) = timing.interleaved([_costs([9.0, 8.0, 1.0, 2.0, 3.0, 4.0, 5.0])], repeats=5)
+    assert (found.low, found.median, found.high, found.best) == (2.0, 3.0, 4.0, 1.0)
+    assert (found.calls, found.busy) == (1, 0.0)
+
+
+def test_short_calls_fill_a_sample_and_no_more_than_most(quiet):
+    log: list[tuple[str, int]] = []
+    (found,) = timing.interleaved([_costs([1e-6], log)], sample=1e-3, repeats=2)
+    assert 500 <= found.calls <= 2000 and log[-1][1] == found.calls
+    assert found.median == pytest.approx(1e-6)
+    (found,) = timing.interleaved([_costs([1e-6])], sample=1e-3, most=7)
+    assert found.calls == 7
+    # Below the clock's resolution a call seems to take no time at all.
+    (found,) = timing.interleaved([lambda n: 0.0 if n < 1000 else 1.0], sample=1e-3)
+    assert found.calls >= 1000
+
+
+def test_a_disturbed_round_is_taken_again(monkeypatch):
+    # Shares before the first round and after each: rounds 2 and 3 have a busy one at an end.
+    shares = iter([1.0, 1.0, 0.5, 1.0, 0.95, 0.9, 0.2])
+    monkeypatch.setattr(timing, "core_share", lambda: next(shares))
+    (found,) = timing.interleaved([_costs([9.0, 9.0, 1.0, 50.0, 50.0, 2.0, 3.0])], repeats=3)
+    assert (found.best, found.median, found.busy) == (1.0, 2.0, 0.0)
+
+
+def test_a_busy_machine_is_reported_and_waited_for_no_longer_than_patience(monkeypatch):
+    log: list[tuple[str, int]] = []
+    monkeypatch.setattr(timing, "core_share", lambda: 0.4)
+    (found,) = timing.interleaved([_costs([1.0], log)], repeats=4, patience=0.5)
+    assert found.busy == 1.0 and len(log) == 2 + 4 + 2
+    log.clear()
+    timing.interleaved([_costs([1.0], log)], repeats=4, patience=0.0)
+    assert len(log) == 2 + 4
+
+
+def test_the_probe_sees_a_core_that_is_shared(monkeypatch):
+    assert 0.0 < timing.core_share() <= 1.0
+    own = iter([0.0, 0.5e-3])
+    monkeypatch.setattr(time, "thread_time", lambda: next(own))
+    assert timing.core_share() <= 0.25
+
+
+def test_clocks():
+    # A sleep takes wall time and no processor time.
+    assert timing.calls(time.sleep, 5e-3)(3) >= 15e-3
+    assert timing.calls(time.sleep, 5e-3, clock=time.process_time)(3) < 10e-3
+    counted: list[int] = []
+    assert timing.batches(counted.append)(7) >= 0.0
+    assert counted == [7]
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"repeats": 0}, {"most": 0}, {"sample": np.nan}, {"patience": -1.0}]
+)
+def test_numbers_out_of_range(wrong):
+    with pytest.raises(ValueError, match=next(iter(wrong))):
+        timing.interleaved([lambda n: 1.0], **wrong)
