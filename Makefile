@@ -18,7 +18,12 @@ unexport PYTHONPATH PYTHONHOME
 QUIET := COURSE_QUIET=1 DRILLS_PROGRESS=none
 
 .NOTPARALLEL:
-.PHONY: help setup lab test lint types pytest nbval warm charts notebooks clean
+.PHONY: help setup lab test prove lint types pytest nbval warm charts notebooks clean
+
+# `make test TOPIC=contact` and `make prove TOPIC=contact`: one topic, and the framework's smoke tests.
+TOPIC ?=
+OF_TOPIC := $(if $(TOPIC),--topic $(TOPIC))
+NOTEBOOKS := $(if $(TOPIC),$(wildcard notebooks/[0-9][0-9]_$(TOPIC).ipynb),notebooks/)
 
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
@@ -84,8 +89,12 @@ lab: setup warm ## set up, then open the course in JupyterLab
 	JUPYTER_CONFIG_PATH='$(CURDIR)/.jupyter' exec $(BIN)/python -m jupyterlab $$no_browser $$as_root \
 		--ServerApp.root_dir='$(CURDIR)' --LabApp.default_url=/lab/tree/notebooks/index.ipynb
 
-test: setup lint types warm pytest nbval ## set up, then run every test
+test: setup lint types warm pytest nbval ## set up, then run every test, or those of TOPIC=contact
 	@echo "all tests passed"
+
+prove: setup warm ## the long proofs: many seeds, the whole hostile suite, properties at random
+	$(QUIET) COURSE_PROVE=1 $(BIN)/pytest $(OF_TOPIC) -n 2 --dist worksteal
+	@echo "all proofs passed"
 
 lint: setup ## ruff: rules and layout
 	$(BIN)/ruff check
@@ -95,11 +104,12 @@ types: setup ## mypy
 	$(BIN)/mypy
 
 pytest: warm ## the tests without the notebooks
-	$(QUIET) $(BIN)/pytest -n 2 --dist loadfile
+	$(QUIET) $(BIN)/pytest $(OF_TOPIC) -n 2 --dist worksteal
 
 nbval: warm ## the notebooks, run again and compared with what they show
-	$(QUIET) $(BIN)/pytest --nbval --nbval-current-env --nbval-sanitize-with tests/nbval_sanitize.cfg \
-		--nbval-cell-timeout=120 -n 2 --dist loadfile notebooks/
+	$(if $(NOTEBOOKS),$(QUIET) $(BIN)/pytest --nbval --nbval-current-env \
+		--nbval-sanitize-with tests/nbval_sanitize.cfg --nbval-cell-timeout=120 \
+		-n 2 --dist loadfile $(NOTEBOOKS))
 
 warm: setup ## compile and keep every hot loop of the chapters
 	@$(BIN)/python -m course.warm

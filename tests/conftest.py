@@ -1,13 +1,104 @@
-"""The environment of the tests; those in a browser run where there is one, and say so if not."""
+"""The environment of the tests, what each topic costs, and which tests a topic has.
+
+Tests in a browser run where there is one, and say so if not. `--topic contact` runs the tests of
+one topic and the smoke tests of the framework: a test belongs to the folder it stands in, or to
+the topic that its marker names (`pytest.mark.topic("contact")`, for one test over all chapters).
+COURSE_PROVE=1 runs the long tier instead: what stands in `tests/prove`, and every property with many
+examples, drawn afresh.
+"""
 
 import importlib.util
 import os
+import resource
 import shutil
+from collections import defaultdict
 from pathlib import Path
+
+import hypothesis
+import pytest
+
+from tests.budget import PROVE, ROOT, TOPICS, seconds_allowed, topic_of
 
 # A learner's own settings are not for the tests, which make work folders of their own.
 for _name in [name for name in os.environ if name.startswith("DRILLS_")]:
     del os.environ[_name]
+
+# `make test` draws the same examples every time; `make prove` draws new ones.
+hypothesis.settings.register_profile("test", derandomize=True, deadline=None, database=None)
+hypothesis.settings.register_profile("prove", deadline=None, print_blob=True)
+hypothesis.settings.load_profile("prove" if PROVE else "test")
+
+# --- Topics, and what they cost -------------------------------------------------------------------
+
+_SECONDS: defaultdict[str, float] = defaultdict(float)
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--topic", help="run the tests of this topic, and the smoke tests")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    config.addinivalue_line("markers", "topic(name): what a test over all chapters counts for")
+    config.addinivalue_line("markers", "smoke: is run with every topic")
+
+
+def _topic(item: pytest.Item) -> str:
+    marker = item.get_closest_marker("topic")
+    return marker.args[0] if marker else topic_of(item.path.relative_to(ROOT).as_posix())
+
+
+def _is_long(item: pytest.Item) -> bool:
+    return item.path.is_relative_to(ROOT / "tests" / "prove")
+
+
+def _is_property(item: pytest.Item) -> bool:
+    return hypothesis.is_hypothesis_test(getattr(item, "obj", None))
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    wanted, kept = config.getoption("--topic"), items
+    if PROVE:
+        kept = [item for item in kept if _is_long(item) or _is_property(item)]
+    if wanted:
+        rooms = sorted({*TOPICS, *map(_topic, items)})
+        if wanted not in rooms:
+            raise pytest.UsageError(f"topic is {wanted!r}, allowed is {', '.join(rooms)}")
+        kept = [i for i in kept if _topic(i) == wanted or i.get_closest_marker("smoke")]
+    config.hook.pytest_deselected(items=[item for item in items if item not in kept])
+    items[:] = kept
+
+
+def _used() -> float:
+    usages = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None):
+    start = _used()
+    try:
+        return (yield)
+    finally:
+        _SECONDS[_topic(item)] += _used() - start
+
+
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    # A worker of pytest-xdist tells the run that it works for.
+    if hasattr(session.config, "workeroutput"):
+        session.config.workeroutput["seconds"] = dict(_SECONDS)
+        return
+    costly = [topic for topic, spent in _SECONDS.items() if spent > seconds_allowed(topic)]
+    if costly and not PROVE:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node, error) -> None:
+    for topic, spent in getattr(node, "workeroutput", {}).get("seconds", {}).items():
+        _SECONDS[topic] += spent
+
+
+# --- The browser ----------------------------------------------------------------------------------
 
 
 def chromium() -> str | None:
@@ -24,6 +115,8 @@ def why_no_browser() -> str:
 
 
 def pytest_ignore_collect(collection_path: Path) -> bool | None:
+    if collection_path == ROOT / "tests" / "prove" and not PROVE:
+        return True
     # A run that names the file itself is not asked: there a missing browser fails.
     required = os.environ.get("COURSE_REQUIRE_BROWSER") == "1"
     if collection_path.name == "test_browser.py" and why_no_browser() and not required:
@@ -32,6 +125,12 @@ def pytest_ignore_collect(collection_path: Path) -> bool | None:
 
 
 def pytest_terminal_summary(terminalreporter) -> None:
+    if sum(_SECONDS.values()) > 10.0:
+        terminalreporter.write_sep("-", "processor time by topic")
+        for topic, spent in sorted(_SECONDS.items(), key=lambda entry: -entry[1]):
+            allowed = seconds_allowed(topic)
+            told = f"{topic:<14} {spent:6.1f} s of {allowed:g}"
+            terminalreporter.write_line(told, red=spent > allowed)
     reason = why_no_browser()
     if reason and os.environ.get("COURSE_REQUIRE_BROWSER") != "1":
         terminalreporter.write_line(f"browser test did NOT run: {reason}", yellow=True, bold=True)

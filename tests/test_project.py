@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from course import CHAPTERS, contents
+from tests import budget
 
 ROOT = Path(__file__).resolve().parent.parent
 PRESENT = [chapter for chapter in CHAPTERS if chapter.there]
@@ -420,6 +421,38 @@ def test_every_dependency_is_pinned() -> None:
     assert all(re.fullmatch(r"[\w.-]+==[\w.]+", line) for line in lines)
     pinned = {normal(line.partition("==")[0]) for line in lines}
     assert {normal(re.split(r"[<>=!~ \[]", line)[0]) for line in wanted} <= pinned
+
+
+def test_no_topic_costs_more_lines_than_it_may(capsys) -> None:
+    counted = budget.count_lines()
+    table = [
+        f"{topic:<14} {lines:6} lines of {budget.lines_allowed(topic)}"
+        for topic, lines in counted.most_common()
+    ]
+    with capsys.disabled():
+        print("\n", *table, f"{'in all':<14} {counted.total():6} lines", sep="\n")
+    assert [t for t, lines in counted.items() if lines > budget.lines_allowed(t)] == []
+
+
+@pytest.mark.parametrize(
+    ("path", "topic"),
+    [
+        ("course/contact.py", "contact"),
+        ("course/charts/rigid_body/drift.py", "rigid_body"),
+        ("course/derivations/contact.py", "contact"),
+        ("notebooks/source/02_contact.py", "contact"),
+        ("tests/prove/contact/test_gjk.py", "contact"),
+        ("solutions/rigid_body.py", "rigid_body"),
+        ("drills/catalogue/rrt/exercise.py", "planning"),
+        ("drills/sandbox/child.py", "drills"),
+        ("tests/prove/drills/test_hostile.py", "drills"),
+        ("course/measure/scene.py", "measure"),
+        ("course/vector_env/reach.py", "vector_env"),
+        ("course/compiled.py", "project"),
+    ],
+)
+def test_every_file_counts_for_one_topic(path: str, topic: str) -> None:
+    assert budget.topic_of(path) == topic
 
 
 # --- The README -----------------------------------------------------------------------------------
