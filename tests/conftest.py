@@ -3,8 +3,8 @@
 Tests in a browser run where there is one, and say so if not. `--topic contact` runs the tests of
 one topic and the smoke tests of the framework: a test belongs to the folder it stands in, or to
 the topic that its marker names (`pytest.mark.topic("contact")`, for one test over all chapters).
-COURSE_PROVE=1 runs the long tier instead: what stands in `tests/prove`, and every property with many
-examples, drawn afresh.
+COURSE_PROVE=1 runs the long tier instead: what stands in `tests/prove`, and every property with
+many examples, drawn afresh.
 """
 
 import importlib.util
