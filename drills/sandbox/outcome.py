@@ -10,11 +10,17 @@ from drills.reasons import Reason
 
 @dataclass(frozen=True)
 class Limits:
-    """What a child may use."""
+    """What a child may use.
 
-    load: float = 5.0  # s, wall, to execute the submission's top level, its imports included
-    call: float = 2.0  # s, wall, each call
-    total: float = 20.0  # s, wall, all loading and calls together
+    Time is the child's processor time, all threads together, as the parent sees it, so that a busy
+    machine fails nobody. What sleeps uses none: the wall clock ends it, `patience` times later.
+    Where the system doesn't tell the processor time of another process, all is wall clock.
+    """
+
+    load: float = 5.0  # s, processor, to execute the submission's top level, its imports included
+    call: float = 2.0  # s, processor, each call
+    total: float = 20.0  # s, processor, all loading and calls together
+    patience: float = 10.0  # by the wall clock, each of the three may take this many times as long
     memory: int = 1 << 30  # bytes resident
     output: int = 1 << 20  # bytes printed in all
     disk: int = 16 << 20  # bytes in the scratch folder in all, and in each file

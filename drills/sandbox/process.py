@@ -94,7 +94,9 @@ class Child:
         _layers: frozenset[str] = LAYERS,
     ) -> None:
         self.changed = False
-        self.elapsed = 0.0
+        self.elapsed = 0.0  # s by the wall clock, the last request
+        self.spent = 0.0  # s of processor time, the last request
+        self.used = 0.0  # s of processor time, all requests
         self.layers: dict[str, str] = {}
         self._source, self._filename, self._entry, self._given = source, filename, entry, given
         self._limits = limits
@@ -106,7 +108,7 @@ class Child:
         self._answered = 0
         self._text = bytearray()
         self._received = bytearray()
-        self._used = 0.0  # s, waited for requests so far
+        self._waited = 0.0  # s by the wall clock, all requests
         self._next_watch = 0.0
         self._peak = 0
         self._dropped: list[int] = []
@@ -177,13 +179,12 @@ class Child:
         # A marker by the way: no other process has this odd limit, and no descendant can raise it.
         size = self._limits.disk + secrets.randbelow(4096)
         self._tree = tree.Tree(self._process.pid, size, token, tree.LINUX and "procfs" in layers)
-        seconds = (os.cpu_count() or 1) * math.ceil(self._limits.total) + 20
         settings: dict[str, Any] = {
             "layers": sorted(layers),
             "limits": {
                 "CORE": 0,
                 "FSIZE": size,
-                "CPU": seconds,
+                "CPU": math.ceil(self._limits.total + START),
                 "AS": self._limits.memory + (2 << 30),  # libraries map far more than they use
                 "NPROC": 256,
                 "NOFILE": 128,
@@ -286,7 +287,7 @@ class Child:
                     raise StartFailed(f"the drill's own code failed: {answer.get('raised')}")
         except Ended as end:
             raise StartFailed(f"{end.sentence} {self.output}".strip()) from end
-        self._used = 0.0
+        self.used = self._waited = 0.0
         self._ready = True
 
     def call(
@@ -299,7 +300,7 @@ class Child:
             args: None, bool, int, float, str, list, tuple, dict with str keys, ndarray, Handle, or
                 a function: it stays here, and each call of it from the child is answered here.
             repeat: how often to call it, in one request; the last result counts.
-            seconds: limit for this request, in place of `Limits.call`.
+            seconds: limit for this request, in place of `Limits.call` [s of processor time].
             kwargs: as `args`.
 
         Returns:
@@ -421,13 +422,11 @@ class Child:
         identity = secrets.token_hex(8)
         self._dropped, dropped = [], self._dropped
         self._pending = memoryview(wire.pack({"id": identity, "drop": dropped, **request}))
+        self.spent = self.elapsed = 0.0
         answer = self._wait(identity, seconds, where)
-        spent = self.elapsed
         while "ask" in answer:
             self._pending = memoryview(wire.pack({"id": identity, **self._asked(answer)}))
-            answer = self._wait(identity, seconds, where, spent)
-            spent += self.elapsed
-        self.elapsed = spent
+            answer = self._wait(identity, seconds, where)
         if "raised" in answer:
             raise self._raised(answer, where)
         if "missing" in answer:
@@ -493,21 +492,25 @@ class Child:
 
     # One loop for everything that is waited for
 
-    def _wait(
-        self, identity: str, seconds: float, where: str, spent: float = 0.0
-    ) -> dict[str, Any]:
-        start = time.monotonic()
-        left = self._limits.total - self._used if self._ready else START
-        deadline = start + min(seconds - spent, left)
+    def _wait(self, identity: str, seconds: float, where: str) -> dict[str, Any]:
+        """Wait for an answer: `seconds` of the child's processor time at most, for this request.
+
+        A child that waits itself uses none, so the wall clock ends it, much later.
+        """
+        start, begun = time.monotonic(), self._tree.processor_time()
+        total, patience = self._limits.total, self._limits.patience
+        if self._ready:
+            most = min(seconds - self.spent, total - self.used)
+            longest = min(patience * seconds - self.elapsed, patience * total - self._waited)
+        else:
+            most, longest = math.inf, START
+        deadline = start + longest
         try:
             self._send()
             while True:
-                now = time.monotonic()
-                if now >= deadline:
-                    what = (
-                        f"{seconds:g} s" if seconds <= left else f"{self._limits.total:g} s in all"
-                    )
-                    raise self._end(Reason.TIMED_OUT, f"Stopped after {what} {where}.")
+                now, spent = time.monotonic(), self._tree.processor_time() - begun
+                if now >= deadline or spent >= most:
+                    raise self._end(Reason.TIMED_OUT, self._late(seconds, spent >= most, where))
                 if now >= self._next_watch:
                     self._watch(where)
                     self._next_watch = time.monotonic() + WATCH
@@ -529,8 +532,25 @@ class Child:
                         self._drain(where)
                         return answer
         finally:
-            self.elapsed = time.monotonic() - start
-            self._used += self.elapsed
+            elapsed, spent = time.monotonic() - start, self._tree.processor_time() - begun
+            self.elapsed, self.spent = self.elapsed + elapsed, self.spent + spent
+            self._waited, self.used = self._waited + elapsed, self.used + spent
+
+    def _late(self, seconds: float, worked: bool, where: str) -> str:
+        """What to say of a request that took too long."""
+        if not self._ready:
+            return f"Stopped after {START:g} s {where}."
+        limits = self._limits
+        if worked:
+            whole = limits.total - self.used < seconds - self.spent
+            clock, factor = "of processor time", 1.0
+        else:
+            left = limits.patience * limits.total - self._waited
+            whole = left < limits.patience * seconds - self.elapsed
+            clock, factor = "by the clock", limits.patience
+        if whole:
+            return f"Stopped after {factor * limits.total:g} s {clock} in all, {where}."
+        return f"Stopped after {factor * seconds:g} s {clock} {where}."
 
     def _send(self) -> None:
         """Write what can be written at once of the pending request."""

@@ -35,7 +35,7 @@ HERE = Path(__file__).parent
 ROOT = places.HERE
 LINUX = sys.platform.startswith("linux")
 HOME = pwd.getpwuid(os.getuid()).pw_dir
-SHORT = Limits(load=1.0, call=0.5)
+SHORT = Limits(load=1.0, call=0.5, patience=2)
 
 RIGHT = """
 import numpy as np

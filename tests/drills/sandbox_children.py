@@ -10,7 +10,7 @@ import pytest
 
 from drills.sandbox import Child, Ended, Limits
 
-QUICK = Limits(load=5, call=1.0, total=20, memory=512 << 20, output=1 << 18, disk=2 << 20)
+QUICK = Limits(call=0.5, patience=3, memory=512 << 20, output=1 << 18, disk=2 << 20)
 PLAIN = """
 import numpy as np
 

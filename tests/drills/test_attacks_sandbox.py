@@ -204,7 +204,7 @@ def test_a_pause_of_the_grader_is_not_the_learners_time() -> None:
     grader = (
         "import subprocess, sys, os\n"
         "from drills.sandbox import Child, Limits\n"
-        f"c = Child({source!r}, filename='x', entry='f', limits=Limits(call=1.0))\n"
+        f"c = Child({source!r}, filename='x', entry='f', limits=Limits(call=1.0, patience=1))\n"
         "c.load()\n"
         f"p = subprocess.Popen([sys.executable, '-c', {stop!r}, str(os.getpid())])\n"
         "print(c.call('f')); c.close(); p.wait()\n"

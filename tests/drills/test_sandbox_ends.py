@@ -37,8 +37,12 @@ LINUX = sys.platform.startswith("linux")
 @pytest.mark.parametrize(
     ("body", "reason", "word"),
     [
-        ("while True: pass", Reason.TIMED_OUT, "1 s"),
-        ("import time; time.sleep(60)", Reason.TIMED_OUT, "in f(...)"),
+        ("while True: pass", Reason.TIMED_OUT, "Stopped after 0.5 s of processor time in f(...)."),
+        (
+            "import time; time.sleep(60)",
+            Reason.TIMED_OUT,
+            "Stopped after 1.5 s by the clock in f(...).",
+        ),
         ("import os; os._exit(0)", Reason.EXITED, "status 0"),
         ("import os; os._exit(3)", Reason.EXITED, "status 3"),
         ("import sys; sys.exit(4)", Reason.EXITED, "sys.exit(4)"),
@@ -89,24 +93,53 @@ def test_resident_memory_is_watched_from_outside() -> None:
 def test_top_level_has_its_own_limit() -> None:
     end = ended("while True: pass", limits=Limits(load=0.3))
     assert end.reason is Reason.TIMED_OUT
-    assert end.sentence == "Stopped after 0.3 s while the file was loaded."
+    assert end.sentence == "Stopped after 0.3 s of processor time while the file was loaded."
 
 
-def test_total_time_ends_a_child_that_is_slow_every_time() -> None:
-    source = "import time\ndef f(): time.sleep(0.2)"
-    with loaded(source, limits=Limits(call=1.0, total=0.7)) as running:
+BUSY = """
+import threading, time
+def f(seconds):
+    end = time.process_time() + seconds
+    while time.process_time() < end: pass
+    return 1
+def g(seconds): time.sleep(seconds); return 1
+def h(seconds):
+    both = [threading.Thread(target=f, args=(seconds,)) for _ in range(2)]
+    for thread in both: thread.start()
+    for thread in both: thread.join()
+"""
+
+
+def test_time_is_what_the_child_works_not_what_passes() -> None:
+    with loaded(BUSY, limits=Limits(call=0.5)) as running:
+        assert running.call("g", 0.8) == 1
+        assert running.elapsed > 0.7 and running.spent < 0.4
+        assert running.call("f", 0.3) == 1
+        assert 0.3 <= running.spent < 0.5
+        with pytest.raises(Ended, match=r"0\.5 s of processor time in h"):
+            running.call("h", 60.0)
+        assert running.spent >= 0.5 and running.used >= 0.8
+
+
+@pytest.mark.parametrize(
+    ("name", "patience", "clock"), [("f", 50, "of processor"), ("g", 1, "by the")]
+)
+def test_total_time_ends_a_child_that_is_slow_every_time(
+    name: str, patience: float, clock: str
+) -> None:
+    with loaded(BUSY, limits=Limits(call=9, total=1.5, patience=patience)) as running:
         with pytest.raises(Ended) as caught:
             for _ in range(10):
-                running.call("f")
+                running.call(name, 0.4)
     assert caught.value.reason is Reason.TIMED_OUT
-    assert "0.7 s in all" in caught.value.sentence
+    assert f"1.5 s {clock}" in caught.value.sentence and "in all, in" in caught.value.sentence
 
 
 def test_seconds_of_one_request() -> None:
-    with loaded("import time\ndef f(): time.sleep(1.2); return 1") as running:
-        assert running.call("f", seconds=5.0) == 1
+    with loaded(BUSY, limits=Limits(call=0.2)) as running:
+        assert running.call("f", 0.4, seconds=5.0) == 1
         with pytest.raises(Ended, match=r"0\.2 s"):
-            running.call("f", seconds=0.2)
+            running.call("f", 60.0)
 
 
 FORGE = """
