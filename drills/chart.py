@@ -7,10 +7,11 @@ import tempfile
 from pathlib import Path
 
 from course.measure.work_precision import WorkPrecision
-from drills import exercise as catalogue
-from drills.grade import Attempt, Report, start_child
-
-YOURS = "yours"
+from drills import exercise as exercises
+from drills.attempt import Attempt
+from drills.cards import card
+from drills.grade import start_child
+from drills.report import Report
 
 
 class NoChart(ValueError):
@@ -31,13 +32,18 @@ def chart(name: str, source: str, filename: str = "submission.py", seed: int = 0
         Raised, Ended, SyntaxProblem, MissingName: when the submission can't be run
             (see `drills.sandbox`).
     """
-    card, exercise = catalogue.card(name), catalogue.exercise(name)
-    if exercise.chart is None:
+    asked, charted = card(name), exercises.of(name)
+    if charted.chart is None:
         raise NoChart(f"{name} has no chart")
-    with start_child(card, source, filename) as child:
+    solution = asked.solution_text()
+    with (
+        start_child(asked, source, filename) as child,
+        start_child(asked, solution, "worked answer") as worked,
+    ):
         child.load()
-        attempt = Attempt(card, exercise, child, Report(name, seed, filename, source))
-        return exercise.chart(attempt)
+        worked.load()
+        attempt = Attempt(asked, child, Report(name, seed, filename, source), charted.given)
+        return charted.chart(attempt, worked)
 
 
 def picture(measured: WorkPrecision, path: str | Path) -> Path:

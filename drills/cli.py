@@ -14,9 +14,9 @@ from typing import Any
 
 import click
 
-from drills import exercise as catalogue
+from drills import cards as catalogue
 from drills import grading, present, progress, workspace
-from drills.exercise import Card
+from drills.cards import Card
 from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED, Record
 from drills.reasons import SENTENCES
 from drills.session import FAILED, RIGHT, WRONG, Commands, Session, body, options

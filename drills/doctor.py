@@ -46,10 +46,10 @@ def _python() -> Row:
 
 
 def _catalogue() -> Row:
-    from drills import exercise
+    from drills import cards
 
     try:
-        many = len(exercise.cards())
+        many = len(cards.cards())
     except (OSError, ValueError, TypeError, KeyError) as error:
         return _row("catalogue", False, f"an exercise can't be read: {error}")
     return _row("catalogue", many > 0, f"{many} exercises")

@@ -12,7 +12,7 @@ import textwrap
 import unicodedata
 from typing import Any
 
-from drills.exercise import Card
+from drills.cards import Card
 from drills.reasons import Reason
 from drills.report import Check, Cost, Report
 

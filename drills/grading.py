@@ -10,9 +10,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from drills import exercise as catalogue
+from drills import cards as catalogue
 from drills import progress, workspace
-from drills.exercise import Card
+from drills.cards import Card
 from drills.progress import Record
 from drills.reasons import Reason
 from drills.session import RIGHT, WRONG, Session
@@ -20,7 +20,7 @@ from drills.terminal import listed
 from drills.workspace import Misuse
 
 if TYPE_CHECKING:
-    from drills.grade import Report
+    from drills.report import Report
 
 STANDARD_INPUT = "-"
 _UNCOUNTED = (Reason.NOT_ATTEMPTED, Reason.UNREADABLE)  # nothing was graded
@@ -201,7 +201,8 @@ def _graded(
     called: str | None = None,
 ) -> Report:
     """Grade, and enter the attempt into the progress."""
-    from drills.grade import Report, grade
+    from drills.grade import grade
+    from drills.report import Report
 
     session.drill = card.name
     session.seed = secrets.randbits(32) if seed is None else seed

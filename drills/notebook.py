@@ -21,10 +21,10 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from drills import exercise as catalogue
+from drills import cards as catalogue
 from drills import present, progress, workspace
 from drills.borrowed import Assembled, Borrowed, Unusable, assemble, defined_by, own_source
-from drills.exercise import Card
+from drills.cards import Card
 from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED
 from drills.reasons import Reason
 from drills.terminal import listed
@@ -228,8 +228,8 @@ def _untouched(card: Card, what: Any) -> Result | None:
     if not is_starter(card, source):
         return None
     from drills import feedback
-    from drills.grade import Report
     from drills.reasons import SENTENCES
+    from drills.report import Report
 
     reason = Reason.NOT_ATTEMPTED
     report = Report(card.name, 0, _CELL, source, reason, SENTENCES[reason])

@@ -5,8 +5,7 @@ from __future__ import annotations
 import textwrap
 from typing import Any
 
-from drills import exercise as catalogue
-from drills.exercise import Card, Hint
+from drills.cards import Card, Hint
 from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED
 from drills.terminal import Terminal
 
@@ -50,10 +49,11 @@ def task(card: Card) -> str:
 
 def examples(card: Card) -> list[tuple[str, str]]:
     """The public examples: the call and what the worked answer gives."""
-    from drills.grade import describe
+    from drills import exercise as exercises
+    from drills.values import describe
     from drills.verify import example_result
 
-    exercise = catalogue.exercise(card.name)
+    exercise = exercises.of(card.name)
     pairs: list[tuple[str, str]] = []
     for text in exercise.examples:
         result: Any = example_result(card, exercise, text)

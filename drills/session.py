@@ -16,7 +16,7 @@ from typing import Any
 import click
 
 from drills import progress, workspace
-from drills.exercise import UnknownExercise
+from drills.cards import UnknownExercise
 from drills.terminal import SCHEMA, OutputLost, Terminal, listed
 from drills.workspace import Misuse
 

@@ -14,9 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from drills import exercise as catalogue
-from drills.exercise import HEADROOM, Card, Exercise, Quantity
-from drills.grade import Attempt, attempt, grade
+from drills import cards as catalogue
+from drills import exercise as exercises
+from drills.attempt import Attempt
+from drills.cards import Card, Quantity
+from drills.exercise import HEADROOM, Exercise
+from drills.grade import attempt, grade
 from drills.inprocess import InProcess, Local
 from drills.reasons import Reason
 from drills.sandbox import Handle, Limits
@@ -78,7 +81,7 @@ def verify(
 
 def findings_of(name: str, seeds: int = 50) -> list[Finding]:
     """Everything that is proved of one exercise."""
-    card, exercise = catalogue.card(name), catalogue.exercise(name)
+    card, exercise = catalogue.card(name), exercises.of(name)
     steps = (_texts, _examples, _starter, _solution, _slips)
     return [finding for step in steps for finding in step(card, exercise, seeds)]
 

@@ -10,8 +10,8 @@ import tempfile
 import warnings
 from pathlib import Path
 
-from drills import exercise as catalogue
-from drills.exercise import Card
+from drills import cards as catalogue
+from drills.cards import Card
 
 ROOT = Path(__file__).resolve().parent.parent
 PARSED = 20_000  # characters

@@ -26,9 +26,10 @@ from click.testing import CliRunner
 
 from drills import grade as engine
 from drills.cli import cli
-from drills.grade import Report, grade
+from drills.grade import grade
 from drills.progress import load
 from drills.reasons import Reason
+from drills.report import Report
 from drills.sandbox import Child, Limits, places, tree
 
 HERE = Path(__file__).parent

@@ -12,7 +12,7 @@ from typing import Any
 
 import jsonschema
 
-from drills import exercise as catalogue
+from drills import cards as catalogue
 from drills.cli import cli
 
 ROOT = Path(__file__).resolve().parents[2]

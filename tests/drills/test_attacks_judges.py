@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import pytest
 
-from drills import exercise as catalogue
+from drills import cards as catalogue
 from drills.grade import grade
 from drills.reasons import Reason
 

@@ -16,7 +16,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from drills import exercise, feedback, progress
+from drills import cards as catalogue
+from drills import feedback, progress
 from drills.grade import grade
 from drills.reasons import Reason
 from drills.sandbox import Child, Ended, Limits, scratch, wire
@@ -24,7 +25,7 @@ from drills.values import describe, numbers
 
 LINUX = sys.platform.startswith("linux")
 COMMAND = (sys.executable, "-m", "drills")
-FK3 = exercise.card("fk3")
+FK3 = catalogue.card("fk3")
 
 FORGE = """
 import json, os, struct, sys, time

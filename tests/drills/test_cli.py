@@ -11,8 +11,8 @@ import jsonschema
 import pytest
 from click.testing import CliRunner
 
+from drills import cards as catalogue
 from drills import catalogue as package
-from drills import exercise as catalogue
 from drills import workspace
 from drills.cli import cli
 from drills.reasons import Reason

@@ -16,9 +16,10 @@ from pathlib import Path
 import pytest
 
 from drills import feedback
-from drills.exercise import card
-from drills.grade import Check, Report, grade
+from drills.cards import card
+from drills.grade import grade
 from drills.reasons import SENTENCES, Reason
+from drills.report import Check, Report
 
 GOLDEN = Path(__file__).parent / "golden"
 

@@ -8,19 +8,23 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drills import exercise as catalogue
+from drills import cards as catalogue
+from drills import exercise as exercises
 from drills import grade as engine
+from drills.attempt import Attempt
 from drills.exercise import Slip
-from drills.grade import Attempt, Case, Report, grade, judge_function
+from drills.grade import grade
+from drills.judge import Case, judge_function
 from drills.reasons import Reason
+from drills.report import Report
 
 RIGHT = catalogue.card("fk3").solution_text()
 
 
 def _judged(monkeypatch: pytest.MonkeyPatch, judge: Any, source: str, **changes: Any) -> Report:
     """A submission to fk3, judged by another judge."""
-    changed = dataclasses.replace(catalogue.exercise("fk3"), judge=judge, **changes)
-    monkeypatch.setattr(catalogue, "exercise", lambda name: changed)
+    changed = dataclasses.replace(exercises.of("fk3"), judge=judge, **changes)
+    monkeypatch.setattr(exercises, "of", lambda name: changed)
     return grade("fk3", source, seed=3)
 
 

@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from drills import exercise as catalogue
+from drills import cards as catalogue
+from drills import exercise as exercises
 from drills.cli import cli
 from drills.grade import grade
 from drills.reasons import Reason
@@ -144,6 +145,6 @@ def test_odd_answers_to_every_drill(name: str, odd: str, world: dict[str, str]) 
 
 def test_limits_of_the_drills_are_sane() -> None:
     for card in catalogue.cards():
-        limits = catalogue.exercise(card.name).limits or Limits()
+        limits = exercises.of(card.name).limits or Limits()
         assert limits.call <= limits.total <= 120
         assert limits.memory <= 4 << 30

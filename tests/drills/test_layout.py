@@ -9,8 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from drills import exercise
-from drills.exercise import Slip, UnknownExercise, definitions
+from drills import cards as catalogue
+from drills.cards import UnknownExercise, definitions
+from drills.exercise import Slip
 from tests.test_project import BIG, imports
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -41,7 +42,7 @@ def test_an_exercise_has_its_four_files(path: Path) -> None:
         assert (path.parent / name).stat().st_size > 0
 
 
-@pytest.mark.parametrize("module", ["drills", "drills.exercise", "drills.reasons"])
+@pytest.mark.parametrize("module", ["drills", "drills.cards", "drills.reasons"])
 def test_what_the_list_needs_does_not_import_numpy(module: str) -> None:
     program = f"import sys, {module}; print('numpy' in sys.modules)"
     done = subprocess.run(
@@ -51,18 +52,18 @@ def test_what_the_list_needs_does_not_import_numpy(module: str) -> None:
 
 
 def test_entries_are_unique_so_that_a_function_finds_its_exercise() -> None:
-    entries = [card.entry for card in exercise.cards()]
+    entries = [card.entry for card in catalogue.cards()]
     assert len(set(entries)) == len(entries)
 
 
 def test_the_interview_drills_are_there() -> None:
-    drills = {card.name for card in exercise.cards() if card.drill}
+    drills = {card.name for card in catalogue.cards() if card.drill}
     assert {"fk3", "rrt", "pid", "randomize", "vector_env"} <= drills
 
 
 def test_an_unknown_name_gets_the_nearest() -> None:
     with pytest.raises(UnknownExercise) as caught:
-        exercise.card("fk33")
+        catalogue.card("fk33")
     assert caught.value.nearest[0] == "fk3"
 
 

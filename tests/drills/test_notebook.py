@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from jupyter_client.manager import KernelManager
 
-from drills import exercise as catalogue
+from drills import cards as catalogue
 from drills import notebook
 from drills.borrowed import Borrowed, Unusable, assemble
 from drills.reasons import Reason

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from drills import exercise as catalogue
+from drills import cards as catalogue
 from drills import terminal
 from drills.cli import cli
 from tests.drills.place import (

@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drills import exercise as catalogue
+from drills import cards as catalogue
+from drills import exercise as exercises
 from drills import verify
-from drills.exercise import Quantity, Slip
+from drills.cards import Quantity
+from drills.exercise import Slip
 from drills.sandbox import Limits
 
 
@@ -26,11 +28,11 @@ def test_exercise_is_proved(name: str) -> None:
 
 def _failed(monkeypatch: pytest.MonkeyPatch, card: Any = None, exercise: Any = None) -> set[str]:
     """What is not proved of fk3 after a change to its card or its exercise."""
-    real_card, real_exercise = catalogue.card("fk3"), catalogue.exercise("fk3")
+    real_card, real_exercise = catalogue.card("fk3"), exercises.of("fk3")
     changed_card = dataclasses.replace(real_card, **(card or {}))
     changed = dataclasses.replace(real_exercise, **(exercise or {}))
     monkeypatch.setattr(catalogue, "card", lambda name: changed_card)
-    monkeypatch.setattr(catalogue, "exercise", lambda name: changed)
+    monkeypatch.setattr(exercises, "of", lambda name: changed)
     return {f.what for f in verify.findings_of("fk3", seeds=1) if not f.passed}
 
 
@@ -53,19 +55,19 @@ def test_a_unit_or_shape_that_is_not_stated_is_found(monkeypatch: pytest.MonkeyP
 def test_a_slip_that_passes_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     solution = catalogue.card("fk3").solution_text()
     harmless = Slip("harmless", "Nothing.", source=solution + "\nX = 1\n")
-    slips = (*catalogue.exercise("fk3").slips, harmless)
+    slips = (*exercises.of("fk3").slips, harmless)
     assert _failed(monkeypatch, exercise={"slips": slips}) == {"slip harmless is caught and named"}
 
 
 def test_too_few_slips_are_found(monkeypatch: pytest.MonkeyPatch) -> None:
-    slips = catalogue.exercise("fk3").slips[:3]
+    slips = exercises.of("fk3").slips[:3]
     assert "at least four slips" in _failed(monkeypatch, exercise={"slips": slips})
 
 
 def test_a_tight_limit_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     tight = Limits(total=2.0)
     found = _failed(monkeypatch, exercise={"limits": tight})
-    assert found == {f"the limits leave it {catalogue.HEADROOM} times its own time"}
+    assert found == {f"the limits leave it {exercises.HEADROOM} times its own time"}
 
 
 def test_a_judge_that_is_too_strict_is_found(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from drills import exercise as catalogue
+from drills import cards as catalogue
 from drills import verify
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from course.drills import GOAL_BIAS, edge_is_free, rrt
-from drills import exercise as catalogue
+from drills import cards as catalogue
 from drills.catalogue.rrt.replay import Run, faults, share_inside
 from drills.catalogue.rrt.worlds import refused, worlds
 from drills.geometry import TOLERANCE, clearances, missed_by_sampling, path_faults

@@ -14,7 +14,7 @@ from course import notebooks
 from course.measure import stability
 from course.oracles import mujoco
 from course.rigid_body import planar, problems, quaternion
-from drills.exercise import Card, cards
+from drills.cards import Card, cards
 from drills.grade import is_starter
 from solutions import rigid_body as solutions
 

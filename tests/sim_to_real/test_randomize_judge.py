@@ -2,7 +2,7 @@
 
 import pytest
 
-from drills import exercise as catalogue
+from drills import cards as catalogue
 from drills.grade import grade
 
 CARD = catalogue.card("randomize")

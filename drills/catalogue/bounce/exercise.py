@@ -6,14 +6,14 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from drills.attempt import Attempt, Place
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, Case, describe_call, repeat_calls, start_child
+from drills.judge import Case, repeat_calls
 from drills.reasons import Reason
-from drills.values import Mismatch, as_float64
+from drills.values import Mismatch, as_float64, describe_call
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
-    from drills.sandbox import Child
 
 GIVEN = Path(__file__).with_name("given.py").read_text(encoding="utf-8")
 CLOSED_FORM = "the motion has a closed form; rounding of some dozens of flights stays below 1e-9"
@@ -136,7 +136,7 @@ def _energy(attempt: Attempt) -> None:
     )
 
 
-def chart(attempt: Attempt) -> WorkPrecision:
+def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """Height of a ball 1.5 s after its drop, with five steps or with thousands."""
     from course.measure.work_precision import Method, Result, measure
     from course.oracles import mujoco
@@ -161,7 +161,7 @@ def chart(attempt: Attempt) -> WorkPrecision:
         for dt in steps
     }
 
-    def driven(child: Child) -> Callable[[float], Result]:
+    def driven(child: Place) -> Callable[[float], Result]:
         return lambda dt: Result(child.given("drive", 1.0, dt, e, g, steps[dt]), steps[dt])
 
     def late(dt: float) -> Result:
@@ -176,24 +176,21 @@ def chart(attempt: Attempt) -> WorkPrecision:
         return Result(runners[dt].run(steps[dt])[0][1:2] - size, steps[dt])
 
     unit, all_steps = "steps", list(steps)
-    # The worked answer goes through a pipe too, so that the two times can be compared.
-    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
-        worked.load()
-        return measure(
-            [
-                Method("yours", driven(attempt.learner.child), all_steps, style="yours", unit=unit),
-                Method("worked answer", driven(worked), all_steps, unit=unit),
-                Method("impact at the end of the step", late, all_steps, unit=unit),
-                Method("MuJoCo Euler, one-step contact", library, all_steps, "oracle", unit),
-            ],
-            [bounce_step(1.0, 0.0, time, e, g)[0]],
-            reference_check=[problems.bounce_height(time, 1.0, e, g)],
-            tolerance=1e-3,
-            failed_above=5.0,
-            repeats=3,
-            question="Height of a bouncing ball after 1.5 s",
-            error_unit="m",
-        )
+    return measure(
+        [
+            Method("yours", driven(attempt.learner.child), all_steps, style="yours", unit=unit),
+            Method("worked answer", driven(worked), all_steps, unit=unit),
+            Method("impact at the end of the step", late, all_steps, unit=unit),
+            Method("MuJoCo Euler, one-step contact", library, all_steps, "oracle", unit),
+        ],
+        [bounce_step(1.0, 0.0, time, e, g)[0]],
+        reference_check=[problems.bounce_height(time, 1.0, e, g)],
+        tolerance=1e-3,
+        failed_above=5.0,
+        repeats=3,
+        question="Height of a bouncing ball after 1.5 s",
+        error_unit="m",
+    )
 
 
 _LOOP = """import math

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills.attempt import Attempt, Place
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, Case, describe_call, repeat_calls, start_child
-from drills.values import Mismatch, as_float64
+from drills.judge import Case, repeat_calls
+from drills.values import Mismatch, as_float64, describe_call
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
-    from drills.sandbox import Child
 
 Array = NDArray[np.float64]
 
@@ -94,7 +94,7 @@ def _coarse(got: Any, expected: Array) -> str:
     return "rounded"
 
 
-def chart(attempt: Attempt) -> WorkPrecision:
+def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """A hundred poses of an arm, at joint angles from one radian to a million."""
     import mpmath
 
@@ -127,7 +127,7 @@ def chart(attempt: Attempt) -> WorkPrecision:
     library = PlanarChain(lengths)
 
     # What is charted is the deviation, as the truth differs from setting to setting.
-    def driven(child: Child) -> Callable[[float], Result]:
+    def driven(child: Place) -> Callable[[float], Result]:
         return lambda size: Result(child.given("drive", lengths, poses[size]) - truth[size], count)
 
     def asked(size: float) -> Result:
@@ -142,24 +142,21 @@ def chart(attempt: Attempt) -> WorkPrecision:
         return Result(answer - truth[size], count)
 
     unit, sizes = "poses", list(poses)
-    # The worked answer goes through a pipe too, so that the two times can be compared.
-    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
-        worked.load()
-        return measure(
-            [
-                Method("yours", driven(attempt.learner.child), sizes, style="yours", unit=unit),
-                Method("worked answer", driven(worked), sizes, unit=unit),
-                Method("all poses at once, float32", single, sizes, unit=unit),
-                Method("Pinocchio", asked, sizes, style="oracle", unit=unit),
-            ],
-            np.zeros((count, 4, 2)),
-            reference_check=np.max(np.abs(second), axis=0),
-            tolerance=1e-6,
-            failed_above=float(2.0 * lengths.sum()),
-            repeats=3,
-            question="100 poses of a 3-link arm, angles up to the setting in rad",
-            error_unit="m",
-        )
+    return measure(
+        [
+            Method("yours", driven(attempt.learner.child), sizes, style="yours", unit=unit),
+            Method("worked answer", driven(worked), sizes, unit=unit),
+            Method("all poses at once, float32", single, sizes, unit=unit),
+            Method("Pinocchio", asked, sizes, style="oracle", unit=unit),
+        ],
+        np.zeros((count, 4, 2)),
+        reference_check=np.max(np.abs(second), axis=0),
+        tolerance=1e-6,
+        failed_above=float(2.0 * lengths.sum()),
+        repeats=3,
+        question="100 poses of a 3-link arm, angles up to the setting in rad",
+        error_unit="m",
+    )
 
 
 _DIRECTIONS = "    directions = np.cumsum(thetas)\n"

@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from drills.attempt import Attempt, Place
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, Case, describe_call, repeat_calls, start_child
-from drills.values import Mismatch, as_float64
+from drills.judge import Case, repeat_calls
+from drills.values import Mismatch, as_float64, describe_call
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
-    from drills.sandbox import Child
 
 Array = NDArray[np.float64]
 
@@ -129,7 +129,7 @@ def _refused(attempt: Attempt) -> None:
         )
 
 
-def chart(attempt: Attempt) -> WorkPrecision:
+def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """What extrapolation buys: Verlet's three runs against a single finer one."""
     from course.measure.work_precision import Method, Result, measure
     from course.oracles import mujoco
@@ -146,7 +146,7 @@ def chart(attempt: Attempt) -> WorkPrecision:
     def three(dt: float) -> list[np.ndarray]:
         return [angle(counts[dt] * factor) for factor in (1, 2, 4)]
 
-    def driven(child: Child) -> Callable[[float], Result]:
+    def driven(child: Place) -> Callable[[float], Result]:
         def run(dt: float) -> Result:
             _, limit = child.call(attempt.card.entry, *three(dt), 2.0)
             return Result(np.asarray(limit, dtype=float), 7 * counts[dt])
@@ -167,24 +167,21 @@ def chart(attempt: Attempt) -> WorkPrecision:
         return Result(runners[dt].run(finest[dt])[0], finest[dt])
 
     all_steps = list(counts)
-    # The worked answer goes through a pipe too, so that the two times can be compared.
-    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
-        worked.load()
-        return measure(
-            [
-                Method("yours", driven(attempt.learner.child), all_steps, style="yours"),
-                Method("worked answer", driven(worked), all_steps),
-                Method("Verlet, the finest run alone", single, all_steps),
-                Method("MuJoCo Euler, one run", library, all_steps, style="oracle"),
-            ],
-            problem.truth(time)[0],
-            reference_check=problems.tight_reference(system, time)[0],
-            tolerance=1e-5,
-            failed_above=10.0,
-            repeats=3,
-            question="A pendulum's angle after 2 s, extrapolated",
-            error_unit="rad",
-        )
+    return measure(
+        [
+            Method("yours", driven(attempt.learner.child), all_steps, style="yours"),
+            Method("worked answer", driven(worked), all_steps),
+            Method("Verlet, the finest run alone", single, all_steps),
+            Method("MuJoCo Euler, one run", library, all_steps, style="oracle"),
+        ],
+        problem.truth(time)[0],
+        reference_check=problems.tight_reference(system, time)[0],
+        tolerance=1e-5,
+        failed_above=10.0,
+        repeats=3,
+        question="A pendulum's angle after 2 s, extrapolated",
+        error_unit="rad",
+    )
 
 
 _ORDER = "order = math.log(growth) / math.log(ratio)"

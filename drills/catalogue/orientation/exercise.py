@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills.attempt import Attempt, Place
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, Case, describe_call, repeat_calls, start_child
+from drills.judge import Case, repeat_calls
 from drills.reasons import Reason
-from drills.values import Mismatch, as_float64
+from drills.values import Mismatch, as_float64, describe_call
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
-    from drills.sandbox import Child
 
 Array = NDArray[np.float64]
 
@@ -158,7 +158,7 @@ def _many_steps(attempt: Attempt) -> None:
     )
 
 
-def chart(attempt: Attempt) -> WorkPrecision:
+def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """Attitude of a tumbling body after 5 s; every update is told the rate half way."""
     from course.measure.work_precision import Method, Result, measure
     from course.oracles import mujoco
@@ -178,7 +178,7 @@ def chart(attempt: Attempt) -> WorkPrecision:
         for dt, n in steps.items()
     }
 
-    def driven(child: Child) -> Callable[[float], Result]:
+    def driven(child: Place) -> Callable[[float], Result]:
         return lambda dt: Result(child.given("drive", start, rates[dt], dt), steps[dt])
 
     def added(dt: float) -> Result:
@@ -197,25 +197,22 @@ def chart(attempt: Attempt) -> WorkPrecision:
         return float(quaternion.angle_between(answer / length, truth))
 
     unit, all_steps = "updates", list(steps)
-    # The worked answer goes through a pipe too, so that the two times can be compared.
-    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
-        worked.load()
-        return measure(
-            [
-                Method("yours", driven(attempt.learner.child), all_steps, style="yours", unit=unit),
-                Method("worked answer", driven(worked), all_steps, unit=unit),
-                Method("rate added, rescaled", added, all_steps, unit=unit),
-                Method("MuJoCo Euler", library, all_steps, style="oracle", unit=unit),
-            ],
-            problem.truth(time)[0],
-            angle,
-            reference_check=problems.tight_reference(problem.system, time)[0],
-            tolerance=1e-2,
-            failed_above=4.0,
-            repeats=3,
-            question="Attitude of a tumbling body after 5 s",
-            error_unit="rad",
-        )
+    return measure(
+        [
+            Method("yours", driven(attempt.learner.child), all_steps, style="yours", unit=unit),
+            Method("worked answer", driven(worked), all_steps, unit=unit),
+            Method("rate added, rescaled", added, all_steps, unit=unit),
+            Method("MuJoCo Euler", library, all_steps, style="oracle", unit=unit),
+        ],
+        problem.truth(time)[0],
+        angle,
+        reference_check=problems.tight_reference(problem.system, time)[0],
+        tolerance=1e-2,
+        failed_above=4.0,
+        repeats=3,
+        question="Attitude of a tumbling body after 5 s",
+        error_unit="rad",
+    )
 
 
 _RETURN = "    return turned / np.linalg.norm(turned)\n"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drills.grade import Attempt
+from drills.attempt import Attempt, Place
 from drills.values import as_float64
 
 if TYPE_CHECKING:
@@ -18,13 +18,11 @@ Array = NDArray[np.float64]
 WIDE = 1e4  # N m: limits that are never reached
 
 
-def chart(attempt: Attempt) -> WorkPrecision:
+def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """The same loop, sampled ever faster, against the loop in continuous time."""
     from course.drills import PID, closed_loop
     from course.measure.work_precision import Method, Result, measure
     from course.oracles.mujoco.joint import MotorJoint
-    from drills.grade import start_child
-    from drills.sandbox import Child
 
     inertia, damping, setpoint, tau, every, end = 0.05, 0.1, 0.5, 0.02, 0.04, 1.2
     speed = 8.0
@@ -33,7 +31,7 @@ def chart(attempt: Attempt) -> WorkPrecision:
     steps = {every / n: n for n in apart}
     looks = round(end / every)
 
-    def driven(child: Child) -> Any:
+    def driven(child: Place) -> Any:
         def run(dt: float) -> Result:
             n, arguments = steps[dt], (gains, dt, WIDE, tau, inertia, damping, setpoint)
             angles = as_float64(child.given("drive", *arguments, looks * steps[dt]), None)
@@ -50,23 +48,20 @@ def chart(attempt: Attempt) -> WorkPrecision:
 
     truth = _continuous(gains, tau, inertia, damping, setpoint, every, looks)
     unit, all_steps = "updates", list(steps)
-    # The worked answer goes through a pipe too, so that the two times can be compared.
-    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
-        worked.load()
-        return measure(
-            [
-                Method("yours", driven(attempt.learner.child), all_steps, "yours", unit),
-                Method("worked answer", driven(worked), all_steps, unit=unit),
-                Method("worked answer, MuJoCo's joint", library, all_steps, "oracle", unit),
-            ],
-            truth,
-            reference_check=_continuous(gains, tau, inertia, damping, setpoint, every, looks, 2),
-            tolerance=0.01 * setpoint,
-            failed_above=setpoint,
-            repeats=3,
-            question="Angle of a joint under PID control, against the loop in continuous time",
-            error_unit="rad",
-        )
+    return measure(
+        [
+            Method("yours", driven(attempt.learner.child), all_steps, "yours", unit),
+            Method("worked answer", driven(worked), all_steps, unit=unit),
+            Method("worked answer, MuJoCo's joint", library, all_steps, "oracle", unit),
+        ],
+        truth,
+        reference_check=_continuous(gains, tau, inertia, damping, setpoint, every, looks, 2),
+        tolerance=0.01 * setpoint,
+        failed_above=setpoint,
+        repeats=3,
+        question="Angle of a joint under PID control, against the loop in continuous time",
+        error_unit="rad",
+    )
 
 
 def _continuous(

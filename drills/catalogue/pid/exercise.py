@@ -14,10 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills.attempt import Attempt
+from drills.cards import definitions
 from drills.catalogue.pid.chart import WIDE, chart
 from drills.catalogue.pid.slips import SLIPS
-from drills.exercise import Exercise, definitions
-from drills.grade import Attempt
+from drills.exercise import Exercise
 from drills.sandbox import Handle, Limits
 from drills.values import as_float64, describe
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from drills.grade import Attempt
+from drills.attempt import Attempt
 
 Array = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]

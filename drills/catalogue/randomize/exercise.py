@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from drills.attempt import Attempt, Place
 from drills.catalogue.randomize.bench import (
     ALLOWED,
     ENTRY,
@@ -32,7 +33,6 @@ from drills.catalogue.randomize.many_draws import (
 from drills.catalogue.randomize.one_draw import one_draw
 from drills.catalogue.randomize.slips import SLIPS
 from drills.exercise import Exercise
-from drills.grade import Attempt
 from drills.inprocess import InProcess, Local
 from drills.sandbox import Limits
 
@@ -99,7 +99,7 @@ def _time(bench: Bench) -> None:
     attempt.cost("time per randomisation", "s", yours=yours, reference=here.elapsed / count)
 
 
-def chart(attempt: Attempt) -> WorkPrecision:
+def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """Time of 50 randomisations against the worst derived constant, over the size of the model."""
     import mujoco
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills.attempt import Attempt
 from drills.catalogue.randomize.bench import (
     ALLOWED,
     CHANCE,
@@ -29,8 +30,7 @@ from drills.catalogue.randomize.one_draw import (
     contact_frictions,
     friction_slip,
 )
-from drills.grade import Attempt, describe
-from drills.values import Mismatch, as_float64, identical
+from drills.values import Mismatch, as_float64, describe, identical
 
 
 def repeated(bench: Bench, first: Arrays, seeds: list[int]) -> None:

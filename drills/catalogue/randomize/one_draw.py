@@ -15,7 +15,7 @@ from drills.catalogue.randomize.bench import (
     Bench,
     same_arrays,
 )
-from drills.grade import describe
+from drills.values import describe
 
 
 def one_draw(bench: Bench, seed: int) -> Arrays | None:

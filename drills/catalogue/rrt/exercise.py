@@ -10,18 +10,17 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills.attempt import Attempt, Place
 from drills.catalogue.rrt.replay import PROPERTIES, Fault, Run, faults
 from drills.catalogue.rrt.slips import SLIPS
 from drills.catalogue.rrt.worlds import GOAL, HIGH, LOW, START, World, clutter, refused, worlds
 from drills.exercise import Exercise
-from drills.grade import Attempt, start_child
 from drills.reasons import Reason
 from drills.sandbox import Limits, Raised
 from drills.values import Mismatch, as_float64, describe
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
-    from drills.sandbox import Child
 
 Array = NDArray[np.float64]
 
@@ -274,7 +273,7 @@ def _report_cost(attempt: Attempt, world: World) -> None:
     )
 
 
-def chart(attempt: Attempt) -> WorkPrecision:
+def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """Queries left unsolved against the targets that one may draw, beside OMPL's RRT."""
     from course.measure.work_precision import Method, Result, measure
     from course.oracles import ompl
@@ -288,7 +287,7 @@ def chart(attempt: Attempt) -> WorkPrecision:
         # Laplace's estimate: none unsolved of twenty is no proof that none ever will be.
         return Result([(len(seeds) - solved + 1) / (len(seeds) + 2)], drawn / len(seeds))
 
-    def driven(child: Child) -> Callable[[float], Result]:
+    def driven(child: Place) -> Callable[[float], Result]:
         def run(setting: float) -> Result:
             budget = budgets[setting]
             told = child.given("drive", START, GOAL, discs, bounds, step, budget, seeds)
@@ -303,22 +302,19 @@ def chart(attempt: Attempt) -> WorkPrecision:
         return result(sum(p.path is not None for p in plans), sum(p.samples for p in plans))
 
     unit, settings = "targets drawn, mean of 20 runs", list(budgets)
-    # The worked answer goes through a pipe too, so that the two times can be compared.
-    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
-        worked.load()
-        return measure(
-            [
-                Method("yours", driven(attempt.learner.child), settings, style="yours", unit=unit),
-                Method("worked answer", driven(worked), settings, unit=unit),
-                Method("OMPL RRT", library, settings, style="oracle", unit=unit),
-            ],
-            [0.0],
-            reference_check=[0.0],
-            tolerance=0.1,
-            repeats=2,
-            question="RRT among discs, 20 runs; setting: 1 / targets allowed",
-            error_unit="share unsolved",
-        )
+    return measure(
+        [
+            Method("yours", driven(attempt.learner.child), settings, style="yours", unit=unit),
+            Method("worked answer", driven(worked), settings, unit=unit),
+            Method("OMPL RRT", library, settings, style="oracle", unit=unit),
+        ],
+        [0.0],
+        reference_check=[0.0],
+        tolerance=0.1,
+        repeats=2,
+        question="RRT among discs, 20 runs; setting: 1 / targets allowed",
+        error_unit="share unsolved",
+    )
 
 
 EXERCISE = Exercise(

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills.attempt import Attempt, Place
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, Case, describe_call, repeat_calls, start_child
+from drills.judge import Case, repeat_calls
+from drills.values import describe_call
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
-    from drills.sandbox import Child
 
 Array = NDArray[np.float64]
 
@@ -112,7 +113,7 @@ def _simulated(attempt: Attempt) -> None:
     )
 
 
-def chart(attempt: Attempt) -> WorkPrecision:
+def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """The limit of a row of masses: computed, or found by trying steps in MuJoCo."""
     from course.measure import stability
     from course.measure.work_precision import Method, Result, max_norm, measure
@@ -138,7 +139,7 @@ def chart(attempt: Attempt) -> WorkPrecision:
     # A chain that is held at one end: the frequencies of its fixed-free modes.
     omega = 2.0 * math.sqrt(spring / weight) * math.sin((2 * n - 1) / (2 * n + 1) * 0.5 * math.pi)
 
-    def computed(child: Child) -> Callable[[float], Result]:
+    def computed(child: Place) -> Callable[[float], Result]:
         def run(_: float) -> Result:
             return Result([float(np.asarray(child.call(attempt.card.entry, K, M)))], 1)
 
@@ -164,24 +165,21 @@ def chart(attempt: Attempt) -> WorkPrecision:
         return max(max_norm(answer, truth), 1e-16 * float(truth[0]))
 
     unit, widths = "steps tried", [1e-1, 1e-2, 1e-3, 1e-4]
-    # The worked answer goes through a pipe too, so that the two times can be compared.
-    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
-        worked.load()
-        return measure(
-            [
-                Method("yours", computed(attempt.learner.child), [1.0], style="yours", unit=unit),
-                Method("worked answer", computed(worked), [1.0], unit=unit),
-                Method("MuJoCo Euler, bisected", bisected, widths, "oracle", unit),
-            ],
-            [2.0 / omega],
-            error,
-            reference_check=[largest_stable_step(K, M)],
-            tolerance=1e-4,
-            failed_above=1.0,
-            repeats=3,
-            question="Largest stable step of five masses in a row",
-            error_unit="s",
-        )
+    return measure(
+        [
+            Method("yours", computed(attempt.learner.child), [1.0], style="yours", unit=unit),
+            Method("worked answer", computed(worked), [1.0], unit=unit),
+            Method("MuJoCo Euler, bisected", bisected, widths, "oracle", unit),
+        ],
+        [2.0 / omega],
+        error,
+        reference_check=[largest_stable_step(K, M)],
+        tolerance=1e-4,
+        failed_above=1.0,
+        repeats=3,
+        question="Largest stable step of five masses in a row",
+        error_unit="s",
+    )
 
 
 _PLAIN = """import numpy as np

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills.attempt import Attempt, Place
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, Case, describe_call, repeat_calls, start_child
-from drills.values import Mismatch, as_float64
+from drills.judge import Case, repeat_calls
+from drills.values import Mismatch, as_float64, describe_call
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
-    from drills.sandbox import Child
 
 Array = NDArray[np.float64]
 ACCURATE = "RK4 errs by less than 1e-7 in these runs; the bug changes the first digits"
@@ -136,7 +136,7 @@ def _conserved(attempt: Attempt, case: Case, call: str, q: Array, omega: Array) 
     )
 
 
-def chart(attempt: Attempt) -> WorkPrecision:
+def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """Attitude of the chapter's tumbling body after 4 s."""
     from course.measure.work_precision import Method, Result, measure
     from course.oracles import mujoco
@@ -148,7 +148,7 @@ def chart(attempt: Attempt) -> WorkPrecision:
     steps = {time / n: n for n in (25, 50, 100, 200, 400)}
     runners = {dt: mujoco.free_body(system.params, system.q0, system.v0, dt, "RK4") for dt in steps}
 
-    def driven(child: Child) -> Callable[[float], Result]:
+    def driven(child: Place) -> Callable[[float], Result]:
         def run(dt: float) -> Result:
             start = system.q0, system.v0, system.params
             q, _ = child.call(attempt.card.entry, *start, dt, steps[dt])
@@ -172,25 +172,22 @@ def chart(attempt: Attempt) -> WorkPrecision:
             return math.inf
         return float(quaternion.angle_between(answer / length, truth))
 
-    # The worked answer goes through a pipe too, so that the two times can be compared.
-    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
-        worked.load()
-        return measure(
-            [
-                Method("yours", driven(attempt.learner.child), list(steps), style="yours"),
-                Method("worked answer", driven(worked), list(steps)),
-                course("rk4"),
-                Method("MuJoCo RK4", library, list(steps), style="oracle"),
-            ],
-            problem.truth(time)[0],
-            angle,
-            reference_check=problems.tight_reference(system, time)[0],
-            tolerance=1e-3,
-            failed_above=4.0,
-            repeats=3,
-            question="Attitude of a tumbling body after 4 s",
-            error_unit="rad",
-        )
+    return measure(
+        [
+            Method("yours", driven(attempt.learner.child), list(steps), style="yours"),
+            Method("worked answer", driven(worked), list(steps)),
+            course("rk4"),
+            Method("MuJoCo RK4", library, list(steps), style="oracle"),
+        ],
+        problem.truth(time)[0],
+        angle,
+        reference_check=problems.tight_reference(system, time)[0],
+        tolerance=1e-3,
+        failed_above=4.0,
+        repeats=3,
+        question="Attitude of a tumbling body after 4 s",
+        error_unit="rad",
+    )
 
 
 _SIGN = ("-np.cross(omega, inertia * omega)", "np.cross(omega, inertia * omega)")

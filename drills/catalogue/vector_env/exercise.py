@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from drills.attempt import Attempt, Place
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, start_child
 from drills.inprocess import Local
 from drills.reasons import Reason
 from drills.sandbox import Handle
@@ -18,7 +18,6 @@ from drills.values import describe
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
-    from drills.sandbox import Child
 
 ENTRY = "VectorizedEnv"
 ROUNDING = 1e-12
@@ -228,7 +227,7 @@ def _time(attempt: Attempt) -> None:
     )
 
 
-def chart(attempt: Attempt) -> WorkPrecision:
+def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """Mean reward of the walk without actions, which is 0, from more and more environments."""
     from course.measure.work_precision import Method, Result, measure
     from course.oracles.gymnasium import sync_vector_env, wrapped
@@ -236,7 +235,7 @@ def chart(attempt: Attempt) -> WorkPrecision:
     steps, sizes, unit = 20, [4.0, 16.0, 64.0, 256.0], "environment steps"
     walk: Any = attempt.reference.evaluate("given.Walk")
 
-    def driven(child: Child) -> Callable[[float], Result]:
+    def driven(child: Place) -> Callable[[float], Result]:
         return lambda n: Result(
             [child.given("drive", int(n), np.zeros((steps, int(n), 2)))], steps * n
         )
@@ -247,22 +246,20 @@ def chart(attempt: Attempt) -> WorkPrecision:
         actions = np.zeros((int(n), 2))
         return Result([np.mean([envs.step(actions)[1] for _ in range(steps)])], steps * n)
 
-    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
-        worked.load()
-        return measure(
-            [
-                Method("yours", driven(attempt.learner.child), sizes, style="yours", unit=unit),
-                Method("worked answer", driven(worked), sizes, unit=unit),
-                Method("Gymnasium SyncVectorEnv", library, sizes, style="oracle", unit=unit),
-            ],
-            [0.0],
-            reference_check=[0.0],
-            tolerance=0.1,
-            failed_above=10.0,
-            repeats=3,
-            question=f"Mean reward of a random walk, {steps} steps of n environments",
-            error_unit="1",
-        )
+    return measure(
+        [
+            Method("yours", driven(attempt.learner.child), sizes, style="yours", unit=unit),
+            Method("worked answer", driven(worked), sizes, unit=unit),
+            Method("Gymnasium SyncVectorEnv", library, sizes, style="oracle", unit=unit),
+        ],
+        [0.0],
+        reference_check=[0.0],
+        tolerance=0.1,
+        failed_above=10.0,
+        repeats=3,
+        question=f"Mean reward of a random walk, {steps} steps of n environments",
+        error_unit="1",
+    )
 
 
 _OVER = """                first, reset_info = self._auto_reset(i)

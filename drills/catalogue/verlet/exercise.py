@@ -10,14 +10,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills.attempt import Attempt, Place
 from drills.exercise import Exercise, Slip
-from drills.grade import Attempt, describe_call, repeat_calls, start_child
+from drills.judge import repeat_calls
 from drills.reasons import Reason
+from drills.values import describe_call
 from drills.values import numbers as numbers_of
 
 if TYPE_CHECKING:
     from course.measure.work_precision import WorkPrecision
-    from drills.sandbox import Child
 
 Array = NDArray[np.float64]
 GIVEN = Path(__file__).with_name("given.py").read_text(encoding="utf-8")
@@ -183,7 +184,7 @@ def _time(attempt: Attempt) -> None:
     )
 
 
-def chart(attempt: Attempt) -> WorkPrecision:
+def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """Error of a pendulum's angle after 2 s against evaluations and time."""
     from course.measure.work_precision import Method, Result, measure
     from course.oracles import mujoco
@@ -194,7 +195,7 @@ def chart(attempt: Attempt) -> WorkPrecision:
     pull = float(system.params[0])
     steps = {time / n: n for n in (50, 100, 200, 400, 800, 1600)}
 
-    def driven(child: Child) -> Callable[[float], Result]:
+    def driven(child: Place) -> Callable[[float], Result]:
         def run(dt: float) -> Result:
             start = system.q0, system.v0, "pendulum", [pull]
             end, calls = child.given("drive", *start, dt, steps[dt])
@@ -223,26 +224,23 @@ def chart(attempt: Attempt) -> WorkPrecision:
 
         return Method(f"MuJoCo {name}", run, list(steps), style="oracle")
 
-    # The worked answer goes through a pipe too, so that the two times can be compared.
-    with start_child(attempt.card, attempt.card.solution_text(), "worked answer") as worked:
-        worked.load()
-        return measure(
-            [
-                Method("yours", driven(attempt.learner.child), list(steps), style="yours"),
-                Method("worked answer", driven(worked), list(steps)),
-                course("velocity_verlet"),
-                course("semi_implicit_euler"),
-                library("Euler"),
-                library("RK4"),
-            ],
-            problem.truth(time)[0],
-            reference_check=problems.tight_reference(system, time)[0],
-            tolerance=1e-3,
-            failed_above=10.0,
-            repeats=3,
-            question="A pendulum's angle after 2 s",
-            error_unit="rad",
-        )
+    return measure(
+        [
+            Method("yours", driven(attempt.learner.child), list(steps), style="yours"),
+            Method("worked answer", driven(worked), list(steps)),
+            course("velocity_verlet"),
+            course("semi_implicit_euler"),
+            library("Euler"),
+            library("RK4"),
+        ],
+        problem.truth(time)[0],
+        reference_check=problems.tight_reference(system, time)[0],
+        tolerance=1e-3,
+        failed_above=10.0,
+        repeats=3,
+        question="A pendulum's angle after 2 s",
+        error_unit="rad",
+    )
 
 
 _V_HALF = "    v_half = v + 0.5 * dt * a\n"

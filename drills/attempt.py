@@ -1,0 +1,355 @@
+"""What a judge works with: the submission, the worked answer, and the checks made so far."""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from drills.cards import Card
+from drills.inprocess import InProcess
+from drills.reasons import SENTENCES, Reason
+from drills.report import Check, Cost, Report
+from drills.sandbox import Handle, Loaded, Raised
+from drills.values import (
+    Failure,
+    Mismatch,
+    as_float64,
+    describe,
+    describe_call,
+    type_name,
+    worst,
+)
+
+Array = NDArray[np.float64]
+
+SHOWN = 160  # characters of a value in the feedback
+
+
+class Place(Protocol):
+    """Where a text runs: a `drills.sandbox.Child`, or this process where the text is ours.
+
+    Attributes:
+        changed: whether the last request changed one of its arguments.
+        elapsed: what the last request took [s].
+        output: what the text printed so far.
+    """
+
+    changed: bool
+    elapsed: float
+
+    @property
+    def output(self) -> str: ...
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *exception: object) -> None: ...
+    def load(self) -> Loaded: ...
+    def call(self, name: str, *args: Any, repeat: int = 1, **kwargs: Any) -> Any: ...
+    def new(self, name: str, *args: Any, **kwargs: Any) -> Any: ...
+    def method(self, handle: Any, name: str, *args: Any, **kwargs: Any) -> Any: ...
+    def given(self, name: str, *args: Any, **kwargs: Any) -> Any: ...
+    def given_new(self, name: str, *args: Any, **kwargs: Any) -> Any: ...
+
+
+@dataclass(frozen=True)
+class Step:
+    """One recorded request to the child, and what came back."""
+
+    kind: str
+    target: str
+    handle: Handle | None
+    args: tuple[Any, ...]
+    kwargs: dict[str, Any]
+    result: Any
+
+
+class Learner:
+    """The submission in its child: every request is recorded, and its arguments watched."""
+
+    def __init__(self, child: Place, attempt: Attempt) -> None:
+        self.child = child
+        self.steps: list[Step] = []
+        self.loading = 0.0  # s, the submission's top level
+        self.asked = ""  # the last request, as one would type it
+        self.longest = 0.0  # s, the slowest request so far by this side's clock
+        self._attempt = attempt
+
+    def call(self, name: str, *args: Any, **kwargs: Any) -> Any:
+        """A function of the submission."""
+        return self._record("call", name, None, args, kwargs)
+
+    def new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
+        """An object of the submission, which stays in the child."""
+        return self._record("new", name, None, args, kwargs)
+
+    def method(self, handle: Handle, name: str, *args: Any, **kwargs: Any) -> Any:
+        """A method of an object that is in the child."""
+        return self._record("method", name, handle, args, kwargs)
+
+    def given(self, name: str, *args: Any, **kwargs: Any) -> Any:
+        """A function of the drill's given module, run in the child."""
+        return self._record("given", name, None, args, kwargs)
+
+    def given_new(self, name: str, *args: Any, **kwargs: Any) -> Handle:
+        """The same, and the result stays in the child."""
+        return self._record("given_new", name, None, args, kwargs)
+
+    def _record(
+        self, kind: str, name: str, handle: Handle | None, args: Any, kwargs: dict[str, Any]
+    ) -> Any:
+        kept = _copied(args), _copied(kwargs)
+        self.asked = describe_call(name, *kept) if kind in ("call", "new", "method") else ""
+        try:
+            result = request(self.child, kind, name, handle, args, kwargs)
+        except Raised as raised:
+            self.steps.append(Step(kind, name, handle, *kept, Failure(raised.type)))
+            raise
+        self.longest = max(self.longest, self.child.elapsed)
+        self.steps.append(Step(kind, name, handle, *kept, result))
+        if kind in ("call", "method", "new") and self.child.changed:
+            self._attempt.inputs_changed(self.asked)
+        return result
+
+
+class Attempt:
+    """One grading: what a judge works with.
+
+    Attributes:
+        rng: the generator of this run's hidden cases, from the printed seed.
+        learner: the submission in its child.
+        reference: the worked answer in this process, with the same calls as `learner`.
+        card: what is graded.
+        report: what was found so far.
+    """
+
+    def __init__(self, card: Card, child: Place, report: Report, given: str = "") -> None:
+        """An attempt that has just begun.
+
+        Args:
+            card: of the exercise.
+            child: where the submission runs.
+            report: to write into; its seed is that of the hidden cases.
+            given: source of the module that the child got as `given`, or "".
+        """
+        self.card = card
+        self.report = report
+        self.rng = np.random.default_rng(report.seed)
+        self.learner = Learner(child, self)
+        self.reference = InProcess(card.solution_text(), given)
+
+    @property
+    def failed(self) -> bool:
+        """Whether a check has failed so far."""
+        return any(not check.passed for check in self.report.checks)
+
+    def call(self, *args: Any, **kwargs: Any) -> Any:
+        """The submission's function, for an exercise that is one function."""
+        return self.learner.call(self.card.entry, *args, **kwargs)
+
+    def expected(self, *args: Any, **kwargs: Any) -> Any:
+        """What the worked answer gives for the same call."""
+        return self.reference.call(self.card.entry, *args, **kwargs)
+
+    def compare(
+        self,
+        name: str,
+        got: Any,
+        expected: ArrayLike,
+        *,
+        tolerance: float,
+        unit: str,
+        why: str,
+        call: str = "",
+        slip: str = "",
+    ) -> bool:
+        """Check a value: type, shape, finite, then the worst component against the tolerance.
+
+        Args:
+            name: what is compared, in a few words.
+            got: what came back.
+            expected: the right values; their shape is the shape asked for.
+            tolerance: largest error of a component that is right.
+            unit: of the values.
+            why: the reason of the tolerance.
+            call: the call, as `describe_call` writes it.
+            slip: the slip that a wrong value here shows, if it can only be that one.
+
+        Returns:
+            Whether it is right.
+        """
+        truth = np.asarray(expected, dtype=np.float64)
+        base: dict[str, Any] = {"name": name, "call": call, "unit": unit, "why": why}
+        base |= {"tolerance": tolerance, "expected": describe(truth, SHOWN)}
+        try:
+            values = as_float64(got, truth.shape)
+        except Mismatch as wrong:
+            said = wrong.sentence[0].upper() + wrong.sentence[1:]
+            self._add(Check(**base, reason=wrong.reason, sentence=said, got=describe(got, SHOWN)))
+            return False
+        error, place = worst(values, truth)
+        if not (error <= tolerance):
+            at = f" at index {place}" if place else ""
+            off = f"{error:.3g}" if unit in ("", "1") else f"{error:.3g} {unit}"
+            digits = 6 if f"{values[place]:.6g}" != f"{truth[place]:.6g}" else 16
+            sentence = (
+                f"Off by {off}{at}: {values[place]:.{digits}g}, not {truth[place]:.{digits}g}."
+            )
+            base |= {"reason": Reason.WRONG_VALUE, "sentence": sentence, "slip": slip}
+            self._add(Check(**base, error=error, got=describe(values, SHOWN)))
+            return False
+        self._add(Check(**base, reason=Reason.RIGHT, error=error, got=describe(values, SHOWN)))
+        return True
+
+    def require(
+        self,
+        name: str,
+        holds: bool,
+        *,
+        sentence: str,
+        got: str = "",
+        expected: str = "",
+        error: float = math.nan,
+        tolerance: float = math.nan,
+        unit: str = "",
+        why: str = "",
+        call: str = "",
+        slip: str = "",
+        reason: Reason = Reason.WRONG_PROPERTY,
+    ) -> bool:
+        """Check a property; `sentence` says what is wrong when it does not hold.
+
+        Where there are an error and a tolerance, hand them in, and `holds` must come from
+        `error <= tolerance`, so that a NaN fails.
+        """
+        if not holds:
+            self._add(
+                Check(
+                    name, reason, sentence, call, got, expected, error, tolerance, unit, why, slip
+                )
+            )
+            return False
+        self._add(Check(name, Reason.RIGHT, "", call, got, expected, error, tolerance, unit, why))
+        return True
+
+    def require_error(
+        self,
+        name: str,
+        request: Callable[[], Any],
+        *,
+        sentence: str,
+        errors: Sequence[str] = ("ValueError",),
+        call: str = "",
+        slip: str = "",
+    ) -> bool:
+        """Check that a wrong argument is refused with one of the named exceptions."""
+        expected = " or ".join(errors)
+        try:
+            value = request()
+        except Raised as raised:
+            if raised.type in errors or not set(errors).isdisjoint(raised.kinds):
+                self._add(Check(name, Reason.RIGHT, call=call, got=raised.type, expected=expected))
+                return True
+            got, said = raised.type, f"It raised {raised.type}, not {expected}. {sentence}"
+            slip = ""  # it was refused after all
+        else:
+            got, said = f"returned {describe(value)}", sentence
+        self._add(Check(name, Reason.MISSING_ERROR, said, call, got, expected, slip=slip))
+        return False
+
+    def parts(self, got: Any, names: Sequence[str], *, call: str = "") -> tuple[Any, ...] | None:
+        """The members of an answer that is a tuple, or None after a failed check.
+
+        A list, or an array with one row for each member, is as good as a tuple.
+        """
+        if isinstance(got, np.ndarray) and got.ndim > 0 and len(got) < 100:
+            got = [np.asarray(row) for row in got]
+        if isinstance(got, list | tuple) and len(got) == len(names):
+            return tuple(got)
+        wanted = f"{len(names)} values ({', '.join(names)})"
+        if got is None:
+            reason, sentence = Reason.NOTHING_RETURNED, SENTENCES[Reason.NOTHING_RETURNED]
+        elif isinstance(got, list | tuple) or (isinstance(got, np.ndarray) and got.ndim > 0):
+            reason, sentence = Reason.WRONG_SHAPE, f"{len(got)} came back; {wanted} are asked for."
+        else:
+            reason = Reason.WRONG_TYPE
+            sentence = f"One {type_name(got)} came back; {wanted} are asked for."
+        self._add(Check("the answer's parts", reason, sentence, call, describe(got), wanted))
+        return None
+
+    def numbers(
+        self, name: str, got: Any, shape: tuple[int, ...], *, call: str = ""
+    ) -> Array | None:
+        """What came back as finite float64 of that shape, or None after a failed check."""
+        try:
+            return as_float64(got, shape)
+        except Mismatch as wrong:
+            said = wrong.sentence[0].upper() + wrong.sentence[1:]
+            self._add(Check(name, wrong.reason, said, call, describe(got)))
+            return None
+
+    def cost(self, what: str, unit: str, *, yours: float, reference: float) -> None:
+        """Say what the submission spent beside the reference."""
+        self.report.costs.append(Cost(what, unit, yours, reference))
+
+    def time_call(
+        self,
+        *args: Any,
+        here: tuple[Any, ...] | None = None,
+        repeat: int = 300,
+        what: str = "time per call",
+    ) -> None:
+        """Time one call of the function, there and here in turn, by this side's clock.
+
+        Args:
+            args: of the call.
+            here: arguments of the reference, where a handle needs its counterpart.
+            repeat: calls in a row; fewer where they would take longer than 0.2 s.
+            what: what is timed.
+        """
+        child, entry = self.learner.child, self.card.entry
+        single = math.inf  # one call, with the way there and back
+        for _ in range(4):
+            child.call(entry, *args, repeat=1)
+            single = min(single, child.elapsed)
+        many = max(1, min(repeat, int(0.2 / max(single, 1e-6))))
+        yours, ours = [], []
+        for _ in range(3):
+            child.call(entry, *args, repeat=many + 1)
+            yours.append((child.elapsed - single) / many)
+            self.reference.call(entry, *(here or args), repeat=many)
+            ours.append(self.reference.elapsed / many)
+        middle = max(statistics.median(yours), 0.0)
+        self.cost(what, "s", yours=middle, reference=statistics.median(ours))
+
+    def inputs_changed(self, call: str) -> None:
+        """Record that a call changed one of its arguments."""
+        if not any(check.reason is Reason.INPUTS_CHANGED for check in self.report.checks):
+            sentence = SENTENCES[Reason.INPUTS_CHANGED]
+            self._add(Check("inputs unchanged", Reason.INPUTS_CHANGED, sentence, call))
+
+    def _add(self, check: Check) -> None:
+        self.report.checks.append(check)
+
+
+def _copied(value: Any) -> Any:
+    """A copy of an argument; a handle stays the same handle."""
+    if isinstance(value, np.ndarray):
+        return value.copy()
+    if isinstance(value, list | tuple):
+        return type(value)(map(_copied, value))
+    if isinstance(value, dict):
+        return {key: _copied(item) for key, item in value.items()}
+    return value
+
+
+def request(
+    place: Any, kind: str, name: str, handle: Any, args: Any, kwargs: dict[str, Any]
+) -> Any:
+    """Make one request of a `Step`, in whichever place."""
+    if kind == "method":
+        return place.method(handle, name, *args, **kwargs)
+    return getattr(place, kind)(name, *args, **kwargs)

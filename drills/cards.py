@@ -1,0 +1,237 @@
+"""What is known of an exercise without running anything: its card and its texts.
+
+An exercise is a folder of `drills/catalogue`. `card.toml` says everything that a list, a prompt or
+a hint needs, so that reading it imports nothing heavy; `prompt.md` and `starter.py` are the texts
+that the learner gets. What the grader needs is in `drills.exercise`.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+import functools
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+CATALOGUE = Path(__file__).parent / "catalogue"
+
+
+class UnknownExercise(ValueError):
+    """No exercise has that name; `nearest` are the names that look like it."""
+
+    def __init__(self, name: str, known: list[str]) -> None:
+        self.name = name
+        self.nearest = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+        meant = f"; did you mean {' or '.join(self.nearest)}?" if self.nearest else ""
+        super().__init__(f"no exercise is called {name!r}{meant}")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """An argument or a result: its name, shape, unit and meaning, as the prompt states them."""
+
+    name: str
+    shape: str
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True)
+class Signature:
+    """One callable that the learner writes: the function itself, a constructor or a method."""
+
+    text: str
+    arguments: tuple[Quantity, ...]
+    returns: tuple[Quantity, ...]
+
+    @property
+    def name(self) -> str:
+        """The name before the bracket."""
+        return self.text.partition("(")[0]
+
+    def counts(self) -> tuple[int, int]:
+        """How many positional arguments are required, and how many may be given."""
+        definition = ast.parse(f"def {self.text}: ...").body[0]
+        assert isinstance(definition, ast.FunctionDef)
+        total = len(definition.args.args)
+        return total - len(definition.args.defaults), total
+
+
+@dataclass(frozen=True)
+class Hint:
+    """One step of the ladder: what one sees, and what to look at."""
+
+    symptom: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Card:
+    """What is known of an exercise without running anything.
+
+    Attributes:
+        name: on the command line; the folder's name.
+        title, chapter, difficulty, minutes, teaches: what the list shows; difficulty 1 to 5.
+        entry: the name that a submission defines.
+        kind: "function" or "class".
+        signatures: what the learner writes, the entry first, then the methods of a class.
+        solution: "module:name,name", where the worked answer stands.
+        hints: three, each more telling than the one before.
+        insight: the one thing to remember.
+        drill: whether it is one of the interview drills; else an exercise of a chapter.
+    """
+
+    name: str
+    title: str
+    chapter: int
+    difficulty: int
+    minutes: int
+    teaches: str
+    entry: str
+    kind: str
+    signatures: tuple[Signature, ...]
+    solution: str
+    hints: tuple[Hint, ...]
+    insight: str
+    drill: bool
+
+    @property
+    def folder(self) -> Path:
+        """Where its files are."""
+        return CATALOGUE / self.name
+
+    def starter(self) -> str:
+        """The text that the learner starts from."""
+        return (self.folder / "starter.py").read_text(encoding="utf-8")
+
+    def prompt(self) -> str:
+        """The task in Markdown: the text, then a table of what goes in and what comes back."""
+        parts = [
+            f"# {self.title}",
+            (self.folder / "prompt.md").read_text(encoding="utf-8").strip(),
+        ]
+        for signature in self.signatures:
+            rows = [("takes", q) for q in signature.arguments]
+            rows += [("returns", q) for q in signature.returns]
+            table = ["| | name | shape | unit | meaning |", "|---|---|---|---|---|"]
+            table += [
+                f"| {role} | `{q.name}` | {q.shape} | {q.unit} | {q.meaning} |" for role, q in rows
+            ]
+            parts.append(f"`{signature.text}`")
+            if rows:
+                parts.append("\n".join(table))
+        return "\n\n".join(parts) + "\n"
+
+    def solution_text(self) -> str:
+        """The worked answer: the imports of its module that it uses, and the named definitions."""
+        return _solution_text(self.solution)
+
+
+def names() -> list[str]:
+    """The names of all exercises, by chapter and difficulty."""
+    return [card.name for card in cards()]
+
+
+@functools.cache
+def cards() -> tuple[Card, ...]:
+    """The cards of all exercises, by chapter, difficulty and name."""
+    folders = [path.parent for path in CATALOGUE.glob("*/card.toml")]
+    return tuple(sorted(map(_read_card, folders), key=lambda c: (c.chapter, c.difficulty, c.name)))
+
+
+def card(name: str) -> Card:
+    """The card of that name.
+
+    Raises:
+        UnknownExercise: with the nearest names.
+    """
+    for one in cards():
+        if one.name == name:
+            return one
+    raise UnknownExercise(name, [c.name for c in cards()])
+
+
+@functools.cache
+def _solution_text(solution: str) -> str:
+    module, _, names = solution.partition(":")
+    return definitions(_module_file(module), names.split(","))
+
+
+def definitions(path: Path, wanted: list[str]) -> str:
+    """The named top-level definitions of a module, after the imports and names that they use.
+
+    Args:
+        path: a Python file.
+        wanted: names of functions, classes or assigned constants.
+
+    Raises:
+        ValueError: for a name that the file does not define.
+    """
+    text = path.read_text(encoding="utf-8")
+    tree = ast.parse(text)
+    lines = text.splitlines()
+    known = {name: node for node in tree.body for name in _defined(node)}
+    missing = [name for name in wanted if name not in known]
+    if missing:
+        raise ValueError(f"{path.name} does not define {', '.join(missing)}")
+    keep: set[ast.stmt] = set()
+    queue = [known[name] for name in wanted]
+    while queue:
+        node = queue.pop()
+        if node in keep:
+            continue
+        keep.add(node)
+        used = {n.id for n in ast.walk(node) if isinstance(n, ast.Name)}
+        queue += [known[name] for name in used if name in known]
+    future = "from __future__ import annotations"
+    head = [future] if future in text else []
+    imports = [n for n in tree.body if n in keep and isinstance(n, ast.Import | ast.ImportFrom)]
+    if imports:
+        head.append("\n".join(_text(node, lines) for node in imports))
+    parts = ["\n\n".join(head)] if head else []
+    for node in tree.body:
+        if node in keep and not isinstance(node, ast.Import | ast.ImportFrom):
+            parts.append(_text(node, lines))
+    return "\n\n\n".join(parts) + "\n"
+
+
+def _defined(node: ast.stmt) -> list[str]:
+    if isinstance(node, ast.FunctionDef | ast.ClassDef):
+        return [node.name]
+    if isinstance(node, ast.Import | ast.ImportFrom):
+        return [(alias.asname or alias.name).partition(".")[0] for alias in node.names]
+    if isinstance(node, ast.Assign):
+        return [target.id for target in node.targets if isinstance(target, ast.Name)]
+    if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+        return [node.target.id]
+    return []
+
+
+def _text(node: ast.stmt, lines: list[str]) -> str:
+    first = node.lineno
+    if isinstance(node, ast.FunctionDef | ast.ClassDef) and node.decorator_list:
+        first = node.decorator_list[0].lineno
+    return "\n".join(lines[first - 1 : node.end_lineno])
+
+
+def _module_file(module: str) -> Path:
+    """The file of a module of this project, found without importing it."""
+    path = Path(__file__).parents[1].joinpath(*module.split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
+def _read_card(folder: Path) -> Card:
+    with (folder / "card.toml").open("rb") as file:
+        data: dict[str, Any] = tomllib.load(file)
+    signatures = tuple(
+        Signature(
+            text=entry["text"],
+            arguments=tuple(Quantity(**q) for q in entry.get("arguments", ())),
+            returns=tuple(Quantity(**q) for q in entry.get("returns", ())),
+        )
+        for entry in data.pop("signatures")
+    )
+    hints = tuple(Hint(**hint) for hint in data.pop("hints"))
+    return Card(name=folder.name, signatures=signatures, hints=hints, **data)
