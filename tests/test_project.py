@@ -409,6 +409,14 @@ def test_no_file_is_large() -> None:
     assert large == []
 
 
+@pytest.mark.parametrize(
+    "path", sorted((ROOT / "notebooks" / "source").glob("*.py")), ids=lambda p: p.stem
+)
+def test_no_line_of_a_notebook_is_long(path: Path) -> None:
+    lines = path.read_text(encoding="utf-8").splitlines()
+    assert [f"{n}: {line}" for n, line in enumerate(lines, 1) if len(line) > 120] == []
+
+
 def test_every_dependency_is_pinned() -> None:
     def normal(name: str) -> str:
         return re.sub(r"[-_.]+", "-", name).lower()

@@ -3,16 +3,20 @@
 #
 # *How does a rigid body move, and how do you compute it without lying about energy?*
 #
-# | | |
-# |---|---|
-# | **You will be able to** | write the equations of motion of any rigid body and say where each term comes from; represent and update orientation without singularities or drift; choose an integrator by its measured error per unit of work; predict the step at which it fails, to half a percent; read a simulation that explodes, tunnels or gains energy and name the cause |
-# | **Time** | about three hours with the experiments, ninety minutes without; the six graded exercises of section 7 are another ninety minutes |
-# | **Know first** | vectors, matrices, derivatives; Python with NumPy |
-# | **Code** | `course.rigid_body`; plain functions, the ones the tests run |
+# <table>
+# <tr><td><b>You will be able to</b></td> <td>write the equations of motion of any rigid body and say where each term
+# comes from; represent and update orientation without singularities or drift; choose an integrator by its measured
+# error per unit of work; predict the step at which it fails, to half a percent; read a simulation that explodes,
+# tunnels or gains energy and name the cause</td></tr>
+# <tr><td><b>Time</b></td> <td>about three hours with the experiments, ninety minutes without; the six graded
+# exercises of section 7 are another ninety minutes</td></tr>
+# <tr><td><b>Know first</b></td> <td>vectors, matrices, derivatives; Python with NumPy</td></tr>
+# <tr><td><b>Code</b></td> <td><code>course.rigid_body</code>; plain functions, the ones the tests run</td></tr>
+# </table>
 #
-# Two habits of this course: a number in the text comes from the cell above it or from a check that you
-# can run yourself (`python -m course.derivations 1` runs all of this chapter's), and a statement that is
-# often heard but false is shown together with the evidence against it.
+# Two habits of this course: a number in the text comes from the cell above it or from a check that you can run
+# yourself (`python -m course.derivations 1` runs all of this chapter's), and a statement that is often heard but
+# false is shown together with the evidence against it.
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import badges, card, check
@@ -44,10 +48,10 @@ def source(*functions):
 #
 # ### The state
 #
-# A rigid body has six ways to move: its centre of mass goes along three axes and it turns about three.
-# Position and orientation say where it is; you also need how fast each of the six is changing, because
-# Newton's law is of second order. So the state lives in **twelve** dimensions. How many *numbers* you store is
-# a different question: it depends on how you write down an orientation.
+# A rigid body has six ways to move: its centre of mass goes along three axes and it turns about three. Position and
+# orientation say where it is; you also need how fast each of the six is changing, because Newton's law is of second
+# order. So the state lives in **twelve** dimensions. How many *numbers* you store is a different question: it depends
+# on how you write down an orientation.
 #
 # | orientation stored as | numbers for it | whole state | what it costs you |
 # |---|---|---|---|
@@ -63,30 +67,31 @@ show("state_is_six_quantities")
 # %% [markdown]
 # ### Newton and Euler
 #
-# Momentum $p = m v$ and angular momentum $L = I\omega$ (about the centre of mass) change only through
-# forces and torques:
+# Momentum $p = m v$ and angular momentum $L = I\omega$ (about the centre of mass) change only through forces and
+# torques:
 #
 # $$\dot p = F, \qquad \dot L = \tau .$$
 #
-# That is all the physics. The rest is a choice of where to stand. Seen from the world, the inertia tensor of
-# a turning body changes all the time. Seen from the body it is constant, but the frame turns, and the rate
-# of any vector picks up $\omega \times$ that vector. So in the **body frame**
+# That is all the physics. The rest is a choice of where to stand. Seen from the world, the inertia tensor of a
+# turning body changes all the time. Seen from the body it is constant, but the frame turns, and the rate of any
+# vector picks up $\omega \times$ that vector. So in the **body frame**
 #
 # $$\boxed{\; m\dot v = F, \qquad I\dot\omega + \omega\times(I\omega) = \tau \;}$$
 #
-# The term $\omega\times(I\omega)$ is *not a force*. It is what a constant $L$ looks like to somebody who turns
-# with the body. It vanishes when $L$ and $\omega$ are parallel: for a sphere or a cube always, for other
-# bodies when they spin about a principal axis. Where it does not vanish, $\omega$ wanders although nothing
-# pushes: a body thrown with no torque at all keeps $L$, not $\omega$.
+# The term $\omega\times(I\omega)$ is *not a force*. It is what a constant $L$ looks like to somebody who turns with
+# the body. It vanishes when $L$ and $\omega$ are parallel: for a sphere or a cube always, for other bodies when they
+# spin about a principal axis. Where it does not vanish, $\omega$ wanders although nothing pushes: a body thrown with
+# no torque at all keeps $L$, not $\omega$.
 
 # %%
 show("free_body_keeps_angular_velocity")
 
 # %% [markdown]
-# Spin about the middle one of three different principal axes is unstable. Linearise Euler's equations about
-# $\omega = (0, \Omega, 0)$: the two small components feed each other and grow like $e^{\sigma t}$ with
-# $\sigma = \Omega\sqrt{(I_2-I_1)(I_3-I_2)/(I_1 I_3)}$. If $I_2$ is the largest or the smallest of the
-# three, the product under the root is negative: $\sigma$ is imaginary, a bounded wobble. The flip is regular, too: its period is an elliptic integral.
+# Spin about the middle one of three different principal axes is unstable. Linearise Euler's equations about $\omega =
+# (0, \Omega, 0)$: the two small components feed each other and grow like $e^{\sigma t}$ with $\sigma =
+# \Omega\sqrt{(I_2-I_1)(I_3-I_2)/(I_1 I_3)}$. If $I_2$ is the largest or the smallest of the three, the product under
+# the root is negative: $\sigma$ is imaginary, a bounded wobble. The flip is regular, too: its period is an elliptic
+# integral.
 
 # %%
 show("principal_axis_is_stable")
@@ -99,22 +104,27 @@ show("principal_axis_is_stable")
 show("gyroscopic_term_holds_the_top_up")
 
 # %% [markdown]
-# A top stays up because gravity's torque is *horizontal*: it can turn a large $L$ sideways but cannot tip it
-# quickly. How large $L$ must be for the upright top is a condition you should be able to write down.
+# A top stays up because gravity's torque is *horizontal*: it can turn a large $L$ sideways but cannot tip it quickly.
+# How large $L$ must be for the upright top is a condition you should be able to write down.
 
 # %%
 show("top_condition")
 
 # %% [markdown]
-# Two facts to have ready. Moments of inertia are not three free numbers: each is at most the sum of the other two, because it is made of squared distances; robot descriptions in circulation violate it, and
-# `course.rigid_body.RigidBody` refuses them. And moments move: about a point at distance $d$ from the centre of mass, $m d^2$ is added.
+# Two facts to have ready. Moments of inertia are not three free numbers: each is at most the sum of the other two,
+# because it is made of squared distances; robot descriptions in circulation violate it, and
+# `course.rigid_body.RigidBody` refuses them. And moments move: about an axis at distance $d$ from the parallel one
+# through the centre of mass, a moment is larger by $m d^2$ (the parallel axis theorem). That holds between *parallel
+# axes*: about a point displaced by the vector $d$ the tensor gains $m(d^2 1 - d\,d^\mathsf{T})$, which is nothing
+# about the direction of $d$ itself.
 #
 # ### Orientation without a singularity
 #
 # Three angles work until two of their axes line up. For yaw, pitch and roll (turns about $z$, $y'$, $x''$) the body's
-# angular velocity is $\omega = E(\text{pitch}, \text{roll})\,(\dot\psi, \dot\theta, \dot\phi)$, and $\det E$ is $\pm\cos\theta$. At
-# $\theta = \pm 90°$ the matrix has rank two: one direction of $\omega$ corresponds to *no* finite angle rates. The body
-# can still turn that way; the coordinates cannot follow. Below: the smallest singular value of $E$ on the way there.
+# angular velocity is $\omega = E(\text{pitch}, \text{roll})\,(\dot\psi, \dot\theta, \dot\phi)$, and $\det E$ is
+# $\pm\cos\theta$. At $\theta = \pm 90°$ the matrix has rank two: one direction of $\omega$ corresponds to *no* finite
+# angle rates. The body can still turn that way; the coordinates cannot follow. Below: the smallest singular value of
+# $E$ on the way there.
 
 # %%
 pitch = np.radians([0.0, 60.0, 80.0, 89.0, 89.9, 90.0])
@@ -128,15 +138,15 @@ for angle in pitch:
     )
 
 # %% [markdown]
-# Unit quaternions have no such place. A turn by the angle $\alpha$ about the unit axis $n$ is
-# $q = (\cos\frac{\alpha}{2}, n\sin\frac{\alpha}{2}) = \exp(\alpha n)$. The half angle has a consequence: after a full turn
+# Unit quaternions have no such place. A turn by the angle $\alpha$ about the unit axis $n$ is $q =
+# (\cos\frac{\alpha}{2}, n\sin\frac{\alpha}{2}) = \exp(\alpha n)$. The half angle has a consequence: after a full turn
 # $q$ has become $-q$, and both describe the same orientation (the *double cover*). Compare orientations by the angle
 # between them, never by subtracting quaternions.
 #
-# The rule for time stepping: **an orientation is updated by multiplication**,
-# $q \leftarrow q\,\exp(h\,\omega)$. (Here $q = (w, x, y, z)$ takes body coordinates to world coordinates and $\omega$ is in the body frame; that is why
-# exp stands on the right.) Adding $h\,\dot q$ leaves the unit sphere, and in a low-order step scaling back afterwards repairs the length,
-# not the angle. At fourth order it does no harm; section 6 measures both.
+# The rule for time stepping: **an orientation is updated by multiplication**, $q \leftarrow q\,\exp(h\,\omega)$.
+# (Here $q = (w, x, y, z)$ takes body coordinates to world coordinates and $\omega$ is in the body frame; that is why
+# exp stands on the right.) Adding $h\,\dot q$ leaves the unit sphere, and in a low-order step scaling back afterwards
+# repairs the length, not the angle. At fourth order it does no harm; section 6 measures both.
 
 # %%
 show("renormalising_repairs")
@@ -144,25 +154,38 @@ show("renormalising_repairs")
 # %% [markdown]
 # ### Six integrators on one page
 #
-# An integrator turns the law into steps of length $h$. Write $a = a(q, v)$ for the acceleration, and read
-# $q \oplus u$ as "move from $q$ by $u$": plain addition for positions, $q\,\exp(u)$ for orientations.
+# An integrator turns the law into steps of length $h$. Write $a = a(q, v)$ for the acceleration, and read $q \oplus
+# u$ as "move from $q$ by $u$": plain addition for positions, $q\,\exp(u)$ for orientations.
 #
-# | method | one step | order | evaluations | area kept | limit, undamped |
-# |---|---|:-:|:-:|:-:|:-:|
-# | explicit Euler | $q' = q\oplus hv,\;\; v' = v + ha$ | 1 | 1 | no | none: always unstable |
-# | semi-implicit Euler | $v' = v + ha,\;\; q' = q\oplus hv'$ | 1 | 1 | yes | $\omega h < 2$ |
-# | velocity Verlet | $q' = q\oplus(hv + \tfrac{h^2}{2}a),\;\; v' = v+\tfrac h2(a+a')$ | 2 | 2; 1 if forces depend on $q$ alone and the last is kept | yes | $\omega h < 2$ |
-# | explicit midpoint | full step with the derivative half way | 2 | 2 | no | none: always unstable |
-# | implicit midpoint | the same, half way solved for | 2 | 4 and more | yes | none: always stable |
-# | RK4 (on rotations: Munthe-Kaas) | four slopes, weights $\tfrac16,\tfrac13,\tfrac13,\tfrac16$ | 4 | 4 | no | $\omega h \le 2\sqrt2$ |
+# <table>
+# <tr><th>method</th> <th>one step</th> <th>order</th> <th>evaluations</th> <th>symplectic</th> <th>limit,
+# undamped</th></tr>
+# <tr><td>explicit Euler</td> <td>$q' = q\oplus hv,\;\; v' = v + ha$</td> <td>1</td> <td>1</td> <td>no</td> <td>none:
+# always unstable</td></tr>
+# <tr><td>semi-implicit Euler</td> <td>$v' = v + ha,\;\; q' = q\oplus hv'$</td> <td>1</td> <td>1</td> <td>yes</td>
+# <td>$\omega h < 2$</td></tr>
+# <tr><td>velocity Verlet</td> <td>$q' = q\oplus(hv + \tfrac{h^2}{2}a),\;\; v' = v+\tfrac h2(a+a')$</td> <td>2</td>
+# <td>2; 1 if forces depend on $q$ alone and the last is kept</td> <td>yes</td> <td>$\omega h < 2$</td></tr>
+# <tr><td>explicit midpoint</td> <td>full step with the derivative half way</td> <td>2</td> <td>2</td> <td>no</td>
+# <td>none: always unstable</td></tr>
+# <tr><td>implicit midpoint</td> <td>the same, half way solved for</td> <td>2</td> <td>4 and more</td> <td>yes</td>
+# <td>none: always stable</td></tr>
+# <tr><td>RK4 (on rotations: Munthe-Kaas)</td> <td>four slopes, weights $\tfrac16,\tfrac13,\tfrac13,\tfrac16$</td>
+# <td>4</td> <td>4</td> <td>no</td> <td>$\omega h \le 2\sqrt2$</td></tr>
+# </table>
 #
-# "Area kept" (symplectic) means that a patch of starting states keeps its area in the plane of position $q$ and momentum $p$, for forces that depend on $q$ alone and constant masses. From that
-# follows, for a smooth system and a fixed step well inside the limit, that the energy error stays bounded for times exponential in $1/h$, because the method
-# follows a *nearby* energy function up to an exponentially small error (on the oscillator exactly). In angles and rates, an arm's Coriolis terms and a body's $\omega\times(I\omega)$ depend on the
-# velocity: there *no* method of this table is symplectic, and semi-implicit Euler's energy drifts steadily on a double pendulum (claim `semi_implicit_arm_energy`) and on a tumble. Symplectic methods for those work with momenta
-# (splitting, RATTLE, discrete Moser-Veselov). Where $a$ depends on the velocity too, Verlet takes $a' = a(q', v + ha)$. A seventh function, `rk4_renormalised`, adds the
-# quaternion's rate and rescales; it is there to be compared. It does not follow that energy is conserved, that the phase is right,
-# that the method is stable at every step, or that anything survives friction or a changing step.
+# *Symplectic* means, with one degree of freedom, that a patch of starting states keeps its area in the plane of
+# position $q$ and momentum $p$, for forces that depend on $q$ alone and constant masses. With more degrees of freedom
+# it asks for more than a volume that is kept: the areas of a patch's shadows on the planes $(q_i, p_i)$ keep their
+# sum. From that follows, for a smooth system and a fixed step well inside the limit, that the energy error stays
+# bounded for times exponential in $1/h$, because the method follows a *nearby* energy function up to an exponentially
+# small error (on the oscillator exactly). In angles and rates, an arm's Coriolis terms and a body's
+# $\omega\times(I\omega)$ depend on the velocity: there *no* method of this table is symplectic, and semi-implicit
+# Euler's energy drifts steadily on a double pendulum (claim `semi_implicit_arm_energy`) and on a tumble. Symplectic
+# methods for those work with momenta (splitting, RATTLE, discrete Moser-Veselov). Where $a$ depends on the velocity
+# too, Verlet takes $a' = a(q', v + ha)$. A seventh function, `rk4_renormalised`, adds the quaternion's rate and
+# rescales; it is there to be compared. It does not follow that energy is conserved, that the phase is right, that the
+# method is stable at every step, or that anything survives friction or a changing step.
 
 # %%
 show("symplectic_conserves_energy")
@@ -173,16 +196,20 @@ show("semi_implicit_is_verlet")
 # %% [markdown]
 # ### Why the step has a limit: the spring as test problem
 #
-# Near a stable equilibrium every conservative system without gyroscopic forces is a set of springs $\ddot x = -\omega^2 x$, with $\omega=\sqrt{k/m}$. One step of a linear
-# method is a matrix: $(x, v)' = A(\omega h)\,(x, v)$. The simulation is stable exactly when the powers of $A$ stay bounded.
+# Near a stable equilibrium every conservative system without gyroscopic forces is a set of springs $\ddot x =
+# -\omega^2 x$, with $\omega=\sqrt{k/m}$. One step of a linear
+# method is a matrix: $(x, v)' = A(\omega h)\,(x, v)$. The simulation is stable exactly when the powers of $A$ stay
+# bounded.
 #
 # *Explicit Euler*: $A = \begin{pmatrix}1 & h\\ -\omega^2h & 1\end{pmatrix}$, eigenvalues $1 \pm i\omega h$, so
 # $\lvert\lambda\rvert^2 = 1 + (\omega h)^2 > 1$ for **every** $h$. There is no stable step.
 #
-# *Semi-implicit Euler*: $A = \begin{pmatrix}1-\omega^2h^2 & h\\ -\omega^2h & 1\end{pmatrix}$ has determinant 1. That makes the
-# *product* of the eigenvalues one, which they satisfy as a pair on the unit circle, or as a real pair $\lambda, 1/\lambda$.
-# Which of the two is decided by the trace: the circle needs $\lvert 2-\omega^2h^2\rvert < 2$, that is $\omega h < 2$. At equality both
-# eigenvalues are $-1$ with a single eigenvector, and the state grows linearly.
+# *Semi-implicit Euler*: $A = \begin{pmatrix}1-\omega^2h^2 & h\\ -\omega^2h & 1\end{pmatrix}$ has determinant 1. That
+# makes the *product* of the eigenvalues one, which they satisfy as a pair on the unit circle, or as a real pair
+# $\lambda,
+# 1/\lambda$.
+# Which of the two is decided by the trace: the circle needs $\lvert 2-\omega^2h^2\rvert < 2$, that is $\omega h < 2$.
+# At equality both eigenvalues are $-1$ with a single eigenvector, and the state grows linearly.
 
 # %%
 show("explicit_undamped_limit")
@@ -199,14 +226,15 @@ show("contact_limit_explicit")
 # %% [markdown]
 # ### A worked example, recomputed: a bouncing ball and its energy
 #
-# A ball of 1 kg falls 5 m onto a floor that returns all its speed ($g = 9.81$, $h = 10$ ms). For a constant force the six integrators
-# are only three: the position gains $hv + c\,h^2a$ with $c = 0$ (explicit Euler), $c = 1$ (semi-implicit Euler) or
-# $c = \tfrac12$ (all others, and exact). Per step of free fall the energy changes by $mg^2h^2(\tfrac12 - c)$: explicit Euler gains
-# $\tfrac12 mg^2h^2$, semi-implicit Euler *loses* the same amount.
+# A ball of 1 kg falls 5 m onto a floor that returns all its speed ($g = 9.81$, $h = 10$ ms). For a constant force the
+# six integrators are only three: the position gains $hv + c\,h^2a$ with $c = 0$ (explicit Euler), $c = 1$
+# (semi-implicit Euler) or $c = \tfrac12$ (all others, and exact). Per step of free fall the energy changes by
+# $mg^2h^2(\tfrac12 - c)$: explicit Euler gains $\tfrac12 mg^2h^2$, semi-implicit Euler *loses* the same amount.
 #
-# Is that loss "dissipation"? Look at the way up: the same error has the same sign at every step, rising or falling, so it
-# is exactly $\tfrac12 mgh$ times the change of velocity since the start, and it is undone when the velocity is turned back. On a spring the same method's
-# energy swings about the true value and goes nowhere.
+# Is that loss "dissipation"? The error has the same sign at every step, rising or falling, so over a flight it is
+# exactly $\tfrac12 mgh$ times the change of velocity. A bounce turns the velocity round and gives nothing of it back:
+# the next flight loses as much again. On a spring the same method's energy swings about the true value and goes
+# nowhere.
 
 # %%
 for name in ("free_fall_energy_error", "worked_step_100", "worked_step_500"):
@@ -216,9 +244,10 @@ for name in ("free_fall_energy_error", "worked_step_100", "worked_step_500"):
 show("semi_implicit_dissipates")
 
 # %% [markdown]
-# Then the bounce. If the rule is "found below the floor: put it on the floor and turn the velocity round", the rule itself creates
-# energy: lifting the ball by the depth $d$ adds $mgd$, while its speed stays what it was at depth $d$. After ten bounces the
-# table is more about the bounce rule than about the integrator, and RK4, which is exact in flight, is as wrong as the rule:
+# Then the bounce. If the rule is "found below the floor: put it on the floor and turn the velocity round", the rule
+# itself creates energy: lifting the ball by the depth $d$ adds $mgd$, while its speed stays what it was at depth $d$.
+# After ten bounces the table is more about the bounce rule than about the integrator, and RK4, which is exact in
+# flight, is as wrong as the rule:
 
 # %%
 for name in (
@@ -232,9 +261,9 @@ for name in (
 # %% [markdown]
 # ## 2 · Design: the loop around the equations
 #
-# A simulator does six things, here at four different rates. The physics step is fixed; everything else happens on ticks of it. The order within a tick
-# matters: sensors are read from the state that exists, the controller answers, forces are gathered, the state moves, contacts are found,
-# and now and then a picture is drawn.
+# A simulator does six things, here at four different rates. The physics step is fixed; everything else happens on
+# ticks of it. The order within a tick matters: sensors are read from the state that exists, the controller answers,
+# forces are gathered, the state moves, contacts are found, and now and then a picture is drawn.
 
 # %%
 from course.rigid_body.loop import FixedStepLoop, Phases, flow_diagram, trace_table
@@ -250,8 +279,9 @@ loop = FixedStepLoop((spring.q0, spring.v0), Phases(integrate=integrate), record
 print(flow_diagram(loop))
 
 # %% [markdown]
-# The first two milliseconds of that loop and its second picture, event by event. `age` is the time since the state that the event works with, for `apply forces` since the
-# measurement behind the command: 1 ms in every second step, because the command is held. The picture at 16.667 ms is one step old.
+# The first two milliseconds of that loop and its second picture, event by event. `age` is the time since the state
+# that the event works with, for `apply forces` since the measurement behind the command: 1 ms in every second step,
+# because the command is held. The picture at 16.667 ms is one step old.
 
 # %%
 _ = loop.advance(0.018)
@@ -259,13 +289,17 @@ rows = trace_table(loop.trace).splitlines()
 print("\n".join([*rows[:13], "       ...", *(row for row in rows if "render" in row)]))
 
 # %% [markdown]
-# MuJoCo's `mj_step` looks for contacts at the *start* of the step and integrates last, so after it the positions of bodies, the sensors and the contacts belong to the state before the integration.
+# MuJoCo's `mj_step` looks for contacts at the *start* of the step and integrates last, so after it the positions of
+# bodies, the sensors and the contacts belong to the state before the integration.
 #
 # Three details that separate a loop that works from one that nearly does:
 #
-# * **An accumulator.** Real time arrives in uneven pieces. Add each piece to an account and take whole physics steps out of it; what is left
-#   tells how far between two states the picture lies. The physics then never sees the clock: the same inputs give the same motion, bit for bit.
-# * **Interpolation.** 1000 Hz does not divide by 60 Hz: a picture falls every $16\tfrac23$ steps. Drawing the latest state instead makes the
+# * **An accumulator.** Real time arrives in uneven pieces. Add each piece to an account and take whole physics steps
+#   out of it; what is left
+#   tells how far between two states the picture lies. The physics then never sees the clock: the same inputs give the
+#   same motion, bit for bit.
+# * **Interpolation.** 1000 Hz does not divide by 60 Hz: a picture falls every $16\tfrac23$ steps. Drawing the latest
+#   state instead makes the
 #   motion judder by up to one step. Interpolating between the last two states costs one step of delay.
 # * **Counting in integers.** Adding 0.001 a few million times is not the same as multiplying:
 
@@ -277,32 +311,35 @@ print(
 )
 
 # %% [markdown]
-# When the machine is slower than real time, something has to give: the loop takes at most so many steps at once and *reports* the time it
-# dropped. A loop that silently tries to catch up takes longer for each frame and never does.
+# When the machine is slower than real time, something has to give: the loop takes at most so many steps at once and
+# *reports* the time it dropped. A loop that silently tries to catch up takes longer for each frame and never does.
 #
-# **Where the step comes from.** There is no sweet spot of so many milliseconds. The highest frequency in the model sets it: $h < 2/\omega_{\max}$
-# for the semi-implicit family, and accuracy usually asks for much less: read it off the charts of section 5. 10 ms is generous for a satellite and hopeless for a stiff contact.
+# **Where the step comes from.** There is no sweet spot of so many milliseconds. The highest frequency in the model
+# sets it: $h < 2/\omega_{\max}$ for the semi-implicit family, and accuracy usually asks for much less: read it off
+# the charts of section 5. 10 ms is generous for a satellite and hopeless for a stiff contact.
 
 # %% [markdown]
 # ## 3 · Code: the reference functions
 #
-# Each integrator is one function over a *system*: positions on a manifold, velocities, and a function for the acceleration. If there is one
-# position more than velocities, the last four are a quaternion (MuJoCo's convention). This is all it takes to move on both kinds of space:
+# Each integrator is one function over a *system*: positions on a manifold, velocities, and a function for the
+# acceleration. If there is one position more than velocities, the last four are a quaternion (MuJoCo's convention).
+# This is all it takes to move on both kinds of space:
 
 # %%
 source(rigid_body.retract, rigid_body.semi_implicit_euler)
 
 # %% [markdown]
-# RK4 needs one more idea. Its four velocities belong to *different* orientations, and turns do not commute: averaging them as vectors leaves second order. Two
-# brackets (cross products of the stages' velocities) make up for it, and one exponential ends the step (Munthe-Kaas and Owren 1999). In a vector space the brackets are zero and the
-# method is the one you know.
+# RK4 needs one more idea. Its four velocities belong to *different* orientations, and turns do not commute: averaging
+# them as vectors leaves second order. Two brackets (cross products of the stages' velocities) make up for it, and one
+# exponential ends the step (Munthe-Kaas and Owren 1999). In a vector space the brackets are zero and the method is
+# the one you know.
 
 # %%
 source(rigid_body.rk4)
 
 # %% [markdown]
-# The judge is a problem with a closed form. A free body with three different moments turns by Jacobi's elliptic functions, its angle about the
-# fixed $L$ by an elliptic integral of the third kind. Twenty seconds at 1 ms:
+# The judge is a problem with a closed form. A free body with three different moments turns by Jacobi's elliptic
+# functions, its angle about the fixed $L$ by an elliptic integral of the third kind. Twenty seconds at 1 ms:
 
 # %%
 tumbling = problems.tumble()
@@ -323,9 +360,10 @@ for name in ("semi_implicit_euler", "implicit_midpoint", "rk4", "rk4_renormalise
 # %% [markdown]
 # ### A box that really tumbles
 #
-# The planar body has extent: a force at a point makes a torque, corners hit the ground at a time that is found *inside* the step, and each impact is solved with
-# friction and restitution. Restitution here is energetic (Stronge 1990): the ratio of work given back to work taken is $e^2$. With Newton's velocity
-# ratio and friction an impact can *create* energy (Kane's puzzle, 1984); this one can't.
+# The planar body has extent: a force at a point makes a torque, corners hit the ground at a time that is found
+# *inside* the step, and each impact is solved with friction and restitution. Restitution here is energetic (Stronge
+# 1990): the ratio of work given back to work taken is $e^2$. With Newton's velocity ratio and friction an impact can
+# *create* energy (Kane's puzzle, 1984); this one can't.
 
 # %%
 box = planar.PlanarBody(restitution=0.7, friction=0.5)
@@ -360,9 +398,9 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # %% [markdown]
 # ## 4 · The simulation: a bouncing box
 #
-# Move gravity, restitution, friction and the step; choose the integrator; watch the three energies beside the box. The presets each show one failure.
-# Things to find: which integrators make the *same* motion in flight, and why; what changes when impact times are not resolved; what the
-# box does at rest when the rest threshold is off.
+# Move gravity, restitution, friction and the step; choose the integrator; watch the three energies beside the box.
+# The presets each show one failure. Things to find: which integrators make the *same* motion in flight, and why; what
+# changes when impact times are not resolved; what the box does at rest when the rest threshold is off.
 
 # %%
 from course.simulations.rigid_body import simulation
@@ -372,9 +410,10 @@ simulation()
 # %% [markdown]
 # ## 5 · Speed against accuracy
 #
-# "RK4 costs four times as much" is a statement about one step. Nobody wants a step; one wants an answer within a tolerance. A **work-precision diagram**
-# puts the error on one axis and the cost on the other, for every method and many step sizes; the best method for your tolerance is the one furthest to the left at its
-# height. Methods run interleaved in one process, medians of several rounds; a method that failed is a mark at the top, not a gap.
+# "RK4 costs four times as much" is a statement about one step. Nobody wants a step; one wants an answer within a
+# tolerance. A **work-precision diagram** puts the error on one axis and the cost on the other, for every method and
+# many step sizes; the best method for your tolerance is the one furthest to the left at its height. Methods run
+# interleaved in one process, medians of several rounds; a method that failed is a mark at the top, not a gap.
 
 # %%
 result = accuracy.work_precision("double_pendulum", repeats=3)
@@ -384,8 +423,12 @@ for curve in result.curves:
     print(f"{curve.name:<22} observed order {result.observed_order(curve.name):.1f}")
 
 # %% [markdown]
-# The circle marks the cheapest run within the tolerance. MuJoCo's integrators are curves in the same picture. In plain coordinates they are our methods: its `Euler` lies on semi-implicit Euler, its `RK4` on RK4, in error to several digits; on rotations its `RK4` is another fourth-order method with a
-# slightly smaller constant (since version 4; before, it was of second order there, says its changelog). Its `implicitfast` and `discrete` are of first order. What differs is the time per step, because MuJoCo's is a step of a general engine. Put a step function of your own on the chart with one call. It runs as plain Python, so compare it in the left panel:
+# The circle marks the cheapest run within the tolerance. MuJoCo's integrators are curves in the same picture. In
+# plain coordinates they are our methods: its `Euler` lies on semi-implicit Euler, its `RK4` on RK4, in error to
+# several digits; on rotations its `RK4` is another fourth-order method with a slightly smaller constant (since
+# version 4; before, it was of second order there, says its changelog). Its `implicitfast` and `discrete` are of first
+# order. What differs is the time per step, because MuJoCo's is a step of a general engine. Put a step function of
+# your own on the chart with one call. It runs as plain Python, so compare it in the left panel:
 
 
 # %%
@@ -401,12 +444,13 @@ plt.show()
 print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 
 # %% [markdown]
-# The same chart for the free tumble, with a tolerance of 1 mrad after 20 s. The two RK4s differ only in how they handle the quaternion.
+# The same chart for the free tumble, with a tolerance of 1 mrad after 20 s. The two RK4s differ only in how they
+# handle the quaternion.
 #
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
-# For the bouncing box there are two first-order errors, the flight of semi-implicit Euler and impacts placed at the end of a step. Exact flight helps only together with
-# impact times, and impact times only together with exact flight:
+# For the bouncing box there are two first-order errors, the flight of semi-implicit Euler and impacts placed at the
+# end of a step. Exact flight helps only together with impact times, and impact times only together with exact flight:
 #
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 
@@ -414,13 +458,19 @@ print(f"observed order of yours: {mine.observed_order('yours'):.1f}")
 print(read("table_at_one_millisecond"))
 
 # %% [markdown]
-# **Where MuJoCo and the course differ, and why.** (1) `implicitfast` and `discrete` treat the gyroscopic torque of a free body with nothing jointed to it implicitly: its energy can't grow, but
-# a tumble is damped, and the attitude is still of first order, about as far off as with `Euler`. (2) MuJoCo has no coefficient of restitution, but two ways to one. "impulse" in the table: a contact damper of $(1+e)/h$ and no stiffness turns $v$ into $-ev$ in one step (Euler and the two implicit ones; nothing pushes a sunken body out). "spring": a spring and damper, for every integrator, which
-# takes time and depth and must be tuned; compare rows of the same kind only. (3) No integrator of MuJoCo cuts the step at the impact; its `speculative` flag (off by default) finds the time of impact to prevent tunnelling, not to place the impact. The error at a contact is of first order, RK4 or not.
+# **Where MuJoCo and the course differ, and why.** (1) `implicitfast` and `discrete` treat the gyroscopic torque of a
+# free body with nothing jointed to it implicitly: its energy can't grow, but a tumble is damped, and the attitude is
+# still of first order, about as far off as with `Euler`. (2) MuJoCo has no coefficient of restitution, but two ways
+# to one. "impulse" in the table: a contact damper of $(1+e)/h$ and no stiffness turns $v$ into $-ev$ in one step
+# (Euler and the two implicit ones; nothing pushes a sunken body out). "spring": a spring and damper, for every
+# integrator, which takes time and depth and must be tuned; compare rows of the same kind only. (3) No integrator of
+# MuJoCo cuts the step at the impact; its `speculative` flag (off by default) finds the time of impact to prevent
+# tunnelling, not to place the impact. The error at a contact is of first order, RK4 or not.
 #
 # ### Many bodies at once
 #
-# Training needs thousands of copies. (Most of it runs on GPUs today, in MuJoCo Warp, MJX or Isaac; they are not measured here.) The same source, compiled for whole batches, beside `mujoco.batch`, one core each:
+# Training needs thousands of copies. (Most of it runs on GPUs today, in MuJoCo Warp, MJX or Isaac; they are not
+# measured here.) The same source, compiled for whole batches, beside `mujoco.batch`, one core each:
 #
 # ![Bodies per second against the number of bodies](../docs/charts/throughput.png)
 
@@ -428,17 +478,28 @@ print(read("table_at_one_millisecond"))
 print(read("throughput"))
 
 # %% [markdown]
-# Read this with care: it compares *a planar box* with *a general engine that was asked about a planar box*. The accuracy was judged without friction through the first impacts, the rate measured with friction over 1 s. The gain is what you get for modelling no more than the scene needs, and it is lost the moment the scene needs a second body in contact with the first. The second table is free bodies: for one body the two are about equal, because one call from Python costs as much as the run; the gain comes with the batch.
+# Read this with care: it compares *a planar box* with *a general engine that was asked about a planar box*. The
+# accuracy was judged without friction through the first impacts, the rate measured with friction over 1 s. The gain
+# is what you get for modelling no more than the scene needs, and it is lost the moment the scene needs a second body
+# in contact with the first. The second table is free bodies: for one body the two are about equal, because one call
+# from Python costs as much as the run; the gain comes with the batch.
 #
 # ### The smallest model that answers the question
 #
-# Speed begins before the integrator: with what you leave out. A **scene** states its question, the tolerance the answer needs, and what is left out together with the error of leaving it out, measured against a model that has it.
+# Speed begins before the integrator: with what you leave out. A **scene** states its question, the tolerance the
+# answer needs, and what is left out together with the error of leaving it out, measured against a model that has it.
 
 # %%
 print(read("scene_bouncing_box"))
 
 # %% [markdown]
-# **What to pick.** For contact-rich robots at 1 kHz: the semi-implicit family (in MuJoCo `implicitfast`, which also takes the damping of actuators and tendons implicitly), because the contacts set the step and the contact error is of first order anyway. For smooth motion over up to some hundred periods (free flight, flexible joints): RK4, the cheapest at its tolerance on most of the smooth problems here (the pendulum's chart, at 1 mrad, picks Verlet). For stiff springs that you don't need to resolve: an implicit method that damps (implicit Euler, which is what MuJoCo's `discrete` does to a spring); implicit midpoint stays stable too, but lets the unresolved spring ring. For long runs whose statistics matter: a symplectic one with a fixed step.
+# **What to pick.** For contact-rich robots at 1 kHz: the semi-implicit family (in MuJoCo `implicitfast`, which also
+# takes the damping of actuators and tendons implicitly), because the contacts set the step and the contact error is
+# of first order anyway. For smooth motion over up to some hundred periods (free flight, flexible joints): RK4, the
+# cheapest at its tolerance on most of the smooth problems here (the pendulum's chart, at 1 mrad, picks Verlet). For
+# stiff springs that you don't need to resolve: an implicit method that damps (implicit Euler, which is what MuJoCo's
+# `discrete` does to a spring); implicit midpoint stays stable too, but lets the unresolved spring ring. For long runs
+# whose statistics matter: a symplectic one with a fixed step.
 
 # %%
 show("rk4_costs_four_times")
@@ -448,8 +509,10 @@ show("rk4_costs_four_times")
 #
 # ### The limit, measured
 #
-# Now with a damper: $\ddot x = -2\zeta\omega\dot x - \omega^2 x$, where $\zeta = 1$ is critical damping. Bisection on the step, until the growth per step is one; `worst` is the largest relative distance from the theory.
-# MuJoCo's own integrators are measured in the same way, as black boxes; `eulerdamp` is its switch for implicit joint damping. (The outputs write dt for $h$ and omega for $\omega$.)
+# Now with a damper: $\ddot x = -2\zeta\omega\dot x - \omega^2 x$, where $\zeta = 1$ is critical damping. Bisection on
+# the step, until the growth per step is one; `worst` is the largest relative distance from the theory. MuJoCo's own
+# integrators are measured in the same way, as black boxes; `eulerdamp` is its switch for implicit joint damping. (The
+# outputs write dt for $h$ and omega for $\omega$.)
 
 # %%
 print(read("stability_limits"))
@@ -457,7 +520,9 @@ print(read("stability_limits"))
 # %% [markdown]
 # ![Stability maps](../docs/charts/stability_maps.png)
 #
-# Semi-implicit Euler with explicit damping has a limit that *shrinks* with damping. MuJoCo's `Euler` takes joint damping implicitly, and its limit *grows* with damping. No integrator but `discrete` takes the spring itself implicitly:
+# Semi-implicit Euler with explicit damping has a limit that *shrinks* with damping. MuJoCo's `Euler` takes joint
+# damping implicitly, and its limit *grows* with damping. No integrator but `discrete` takes the spring itself
+# implicitly:
 #
 # ![The stiff spring in MuJoCo](../docs/charts/mujoco_stiff_spring.png)
 #
@@ -465,8 +530,10 @@ print(read("stability_limits"))
 #
 # ![Energy error over a million steps](../docs/charts/long_run_energy.png)
 #
-# Bounded is what "symplectic" buys. Here is where it is not enough. Alternate two steps that are each below the limit ($\omega h$ = 1.7 and 1.2): unstable. Far below the limit it takes a pattern in tune with
-# the motion (five steps of 0.3, then sixteen of 0.1), and the amplitude still grows with every cycle. A product of area-preserving maps preserves area, and can stretch one direction without end:
+# Bounded is what "symplectic" buys. Here is where it is not enough. Alternate two steps that are each below the limit
+# ($\omega h$ = 1.7 and 1.2): unstable. Far below the limit it takes a pattern in tune with the motion (five steps of
+# 0.3, then sixteen of 0.1), and the amplitude still grows with every cycle. A product of area-preserving maps
+# preserves area, and can stretch one direction without end:
 #
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 
@@ -478,7 +545,8 @@ print(read("symplectic_not_enough"))
 # %% [markdown]
 # ### Impacts
 #
-# RK4 is of fourth order only while the motion is smooth. A pendulum that hits an elastic wall at its lowest point has a closed form (it is the mirrored free pendulum), so the order can be measured:
+# RK4 is of fourth order only while the motion is smooth. A pendulum that hits an elastic wall at its lowest point has
+# a closed form (it is the mirrored free pendulum), so the order can be measured:
 #
 # ![Order with and without events](../docs/charts/events_order.png)
 
@@ -486,8 +554,9 @@ print(read("symplectic_not_enough"))
 print(read("events_order"))
 
 # %% [markdown]
-# A thin wall is worse: the collision may never be looked at. A point that is checked once per step misses a wall of thickness $d$ with probability $1 - d/(vh)$. MuJoCo's default contact
-# adds a limit of its own that no smaller step removes, because its softness lets a fast ball sink in past the middle:
+# A thin wall is worse: the collision may never be looked at. A point that is checked once per step misses a wall of
+# thickness $d$ with probability $1 - d/(vh)$. MuJoCo's default contact adds a limit of its own that no smaller step
+# removes, because its softness lets a fast ball sink in past the middle:
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 
@@ -495,8 +564,9 @@ print(read("events_order"))
 print(read("tunnelling"))
 
 # %% [markdown]
-# At rest the opposite happens: impacts without end. A ball's bounces get shorter by the factor $e$ each time, infinitely many in a finite time. A box that should lie still "bounces" at every step, unless an impact
-# slower than the rest speed is taken to be the last:
+# At rest the opposite happens: impacts without end. A ball's bounces get shorter by the factor $e$ each time,
+# infinitely many in a finite time. A box that should lie still "bounces" at every step, unless an impact slower than
+# the rest speed is taken to be the last:
 #
 # ![Chatter](../docs/charts/chatter.png)
 
@@ -506,7 +576,8 @@ print(read("chatter"))
 # %% [markdown]
 # ### Orientation over a million steps
 #
-# "Added" means that $h\dot q$ is added to the quaternion; its length then grows, and the angle lags whether or not it is rescaled:
+# "Added" means that $h\dot q$ is added to the quaternion; its length then grows, and the angle lags whether or not it
+# is rescaled:
 #
 # ![Quaternion drift](../docs/charts/quaternion_drift.png)
 
@@ -518,39 +589,71 @@ print(read("quaternion_drift"))
 #
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *The simulation explodes.* Compare $h$ with $2/\omega_{\max}$, where $\omega_{\max}^2$ is the largest eigenvalue of $Kx = \omega^2Mx$. $\sqrt{k/m}$ of the stiffest single spring is only a lower bound: coupling can double it (a chain of equal masses). An explicit damper $c$ adds $hc/m < 2$. Halving the step tells you whether it is the step; it cures nothing if the integrator is explicit Euler, which is unstable at every step.
+# **Debugging tip.** *The simulation explodes.* Compare $h$ with $2/\omega_{\max}$, where $\omega_{\max}^2$ is the
+# largest eigenvalue of $Kx = \omega^2Mx$. $\sqrt{k/m}$ of the stiffest single spring is only a lower bound: coupling
+# can double it (a chain of equal masses). An explicit damper lowers the limit of semi-implicit Euler to $\omega h <
+# 2(\sqrt{1+\zeta^2}-\zeta)$; testing $\omega h < 2$ and $hc/m < 2$ one by one, as one often reads, passes $\zeta = 1$
+# at $\omega h = 0.9$, beyond the limit of $2(\sqrt2-1)$. Halving the step tells you whether it is the step. On an
+# undamped spring it cures nothing if the integrator is explicit Euler, which needs damping to have a limit at all:
+# $\omega h < 2\zeta$ for $\zeta \le 1$.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Objects pass through each other.* Compare the distance travelled per step, $vh$, with the *sum* of both thicknesses. If it is larger, the collision may never be looked at, and no integrator helps: sweep the motion, or find the impact time (MuJoCo: `speculative`). If it is smaller, the contact was seen and was too soft: with MuJoCo's defaults a ball sinks in by a length proportional to its speed (printed under the chart above), whatever the step; stiffen it.
+# **Debugging tip.** *Objects pass through each other.* Compare the distance travelled per step, $vh$, with the *sum*
+# of both thicknesses. If it is larger, the collision may never be looked at, and no integrator helps: sweep the
+# motion, or find the impact time (MuJoCo: `speculative`). If it is smaller, the contact was seen and was too soft:
+# with MuJoCo's defaults a ball sinks in by a length proportional to its speed (printed under the chart above),
+# whatever the step; stiffen it.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Energy grows and nothing pushes.* Log kinetic and potential energy separately, without contacts first. Growth by the factor $1+(\omega h)^2$ per step is explicit Euler; a jump at every impact is the bounce rule; slow growth of a tumbling body is an explicit gyroscopic term or an added quaternion.
+# **Debugging tip.** *Energy grows and nothing pushes.* Log kinetic and potential energy separately, without contacts
+# first. Growth by the factor $1+(\omega h)^2$ per step is explicit Euler; a jump at every impact is the bounce rule;
+# slow growth of a tumbling body is an explicit gyroscopic term. An added quaternion cannot do it: a free body's rates
+# do not depend on its attitude.
 #
 # </div>
 #
-# | symptom | cause | test | fix |
-# |---|---|---|---|
-# | positions go to infinity within a few steps | $h$ beyond the limit of the stiffest spring | $\omega_{\max}h$ against the table above | smaller step, implicit method, softer contact |
-# | amplitude grows slowly at *every* step size | explicit Euler or explicit midpoint | energy ratio per step: $1+(\omega h)^2$, or $1+(\omega h)^4/4$ | Euler: swap the two lines; midpoint: Verlet or RK4 |
-# | energy fine in flight, wrong after bounces | bounce rule at the end of the step | drop with $e=1$, compare apex heights | resolve the impact time |
-# | box jitters on the floor for ever | no rest threshold: ever smaller bounces | count impacts per second | rest threshold, or contact at velocity level |
-# | fast object passes a thin wall | $vh$ larger than both thicknesses together, or a contact that is too soft | print $vh/d$; record the depth | sweep the motion or find the impact time; stiffen the contact |
-# | orientation drifts, matrix no longer orthogonal | quaternion was added, not multiplied | $\lvert q\rvert-1$ over time | $q\exp(h\omega)$ |
-# | a jump of $2\pi$, or a controller that turns the long way | $q$ compared with $-q$ | dot product of the two | take the shorter of the two |
-# | energy and $\lvert q\rvert$ perfect, yet the angular momentum of a free body turns in space | body rate multiplied on the world side, or the gyroscopic term with the wrong sign | $L$ in the world over time; then a spin about one principal axis, from a tilted start, and three equal moments: both have no gyroscopic term | $q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$ for world rates; $I\dot\omega=-\omega\times(I\omega)$ |
-# | satellite speeds up without torque | gyroscopic term explicit at a large step | kinetic energy over time | RK4, implicit midpoint, smaller step |
-# | joints creep with no command | gravity on and no motor holds it; or a soft constraint, not the integrator | switch gravity off; halve $h$ | compensate gravity; stiffen the constraint |
+# <table>
+# <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
+# <tr><td>positions go to infinity within a few steps</td> <td>$h$ beyond the limit of the stiffest spring</td>
+# <td>$\omega_{\max}h$ against the table above</td> <td>smaller step, implicit method, softer contact</td></tr>
+# <tr><td>amplitude grows slowly at <em>every</em> step size</td> <td>explicit Euler or explicit midpoint, on an
+# oscillation that nothing damps</td>
+# <td>energy ratio per step: $1+(\omega h)^2$, or $1+(\omega h)^4/4$</td> <td>Euler: swap the two lines; midpoint:
+# Verlet or RK4</td></tr>
+# <tr><td>energy fine in flight, wrong after bounces</td> <td>bounce rule at the end of the step</td> <td>drop with
+# $e=1$, compare apex heights</td> <td>resolve the impact time</td></tr>
+# <tr><td>box jitters on the floor for ever</td> <td>no rest threshold: ever smaller bounces</td> <td>count impacts
+# per second</td> <td>rest threshold, or contact at velocity level</td></tr>
+# <tr><td>fast object passes a thin wall</td> <td>$vh$ larger than both thicknesses together, or a contact that is too
+# soft</td> <td>print $vh/d$; record the depth</td> <td>sweep the motion or find the impact time; stiffen the
+# contact</td></tr>
+# <tr><td>orientation drifts, matrix no longer orthogonal</td> <td>quaternion was added, not multiplied</td>
+# <td>$\lvert q\rvert-1$ over time</td> <td>$q\exp(h\omega)$</td></tr>
+# <tr><td>a jump of $2\pi$, or a controller that turns the long way</td> <td>$q$ compared with $-q$</td> <td>dot
+# product of the two</td> <td>take the shorter of the two</td></tr>
+# <tr><td>energy and $\lvert q\rvert$ perfect, yet the angular momentum of a free body turns in space</td> <td>body
+# rate multiplied on the world side, or the gyroscopic term with the wrong sign</td> <td>$L$ in the world over time;
+# then a spin about one principal axis, from a tilted start, and three equal moments: both have no gyroscopic
+# term</td> <td>$q\exp(h\omega)$ for body rates, $\exp(h\omega)\,q$ for world rates;
+# $I\dot\omega=-\omega\times(I\omega)$</td></tr>
+# <tr><td>satellite speeds up without torque</td> <td>gyroscopic term explicit at a large step</td> <td>kinetic energy
+# over time</td> <td>RK4, implicit midpoint, smaller step</td></tr>
+# <tr><td>joints creep with no command</td> <td>gravity on and no motor holds it; or a soft constraint, not the
+# integrator</td> <td>switch gravity off; halve $h$</td> <td>compensate gravity; stiffen the constraint</td></tr>
+# </table>
 #
 # ## 7 · Exercises
 #
-# Six graded exercises. Each has a card with the task, a few answers and three hints to unfold, a cell to change, and a check. `check` runs what your
-# cell defines in a process of its own, on cases drawn afresh every time, and says what is right, what is wrong and, where it recognises the mistake, why. Keep its result for more:
-# `check(verlet_step).chart()` puts a right answer on a work-precision chart beside the worked answer and MuJoCo. `drills.notebook.solution("verlet")` shows the worked answer after a pass.
-# The same exercises run in a terminal, in your own editor: `drills start verlet`, `drills check verlet`.
+# Six graded exercises. Each has a card with the task, a few answers and three hints to unfold, a cell to change, and
+# a check. `check` runs what your cell defines in a process of its own, on cases drawn afresh every time, and says
+# what is right, what is wrong and, where it recognises the mistake, why. Keep its result for more:
+# `check(verlet_step).chart()` puts a right answer on a work-precision chart beside the worked answer and MuJoCo.
+# `drills.notebook.solution("verlet")` shows the worked answer after a pass. The same exercises run in a terminal, in
+# your own editor: `drills start verlet`, `drills check verlet`.
 
 # %% [markdown]
 # ### Integrators
@@ -697,13 +800,15 @@ check(observed_order)
 # %% [markdown]
 # ### Silent-bug hunt
 #
-# Nothing crashes, the pictures are plausible, one thing is wrong. A first one, to see what such a bug looks like: this line updates an orientation from a body rate.
+# Nothing crashes, the pictures are plausible, one thing is wrong. A first one, to see what such a bug looks like:
+# this line updates an orientation from a body rate.
 #
 # ```python
 # q = quaternion.product(quaternion.exp(dt * omega_body), q)
 # ```
 #
-# The rate stands on the wrong side. The length of $q$ and the kinetic energy cannot tell, because neither knows about the order of the factors. What can tell is the angular momentum of a free body, as a vector in the world.
+# The rate stands on the wrong side. The length of $q$ and the kinetic energy cannot tell, because neither knows about
+# the order of the factors. What can tell is the angular momentum of a free body, as a vector in the world.
 
 # %%
 inertia, dt = np.array([1.0, 2.0, 2.5]), 1e-3
@@ -724,7 +829,8 @@ for side in ("right", "left"):
     )
 
 # %% [markdown]
-# Now yours. The debugging table has its symptom, with two causes; the experiment that tells them apart is in the same row.
+# Now yours. The debugging table has its symptom, with two causes; the experiment that tells them apart is in the same
+# row.
 
 # %%
 card("tumble")
@@ -778,7 +884,8 @@ check(tumble)
 # %% [markdown]
 # ### Formulas
 #
-# These are checked symbolically: any equivalent form is right, and a wrong one gets numbers at which it differs. Change the texts.
+# These are checked symbolically: any equivalent form is right, and a wrong one gets numbers at which it differs.
+# Change the texts.
 
 # %%
 answer("semi_implicit_limit", "2*sqrt(m/k)")
@@ -787,22 +894,32 @@ answer("semi_implicit_limit", "2*sqrt(m/k)")
 answer("semi_implicit_limit", "sqrt(m/k)")
 
 # %% [markdown]
-# Others to try: `explicit_energy_factor` (energy after one step over energy before, in `omega` and `h`), `rk4_limit` (largest stable step in terms of `omega`), `top_condition` (smallest stable spin in `I1`, `I3`, `m`, `g`, `l`).
+# Others to try: `explicit_energy_factor` (energy after one step over energy before, in `omega` and `h`), `rk4_limit`
+# (largest stable step in terms of `omega`), `top_condition` (smallest stable spin in `I1`, `I3`, `m`, `g`, `l`).
 #
 # ## 8 · Frontier: differentiable simulation
 #
-# If every step is differentiable, so is the whole simulation: one backward pass gives the gradient of any loss with respect to all parameters, at the cost of a few forward runs, however many parameters there are (and of the memory for the whole trajectory, unless one checkpoints). That turns "which friction makes the simulator match the recording?" into descent.
+# If every step is differentiable, so is the whole simulation: one backward pass gives the gradient of any loss with
+# respect to all parameters, at the cost of a few forward runs, however many parameters there are (and of the memory
+# for the whole trajectory, unless one checkpoints). That turns "which friction makes the simulator match the
+# recording?" into descent.
 #
-# | engine | runs on | what it is known for |
-# |---|---|---|
-# | Brax (Freeman et al. 2021) | JAX | rigid bodies on accelerators, for reinforcement learning |
-# | DiffTaichi (Hu et al. 2020) | Taichi | gradients by source transformation of simulation kernels; time-of-impact correction |
-# | Warp (Macklin 2022) | GPU and CPU, kernels in Python | reverse-mode gradients of simulation kernels |
-# | MuJoCo MJX (2023) | JAX | MuJoCo's models and contact on accelerators |
-# | Dojo (Howell et al. 2022) | CPU, in Julia | hard contact solved by an interior point method; smoothed gradients from its central path, by the implicit function theorem |
+# <table>
+# <tr><th>engine</th> <th>runs on</th> <th>what it is known for</th></tr>
+# <tr><td>Brax (Freeman et al. 2021)</td> <td>JAX</td> <td>rigid bodies on accelerators, for reinforcement
+# learning</td></tr>
+# <tr><td>DiffTaichi (Hu et al. 2020)</td> <td>Taichi</td> <td>gradients by source transformation of simulation
+# kernels; time-of-impact correction</td></tr>
+# <tr><td>Warp (Macklin 2022)</td> <td>GPU and CPU, kernels in Python</td> <td>reverse-mode gradients of simulation
+# kernels</td></tr>
+# <tr><td>MuJoCo MJX (2023)</td> <td>JAX</td> <td>MuJoCo's models and contact on accelerators</td></tr>
+# <tr><td>Dojo (Howell et al. 2022)</td> <td>CPU, in Julia</td> <td>hard contact solved by an interior point method;
+# smoothed gradients from its central path, by the implicit function theorem</td></tr>
+# </table>
 #
-# A small one runs here, with PyTorch's reverse mode on the equations of a block that is thrown, bounces, slides, and is pushed; the impact times are roots, so
-# their derivatives are right. We record it with 1 mm of noise and ask for restitution, friction and mass.
+# A small one runs here, with PyTorch's reverse mode on the equations of a block that is thrown, bounces, slides, and
+# is pushed; the impact times are roots, so their derivatives are right. We record it with 1 mm of noise and ask for
+# restitution, friction and mass.
 
 # %%
 from course.rigid_body.differentiable import (
@@ -821,9 +938,9 @@ recorded = record(truth, scene, times, noise=1e-3, generator=np.random.default_r
 print(recover(recorded, scene, guess=(0.4, 0.4, 1.0)))
 
 # %% [markdown]
-# **Recordings that say nothing.** A gradient can only find what the motion depends on. A vertical drop carries no information about friction or mass, and a block that
-# sticks tells only a *bound* on the friction, however long you record it and however good the optimiser is. The singular values of the Jacobian say so
-# before you start:
+# **Recordings that say nothing.** A gradient can only find what the motion depends on. A vertical drop carries no
+# information about friction or mass, and a block that sticks tells only a *bound* on the friction, however long you
+# record it and however good the optimiser is. The singular values of the Jacobian say so before you start:
 
 # %%
 for label, poor in (
@@ -833,9 +950,13 @@ for label, poor in (
     print(f"--- {label}\n{information(truth, poor, times)}\n")
 
 # %% [markdown]
-# **Gradients through an impact.** As a function of time, the derivative of the height with respect to the drop height $H$ jumps at the impact, from 1 to $-e$ (and then rises by $(1+e)\,g/\sqrt{2gH}$ per second). A fixed-step
-# simulation that looks for penetration at the end of each step and puts the body on the floor there gets the height right and this gradient *wrong*, at every step size: after the impact its
-# state depends on the drop height only through the number of steps before it, which is a whole number. The derivative of the impact time is lost, and what is left is whatever the position rule does: zero where the body is put on the floor (Hu et al. 2020 correct it by the time of impact; Suh et al. 2022 show what it does to policy gradients).
+# **Gradients through an impact.** As a function of time, the derivative of the height with respect to the drop height
+# $H$ jumps at the impact, from 1 to $-e$ (and then rises by $(1+e)\,g/\sqrt{2gH}$ per second). A fixed-step
+# simulation that looks for penetration at the end of each step and puts the body on the floor there gets the height
+# right and this gradient *wrong*, at every step size: after the impact its state depends on the drop height only
+# through the number of steps before it, which is a whole number. The derivative of the impact time is lost, and what
+# is left is whatever the position rule does: zero where the body is put on the floor (Hu et al. 2020 correct it by
+# the time of impact; Suh et al. 2022 show what it does to policy gradients).
 
 # %%
 exact = drop_gradients(1.0, 0.7, 0.8)
@@ -852,21 +973,34 @@ for dt in (1e-2, 1e-3):
 #
 # <div class="alert alert-block alert-info">
 #
-# **Interview question.** *Your simulated arm's joints drift slowly although no torque is commanded. What is the most likely cause, and how do you find out?*
+# **Interview question.** *Your simulated arm's joints drift slowly although no torque is commanded. What is the most
+# likely cause, and how do you find out?*
 #
 # </div>
 #
 # <details><summary>An answer</summary>
 #
-# No commanded torque is not no torque: gravity acts, and without compensation an arm sags. So first switch gravity off. If the drift stops, it was that: compensate, or command a hold. If it goes on, look for a nonzero initial velocity and no damping (a free joint keeps moving; that is Newton, not a bug). If energy *grows*, it is the integrator: compare with half the step, and with another method; explicit Euler grows at any step. If the drift is proportional to load and does not depend on the step, it is a soft constraint: a joint limit, weld or contact that creeps under force. Only after that suspect rounding: negligible in double precision, but not in the single precision of GPU simulators, where an increment below half a unit in the last place is lost. Say the order: physics, model, integrator, arithmetic; and one experiment for each.
+# No commanded torque is not no torque: gravity acts, and without compensation an arm sags. So first switch gravity
+# off. If the drift stops, it was that: compensate, or command a hold. If it goes on, look for a nonzero initial
+# velocity and no damping (a free joint keeps moving; that is Newton, not a bug). If energy *grows*, it is the
+# integrator: compare with half the step, and with another method; where nothing damps, explicit Euler grows at any
+# step. If the drift is proportional to load and does not depend on the step, it is a soft constraint: a joint limit,
+# weld or contact that creeps under force. Only after that suspect rounding: negligible in double precision, but not
+# in the single precision of GPU simulators, where an increment below half a unit in the last place is lost. Say the
+# order: physics, model, integrator, arithmetic; and one experiment for each.
 #
-# *Follow-ups.* What does the energy plot look like in each case? Which of these would MuJoCo's `implicitfast` hide? How would you write a regression test for it?
+# *Follow-ups.* What does the energy plot look like in each case? Which of these would MuJoCo's `implicitfast` hide?
+# How would you write a regression test for it?
 #
 # </details>
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** Asked about integrators, give three numbers for each: order, cost per step, stability limit; then say what your scene needs. "Semi-implicit Euler: first order, one evaluation, $\omega h<2$, no energy drift at a fixed step while forces depend on position alone and masses are constant. RK4: fourth order, four evaluations, $\omega h<2.83$, loses $(\omega h)^6/72$ of the energy per step. With contacts at 1 kHz both make a first-order error at the impact, so I take the cheap one; for a satellite I take the other."
+# **Interview tip.** Asked about integrators, give three numbers for each: order, cost per step, stability limit; then
+# say what your scene needs. "Semi-implicit Euler: first order, one evaluation, $\omega h<2$, no energy drift at a
+# fixed step while forces depend on position alone and masses are constant. RK4: fourth order, four evaluations,
+# $\omega h<2.83$, loses $(\omega h)^6/72$ of the energy per step. With contacts at 1 kHz both make a first-order
+# error at the impact, so I take the cheap one; for a satellite I take the other."
 #
 # </div>
 #
@@ -874,25 +1008,37 @@ for dt in (1e-2, 1e-3):
 #
 # <details><summary>Why does swapping two lines of explicit Euler change so much?</summary>
 #
-# The map becomes a composition of two shears, each of which preserves area, so its determinant is one and growth is impossible below $\omega h=2$. *Follow-up: is its energy exact?* No: it swings with relative size about $\omega h/2$; a modified energy is exact. *And beyond 2?* Real eigenvalues $\lambda$ and $1/\lambda$: it explodes, with determinant one.
+# The map becomes a composition of two shears, each of which preserves area, so its determinant is one and growth is
+# impossible below $\omega h=2$. *Follow-up: is its energy exact?* No: it swings with relative size about $\omega
+# h/2$; a modified energy is exact. *And beyond 2?* Real eigenvalues $\lambda$ and $1/\lambda$: it explodes, with
+# determinant one.
 #
 # </details>
 #
 # <details><summary>How do you represent orientation, and how do you integrate it?</summary>
 #
-# Unit quaternion, multiplied by the exponential of the body rate; for high order a Lie-group Runge-Kutta method. *Follow-up: why not renormalise after RK4?* It keeps fourth order, it is cheaper, and which of the two has the smaller constant depends on the motion (renormalised is ahead on the free tumble of this chapter, behind on the top). At low order it is a real loss: the angle of a steady spin lags by $(\omega h)^3/12$ per step, which the exponential gets exactly right. *Follow-up: $q$ and $-q$?* Same orientation: flip the sign before comparing or averaging.
+# Unit quaternion, multiplied by the exponential of the body rate; for high order a Lie-group Runge-Kutta method.
+# *Follow-up: why not renormalise after RK4?* It keeps fourth order, it is cheaper, and which of the two has the
+# smaller constant depends on the motion (renormalised is ahead on the free tumble of this chapter, behind on the
+# top). At low order it is a real loss: the angle of a steady spin lags by $(\omega h)^3/12$ per step, which the
+# exponential gets exactly right. *Follow-up: $q$ and $-q$?* Same orientation: flip the sign before comparing or
+# averaging.
 #
 # </details>
 #
-# <details><summary>You halve the step twice. The second change of the result is a half of the first. A quarter. A sixteenth. Both are zero. What does each tell you?</summary>
+# <details><summary>You halve the step twice. The second change of the result is a half of the first. A quarter. A
+# sixteenth. Both are zero. What does each tell you?</summary>
 #
-# Half: a first-order method, or a contact found at the end of the step. Quarter: second order. Sixteenth: fourth order, smooth motion. Zero: the error is not the integrator's; look at the model or the tolerance of a solver. *Follow-up: it changes erratically.* Chaotic or discontinuous: look at when contacts happen.
+# Half: a first-order method, or a contact found at the end of the step. Quarter: second order. Sixteenth: fourth
+# order, smooth motion. Zero: the error is not the integrator's; look at the model or the tolerance of a solver.
+# *Follow-up: it changes erratically.* Chaotic or discontinuous: look at when contacts happen.
 #
 # </details>
 #
 # <details><summary>Is a symplectic integrator enough for a simulator with contacts and friction?</summary>
 #
-# Its theorem needs a smooth Hamiltonian and a fixed step; contacts and friction have neither. One uses semi-implicit Euler for its cheap stability and because velocity-level contact solvers fit its structure.
+# Its theorem needs a smooth Hamiltonian and a fixed step; contacts and friction have neither. One uses semi-implicit
+# Euler for its cheap stability and because velocity-level contact solvers fit its structure.
 #
 # </details>
 #
