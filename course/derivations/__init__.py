@@ -1,14 +1,52 @@
 """Every checkable claim of the course, as a check that runs.
 
-A claim is what one commonly reads or hears, with its verdict, what is true instead, and a function
-that settles it by algebra or by measurement. `run` computes its figures afresh and compares them,
-and the verdict, with what is on record; so a false claim that suddenly passes, or a figure that
-moved, is found. `python -m course.derivations` prints all of them.
+A claim is what one commonly reads or hears, what is true instead, and a function that settles it by
+algebra or by measurement. `python -m course.derivations` settles all of them and prints them.
 
     from course import derivations
     derivations.figure("semi_implicit_limit", "limit_ms")    # a number for the text
     derivations.show("semi_implicit_limit")                  # a block for a notebook
     derivations.answer("semi_implicit_limit", "2/omega")     # checks a learner's formula
+
+How one is written (`course/derivations/rigid_body/time_step.py` holds examples):
+
+    SYMBOLS = {"m": Symbol("mass [kg]"), "k": Symbol("stiffness [N/m]")}   # one table a file
+
+    @claim(
+        "The claim as one hears it.",
+        "What is true, with numbers from the figures: {limit_ms:.2f} ms, {formula}.",
+        ask=("The question?", "dt < 2*sqrt(m/k)", {"2*m/k": "The root is missing.", ...}),
+        source="Author, Title, year, section",
+    )
+    def claim_id(found):
+        stiffness = found.given("stiffness_n_per_m", 1e5)     # goes in; the texts may quote it
+        found.figure("limit_ms", 1000 * limit(stiffness), tolerance=1e-6)     # came out
+        found.statement = "What was computed or measured, in one or two sentences."
+        found.formula = derived                               # SymPy; only where there is an ask
+        found.heard(stable(dt))                               # HOLDS or FALSE; or, conditional:
+        found.heard(False_or_true, only_if="omega dt < 2, here {limit_ms:.2f} ms",
+                    inside=[stable(x) for x in draws_inside], outside=[...])
+        found.corrected(fact, another)                        # bools that settle the correction
+
+- The id is the function's name, the chapter the file's topic, the verdict follows.
+- `ask` is (question, "left names < expression", {wrong expression: what that is}). "dt < ..." (h is
+  understood for dt), "phi, angle = ..." or only the expression. Symbols are the names in it that
+  `SYMBOLS` knows. `Ask(...)` takes `also`, `tolerance` and `symbols` besides.
+- `figure(name, value, tolerance)`: relative, absolute where the value on record is 0. Both `given`
+  and `figure` return the value.
+- A condition is tried at 8 or more random draws inside it (all must hold) and just outside (some
+  must fail); `cases=True` where it names cases instead of a range. `found.rng` draws the same at
+  every run.
+- Refused as constant: a fact, verdict, draw or figure that cannot be traced in the check's source
+  to a call that computes; a literal True or False in one; x == x. `found` is not handed on.
+- Refused as typed, in the corrected sentence and in the condition: a number with a decimal point,
+  a power of ten, a percentage, a unit, or two digits. Write `{name:.3g}`. Whole numbers of one
+  digit, and those beside * / ^ or a bracket, belong to words and formulas. `{formula}` is the
+  right side of the ask. Literal braces are doubled.
+- What came out is on record, in `record/<file>.toml`. A run that contradicts it fails. After a
+  change, `python -m course.derivations rigid_body.flight --record` (or a chapter, a topic,
+  `--id ID`) prints the differences and writes them; it writes nothing for a claim that fails by
+  itself.
 
 Checks import what they need (SymPy, MuJoCo, the chapters) when they run: importing this package
 costs nothing.
@@ -16,22 +54,30 @@ costs nothing.
 
 import functools
 import importlib
-import math
+import pkgutil
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from enum import Enum
+from pathlib import Path
 from typing import Any
 
-from course.derivations.answer import Answer, Formula, answer_formula, equivalent
+from course import CHAPTERS
+from course.derivations import before, honest, records
+from course.derivations.answer import Answer, Formula, Symbol, answer_formula, equivalent, parse
+from course.derivations.before import Finding
+from course.derivations.found import Found, Verdict
 
 __all__ = [
     "CLAIMS",
     "Answer",
+    "Ask",
     "Block",
     "Claim",
     "Finding",
     "Formula",
+    "Found",
     "Outcome",
+    "Symbol",
     "Verdict",
     "answer",
     "claim",
@@ -43,46 +89,55 @@ __all__ = [
 ]
 
 
-class Verdict(Enum):
-    """How a common claim fares."""
-
-    HOLDS = "holds"
-    CONDITIONAL = "holds only if"
-    FALSE = "false"
-
-
 @dataclass(frozen=True)
-class Finding:
-    """What a check found.
+class Ask:
+    """A question to which a formula is the answer.
 
     Attributes:
-        figures: name -> number, or short text; the name ends in the unit where there is one.
-        statement: what was computed or measured, in one or two sentences.
-        holds: whether the common claim holds as it is stated.
-        corrected: whether the corrected statement holds.
-        holds_if: whether the common claim holds where its condition is met; None where the claim
-            has no condition.
-        formula: the SymPy expression the check derived, where the claim can be answered with a
-            formula. It must agree with the formula on record.
+        question: in words.
+        expression: the right answer, in the syntax of learners, with what may stand on its left:
+            "dt < 2*sqrt(m/k)", "phi, angle = omega*h", or without a left side.
+        slips: plausible wrong expression -> what that is; at least three.
+        also: further names a learner may use -> their meaning as an expression in the symbols.
+        tolerance: relative; 0 asks for the exact form, more admits a rounded number.
+        symbols: symbols that mean something else here than in the file's table.
     """
 
-    figures: Mapping[str, float | str]
-    statement: str
-    holds: bool
-    corrected: bool
-    holds_if: bool | None = None
-    formula: Any = None
+    question: str
+    expression: str
+    slips: Mapping[str, str]
+    also: Mapping[str, str] = field(default_factory=dict)
+    tolerance: float = 0.0
+    symbols: Mapping[str, Symbol] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
-        plain = {k: v if isinstance(v, str) else float(v) for k, v in self.figures.items()}
-        object.__setattr__(self, "figures", plain)
+    def formula(self, table: Mapping[str, Symbol]) -> Formula:
+        """What `answer_formula` works with.
 
-    @property
-    def verdict(self) -> Verdict:
-        """The verdict that follows from what was found."""
-        if self.holds:
-            return Verdict.HOLDS
-        return Verdict.CONDITIONAL if self.holds_if else Verdict.FALSE
+        Args:
+            table: the file's symbols by name; those that occur here are the formula's.
+
+        Raises:
+            ValueError: if the expression does not read as a formula in these symbols.
+        """
+        parts = re.fullmatch(r"\s*([\w\s,]*?)\s*([<>=])(.*)", self.expression)
+        left = tuple(re.findall(r"\w+", parts[1])) if parts else ()
+        if "dt" in left and "h" not in left:
+            left = ("h", *left)
+        right = parts[3].strip() if parts else self.expression
+        named = set(re.findall(r"[A-Za-z]\w*", " ".join([right, *self.slips, *self.also.values()])))
+        symbols = {
+            name: symbol
+            for name, symbol in {**table, **self.symbols}.items()
+            if name in named and name not in self.also
+        }
+        relation = parts[2] if parts else "="
+        try:
+            parse(right, frozenset(symbols))
+        except ValueError as problem:
+            raise ValueError(f"expression is {self.expression!r}: {problem}") from None
+        return Formula(
+            self.question, right, symbols, self.also, left, relation, self.tolerance, self.slips
+        )
 
 
 @dataclass(frozen=True)
@@ -91,26 +146,22 @@ class Claim:
 
     Attributes:
         id: short name in snake_case, unique in the course.
-        chapter: number of the chapter.
+        file: the file it stands in, such as "rigid_body.flight".
+        chapter: number of the chapter; 0 in a registry of one's own.
         claim: the statement as it is commonly made.
-        verdict: whether it holds, holds only under a condition, or is false.
-        corrected: what is true. A claim that holds is repeated there more precisely.
-        figures: name -> (value, tolerance). The tolerance is relative, absolute where the value
-            is 0; text must agree exactly and has tolerance 0. The check must compute every one.
-        check: function without arguments that settles the claim.
-        condition: for a conditional verdict, what must be true for the claim to hold.
+        corrected: what is true, with fields for the figures. A claim that holds is repeated there
+            more precisely.
+        check: settles the claim by filling what it is handed.
         formula: what a learner can be asked for, or None.
         source: where the corrected statement can be read up.
     """
 
     id: str
+    file: str
     chapter: int
     claim: str
-    verdict: Verdict
     corrected: str
-    figures: Mapping[str, tuple[float | str, float]]
-    check: Callable[[], Finding] = field(repr=False)
-    condition: str = ""
+    check: Callable[[Found], None] = field(repr=False)
     formula: Formula | None = None
     source: str = ""
 
@@ -119,94 +170,147 @@ class Claim:
             raise ValueError(f"id is {self.id!r}; it must be a name in snake_case")
         if not self.claim or not self.corrected:
             raise ValueError(f"{self.id}: claim and corrected must both have text")
-        if (self.verdict is Verdict.CONDITIONAL) != bool(self.condition):
-            raise ValueError(
-                f"{self.id}: condition is {self.condition!r}; a conditional verdict has one, "
-                "the others have none"
-            )
-        if not self.figures:
-            raise ValueError(f"{self.id}: figures is empty; a claim is settled by a figure")
+
+    def entry(self, found: Found) -> dict[str, Any]:
+        """What goes on record."""
+        return {
+            "verdict": found.verdict.value,
+            "heard": self.claim,
+            "condition": found.condition,
+            "corrected": self.corrected,
+            "formula": self.formula.expression if self.formula else "",
+            "source": self.source,
+            "figures": {
+                name: [value, found.tolerances[name]] for name, value in found.figures.items()
+            },
+        }
+
+    def filled(self, template: str, found: Found) -> str:
+        """A text with what was found in place of its fields.
+
+        Raises:
+            KeyError: for a field that is neither a figure nor an input.
+        """
+        formula = {"formula": self.formula.expression} if self.formula else {}
+        return template.format(**found.inputs, **found.figures, **formula)
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """A claim, what its check found now, and where the two disagree.
+    """A claim, what its check found now, and what is wrong.
 
     Attributes:
-        claim: the claim on record.
+        claim: the claim.
         finding: what the check found.
-        disagreements: one sentence each; empty if all is well.
+        faults: what is wrong whatever is on record, one sentence each; empty if all is well.
+        changes: where the finding and the record disagree, one sentence each.
     """
 
     claim: Claim
-    finding: Finding
-    disagreements: tuple[str, ...]
+    finding: Found
+    faults: tuple[str, ...]
+    changes: tuple[str, ...]
+
+    @property
+    def disagreements(self) -> tuple[str, ...]:
+        """All that is wrong."""
+        return self.faults + self.changes
 
     @property
     def agrees(self) -> bool:
-        """Whether the record and the check say the same."""
+        """Whether the check holds, and says the same as the record."""
         return not self.disagreements
 
+    @property
+    def corrected(self) -> str:
+        """The corrected statement with its numbers."""
+        return self._text(self.claim.corrected)
 
-# Filled by `claim`; read it through `claims`, which loads the chapters first.
+    @property
+    def condition(self) -> str:
+        """The condition with its numbers, or ""."""
+        return self._text(self.finding.condition)
+
+    def _text(self, template: str) -> str:
+        try:
+            return self.claim.filled(template, self.finding)
+        except (LookupError, ValueError):
+            return template  # among the faults
+
+
+# Filled by `claim`; read it through `claims`, which loads the files first.
 CLAIMS: dict[str, Claim] = {}
-# In the order in which the chapters make them.
-_MODULES = (
-    "rigid_body.rotation",
-    "rigid_body.tops",
-    "rigid_body.energy",
-    "rigid_body.flight",
-    "rigid_body.methods",
-    "rigid_body.loop",
-    "rigid_body.mujoco",
-    "rigid_body.time_step",
-    "planning",
-    "control",
-    "sim_to_real.randomisation",
-    "sim_to_real.vector_env",
-)
+_NUMBERS = {chapter.topic: chapter.number for chapter in CHAPTERS}
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
 
 
 def claim(
-    id: str,
-    chapter: int,
-    claim: str,
-    *,
-    verdict: Verdict,
-    corrected: str,
-    figures: Mapping[str, tuple[float | str, float]],
-    condition: str = "",
-    formula: Formula | None = None,
+    *texts: Any,
+    ask: Ask | tuple[str, str, Mapping[str, str]] | None = None,
     source: str = "",
     registry: dict[str, Claim] | None = None,
-) -> Callable[[Callable[[], Finding]], Callable[[], Finding]]:
-    """Decorator that registers a check function as a claim.
+    **old: Any,
+) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+    """Decorator that registers a check as a claim; see the top of this file.
 
     Args:
-        id, chapter, claim, verdict, corrected, figures, condition, formula, source: as in `Claim`.
+        texts: the claim as one hears it, and what is true, with fields for the figures.
+        ask: what a learner can be asked for.
+        source: where it can be read up.
         registry: where to put it; default: the claims of the course.
 
     Returns:
         A decorator that leaves the function as it is.
 
     Raises:
-        ValueError: for an id that is taken, or a record that contradicts itself.
+        ValueError: for an id that is taken, an ask that cannot be read, or a file of no chapter.
     """
     target = CLAIMS if registry is None else registry
 
-    def register(check: Callable[[], Finding]) -> Callable[[], Finding]:
-        if id in target:
-            raise ValueError(f"id is {id!r}, which is taken; ids must be unique")
-        target[id] = Claim(
-            id, chapter, claim, verdict, corrected, figures, check, condition, formula, source
-        )
+    def register(check: Callable[..., Any]) -> Callable[..., Any]:
+        file = check.__module__.removeprefix(f"{__name__}.")
+        chapter = _NUMBERS.get(file.split(".")[0], 0 if registry is not None else -1)
+        if "verdict" in old:
+            item = before.adapted(Claim, file, texts, old | {"source": source})(check)
+        else:
+            if chapter < 0:
+                raise ValueError(f"{check.__name__} stands in {file}, which is no chapter's")
+            heard, corrected = texts
+            try:
+                asked = Ask(*ask) if isinstance(ask, tuple) else ask
+                formula = asked.formula(check.__globals__.get("SYMBOLS", {})) if asked else None
+            except ValueError as problem:
+                raise ValueError(f"{check.__name__}: {problem}") from None
+            item = Claim(
+                check.__name__, file, chapter, _one_line(heard), _one_line(corrected), check,
+                formula, _one_line(source),
+            )  # fmt: skip
+        if item.id in target:
+            raise ValueError(f"id is {item.id!r}, which is taken; ids must be unique")
+        target[item.id] = item
         return check
 
     return register
 
 
+@functools.cache
+def _load() -> None:
+    """Import every file of claims: `<topic>.py` or `<topic>/*.py`, in the order of the chapters."""
+    folder = Path(__file__).parent
+    for chapter in CHAPTERS:
+        if (folder / f"{chapter.topic}.py").exists():
+            importlib.import_module(f"{__name__}.{chapter.topic}")
+        elif (folder / chapter.topic).is_dir():
+            package = importlib.import_module(f"{__name__}.{chapter.topic}")
+            for module in sorted(m.name for m in pkgutil.iter_modules(package.__path__)):
+                importlib.import_module(f"{package.__name__}.{module}")
+
+
 def claims(chapter: int | None = None) -> list[Claim]:
-    """All claims, or those of one chapter, in the order in which the chapter makes them.
+    """All claims, or those of one chapter: by file, in the order in which they are written.
 
     Args:
         chapter: number of a chapter, or None for all.
@@ -214,66 +318,63 @@ def claims(chapter: int | None = None) -> list[Claim]:
     Raises:
         ValueError: for a chapter that has no claims.
     """
-    for module in _MODULES:
-        importlib.import_module(f"{__name__}.{module}")
-    known = sorted({item.chapter for item in CLAIMS.values()})
+    _load()
+    # The sort is stable, and a file that was imported on its own came first.
+    ordered = sorted(CLAIMS.values(), key=lambda item: (item.chapter, item.file))
     if chapter is None:
-        return sorted(CLAIMS.values(), key=lambda item: item.chapter)
+        return ordered
+    known = sorted({item.chapter for item in ordered})
     if chapter not in known:
         raise ValueError(f"chapter is {chapter!r}; chapters with claims are {known}")
-    return [item for item in CLAIMS.values() if item.chapter == chapter]
+    return [item for item in ordered if item.chapter == chapter]
 
 
 def _get(id: str) -> Claim:
     if id not in CLAIMS:
-        claims()
+        _load()
     if id not in CLAIMS:
         raise ValueError(f"id is {id!r}; `python -m course.derivations` lists the ids there are")
     return CLAIMS[id]
 
 
-def _compare_figure(name: str, expected: float | str, tolerance: float, found: float | str) -> str:
-    """Why the figure found is not the one on record; empty text if it is."""
-    if isinstance(expected, str) or isinstance(found, str):
-        return "" if expected == found else f"{name} is {found!r}, on record is {expected!r}"
-    allowed = tolerance * abs(expected) if expected else tolerance
-    if math.isfinite(found) and abs(found - expected) <= allowed:
-        return ""
-    if found == expected:  # an infinity that is on record
-        return ""
-    return f"{name} is {found:.8g}, on record is {expected:.8g} within {tolerance:g}"
+def _faults(item: Claim, found: Found) -> list[str]:
+    """What is wrong with a claim, whatever is on record."""
+    wrong = [*honest.constants(item.check), *found.problems()]
+    for what, text in (("corrected statement", item.corrected), ("condition", found.condition)):
+        for number in honest.typed_numbers(text):
+            wrong.append(f"{number!r} in the {what} is typed; fill it from a figure")
+        try:
+            item.filled(text, found)
+        except (LookupError, ValueError) as problem:
+            wrong.append(f"the {what} cannot be filled: {problem!r}")
+    if (item.formula is None) != (found.formula is None):
+        wrong.append("the ask and the check must both have a formula, or neither")
+    elif item.formula is not None and not equivalent(item.formula, found.formula):
+        wrong.append(f"derived {found.formula}, asked for is {item.formula.expression}")
+    return wrong
 
 
-def settle(claim: Claim) -> Outcome:
+def settle(claim: Claim, record: Mapping[str, Any] | None = None) -> Outcome:
     """Run the check of a claim and compare what it found with the record.
 
     Args:
         claim: the claim.
+        record: its entry on record; default: the one in the file.
 
     Returns:
-        The outcome, with one sentence for each disagreement.
+        The outcome, with one sentence for each thing that is wrong.
     """
-    finding = claim.check()
-    wrong = []
-    if finding.verdict is not claim.verdict:
-        wrong.append(f"verdict on record: {claim.verdict.value}; found: {finding.verdict.value}")
-    if not finding.corrected:
-        wrong.append("the corrected statement does not hold")
-    if finding.holds and finding.holds_if is False:
-        wrong.append("found to hold in general and yet not under its condition")
-    for name in sorted(set(claim.figures) ^ set(finding.figures)):
-        where = "on record but not computed" if name in claim.figures else "computed, not on record"
-        wrong.append(f"{name} is {where}")
-    for name, (value, tolerance) in claim.figures.items():
-        if name in finding.figures:
-            reason = _compare_figure(name, value, tolerance, finding.figures[name])
-            if reason:
-                wrong.append(reason)
-    if (claim.formula is None) != (finding.formula is None):
-        wrong.append("the record and the check must both have a formula, or neither")
-    elif claim.formula is not None and not equivalent(claim.formula, finding.formula):
-        wrong.append(f"derived {finding.formula}, on record is {claim.formula.expression}")
-    return Outcome(claim, finding, tuple(wrong))
+    found = Found(claim.id)
+    recorded = records.load(claim.file).get(claim.id) if record is None else record
+    if isinstance(claim.check, before.Adapted):
+        recorded = claim.check.record(claim)
+        claim.check(found)
+        faults = claim.check.faults(claim, found)
+    else:
+        claim.check(found)
+        faults = _faults(claim, found)
+    changes = records.differences(recorded, claim.entry(found))
+    return Outcome(claim, found, tuple(faults), tuple(changes))
 
 
 @functools.cache
@@ -321,21 +422,18 @@ class Block:
 
     def lines(self) -> list[tuple[str, str]]:
         """The parts of the block, as pairs of heading and text."""
-        claim, finding = self.outcome.claim, self.outcome.finding
-        verdict = claim.verdict.value
-        if claim.condition:
-            verdict = f"{verdict} {claim.condition}"
-        figures = ", ".join(f"{k} = {figure_text(v)}" for k, v in finding.figures.items())
+        outcome = self.outcome
+        figures = ", ".join(f"{k} = {figure_text(v)}" for k, v in outcome.finding.figures.items())
         parts = [
-            ("One hears", claim.claim),
-            ("Verdict", verdict),
-            ("True is", claim.corrected),
-            ("Measured", finding.statement),
+            ("One hears", outcome.claim.claim),
+            ("Verdict", f"{outcome.finding.verdict.value} {outcome.condition}".strip()),
+            ("True is", outcome.corrected),
+            ("Measured", outcome.finding.statement),
             ("Figures", figures),
         ]
-        if claim.source:
-            parts.append(("Source", claim.source))
-        parts += [("DISAGREES", text) for text in self.outcome.disagreements]
+        if outcome.claim.source:
+            parts.append(("Source", outcome.claim.source))
+        parts += [("DISAGREES", text) for text in outcome.disagreements]
         return parts
 
     def __repr__(self) -> str:

@@ -1,4 +1,4 @@
-"""`python -m course.derivations [chapter] [--id ID] [--json]`: settle the claims and print them."""
+"""`python -m course.derivations [WHICH] [--id ID] [--json] [--record]`: settle the claims."""
 
 import json
 import sys
@@ -7,9 +7,10 @@ from typing import Any
 
 import click
 
-from course.derivations import Claim, Outcome, claims, figure_text, run
+from course.derivations import Claim, Outcome, before, claims, figure_text, records, run
 
 _STYLE = {"holds": "green", "holds only if": "yellow", "false": "red"}
+Result = tuple[Claim, Outcome | None, str]
 
 
 def _as_data(claim: Claim, outcome: Outcome | None, error: str) -> dict[str, Any]:
@@ -17,21 +18,21 @@ def _as_data(claim: Claim, outcome: Outcome | None, error: str) -> dict[str, Any
         "id": claim.id,
         "chapter": claim.chapter,
         "claim": claim.claim,
-        "verdict": claim.verdict.value,
-        "condition": claim.condition,
-        "corrected": claim.corrected,
         "source": claim.source,
         "answerable": claim.formula is not None,
         "disagreements": [error] if outcome is None else list(outcome.disagreements),
     }
     if outcome is not None:
+        data["verdict"] = outcome.finding.verdict.value
+        data["condition"] = outcome.condition
+        data["corrected"] = outcome.corrected
         data["statement"] = outcome.finding.statement
         data["figures"] = dict(outcome.finding.figures)
     return data
 
 
-def _settled(selected: list[Claim]) -> list[tuple[Claim, Outcome | None, str]]:
-    results: list[tuple[Claim, Outcome | None, str]] = []
+def _settled(selected: list[Claim]) -> list[Result]:
+    results: list[Result] = []
     for item in selected:
         try:
             results.append((item, run(item.id), ""))
@@ -40,7 +41,7 @@ def _settled(selected: list[Claim]) -> list[tuple[Claim, Outcome | None, str]]:
     return results
 
 
-def _print_table(results: list[tuple[Claim, Outcome | None, str]]) -> None:
+def _print_table(results: list[Result]) -> None:
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text
@@ -49,18 +50,17 @@ def _print_table(results: list[tuple[Claim, Outcome | None, str]]) -> None:
     table.add_column("verdict", width=18)
     table.add_column("claim, and what is true", ratio=1, overflow="fold")
     for claim, outcome, error in results:
-        verdict = claim.verdict.value
-        left = Text(verdict, style=_STYLE[verdict])
-        if claim.condition:
-            left.append(f" {claim.condition}", style="default")
-        left.append(f"\nchapter {claim.chapter}", style="dim")
-        right = Text()
+        left, right = Text(), Text()
         right.append(claim.id, style="bold")
         right.append(f"\n“{claim.claim}”\n", style="italic")
-        right.append(claim.corrected)
         if outcome is not None:
+            verdict = outcome.finding.verdict.value
+            left.append(verdict, style=_STYLE[verdict])
+            left.append(f" {outcome.condition}" if outcome.condition else "")
+            right.append(outcome.corrected)
             for name, value in outcome.finding.figures.items():
                 right.append(f"\n  {name} = {figure_text(value)}", style="cyan")
+        left.append(f"\nchapter {claim.chapter}", style="dim")
         for text in [error] if outcome is None else outcome.disagreements:
             right.append(f"\n  DISAGREES: {text}", style="bold red")
         table.add_row(left, right)
@@ -68,34 +68,76 @@ def _print_table(results: list[tuple[Claim, Outcome | None, str]]) -> None:
     console.print(table)
 
 
-@click.command()
-@click.argument("chapter", type=int, required=False)
-@click.option("--id", "only", metavar="ID", help="Only the claim with this id.")
-@click.option("--json", "as_json", is_flag=True, help="Print data instead of a table.")
-def main(chapter: int | None, only: str | None, as_json: bool) -> None:
-    """Settle the claims of the course, or of one CHAPTER, and print them with their figures.
+def _record(results: list[Result], whole: bool) -> int:
+    """Write what came out of these claims, say what changes; how many could not be written."""
+    refused = 0
+    for file in sorted({claim.file for claim, _, _ in results}):
+        entries = dict(records.load(file))
+        new = dict(entries)
+        for claim, outcome, error in results:
+            if claim.file != file or isinstance(claim.check, before.Adapted):
+                continue
+            if outcome is None or outcome.faults:
+                refused += 1
+                for text in [error] if outcome is None else outcome.faults:
+                    click.echo(f"{claim.id}: NOT WRITTEN: {text}")
+                continue
+            for text in outcome.changes:
+                click.echo(f"{claim.id}: {text}")
+            new[claim.id] = records.merged(entries.get(claim.id), claim.entry(outcome.finding))
+        if whole:
+            for id in sorted(set(new) - {item.id for item in claims() if item.file == file}):
+                click.echo(f"{id}: leaves the record, there is no such claim in {file}")
+                del new[id]
+        if new != entries:
+            records.save(file, new)
+    return refused
 
-    The exit code is 1 if a check disagrees with the record.
-    """
-    start = time.perf_counter()
+
+def _select(which: str | None, ids: tuple[str, ...]) -> list[Claim]:
     try:
-        selected = claims(chapter)
+        if which is None or which.isdecimal():
+            selected = claims(int(which) if which else None)
+        else:
+            everything = claims()
+            selected = [c for c in everything if f"{c.file}.".startswith(f"{which}.")]
+            if not selected:
+                raise ValueError(
+                    f"which is {which!r}; it is a chapter's number, a topic, or one of "
+                    f"{', '.join(sorted({c.file for c in everything}))}"
+                )
     except ValueError as problem:
         raise click.UsageError(str(problem)) from None
-    if only is not None:
-        selected = [item for item in selected if item.id == only]
-        if not selected:
-            raise click.UsageError(f"there is no claim with the id {only!r} here")
+    missing = sorted(set(ids) - {item.id for item in selected})
+    if missing:
+        raise click.UsageError(f"there is no claim with the id {missing[0]!r} here")
+    return [item for item in selected if item.id in ids] if ids else selected
+
+
+@click.command()
+@click.argument("which", required=False)
+@click.option("--id", "ids", metavar="ID", multiple=True, help="Only this claim (repeatable).")
+@click.option("--json", "as_json", is_flag=True, help="Print data instead of a table.")
+@click.option("--record", is_flag=True, help="Write what came out on record; print what changes.")
+def main(which: str | None, ids: tuple[str, ...], as_json: bool, record: bool) -> None:
+    """Settle the claims of the course and print them with their figures.
+
+    WHICH is a chapter's number, a topic (rigid_body) or a file (rigid_body.flight); default: all.
+    The exit code is 1 if a check fails or disagrees with the record.
+    """
+    start = time.perf_counter()
+    selected = _select(which, ids)
     results = _settled(selected)
+    if record:
+        sys.exit(1 if _record(results, whole=not ids) else 0)
     wrong = sum(outcome is None or not outcome.agrees for _, outcome, _ in results)
     if as_json:
         print(json.dumps([_as_data(*result) for result in results], indent=1))
     else:
         _print_table(results)
         seconds = time.perf_counter() - start
-        verdicts = ", ".join(
-            f"{sum(c.verdict.value == v for c in selected)} {v.removesuffix(' if')}" for v in _STYLE
-        )
+        found = [outcome.finding.verdict.value for _, outcome, _ in results if outcome]
+        verdicts = ", ".join(f"{found.count(v)} {v.removesuffix(' if')}" for v in _STYLE)
         print(f"{len(results)} claims ({verdicts}) settled in {seconds:.0f} s; {wrong} disagree")
     sys.exit(1 if wrong else 0)
 

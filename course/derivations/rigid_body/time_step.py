@@ -2,14 +2,19 @@
 
 import numpy as np
 
-from course.derivations import Finding, Formula, Verdict, claim
+from course.derivations import Ask, Finding, Formula, Verdict, claim
 from course.derivations.answer import Symbol
 
-_SPRING = {"m": Symbol("mass [kg]"), "k": Symbol("stiffness [N/m]")}
+SYMBOLS = {
+    "m": Symbol("mass [kg]"),
+    "k": Symbol("stiffness [N/m]"),
+    "omega": Symbol("angular frequency [rad/s]"),
+    "h": Symbol("step [s]"),
+    "zeta": Symbol("damping ratio", 0.01, 0.99),
+}
 _OMEGA = {"omega": Symbol("angular frequency [rad/s]")}
 _OMEGA_H = _OMEGA | {"h": Symbol("step [s]")}
 _DAMPED = _OMEGA | {"zeta": Symbol("damping ratio", 0.01, 0.99)}
-_RATE = {"omega": "sqrt(k/m)"}
 _LIMIT = ("h", "dt")
 
 
@@ -113,30 +118,23 @@ def _semi_implicit_unconditional() -> Finding:
 
 
 @claim(
-    "semi_implicit_limit",
-    1,
     "Semi-implicit Euler's largest stable step on an undamped spring is 2 sqrt(m / k).",
-    verdict=Verdict.HOLDS,
-    corrected="Its eigenvalues leave the unit circle where the trace 2 - (omega dt)^2 reaches "
-    "-2, at "
-    "omega dt = 2 with omega = sqrt(k / m).",
-    figures={"omega_h": (2.0, 1e-6), "limit_ms": (6.324555, 1e-6)},
-    formula=Formula(
+    "Its eigenvalues leave the unit circle where the trace 2 - (omega dt)^2 reaches -2, at "
+    "omega dt = 2 with omega = sqrt(k / m): {formula}, which is {limit_ms:.2f} ms for "
+    "{stiffness_n_per_m:.0f} N/m on {mass_kg:.0f} kg.",
+    ask=Ask(
         "What is the largest stable step of semi-implicit Euler for a mass m on a spring k?",
-        "2*sqrt(m/k)",
-        _SPRING,
-        also=_RATE,
-        left=_LIMIT,
-        relation="<",
-        slips={
+        "dt < 2*sqrt(m/k)",
+        {
             "sqrt(m/k)": "The factor 2 is missing: the trace reaches -2 at omega dt = 2.",
             "2*sqrt(k/m)": "That is 2 omega, a rate; a stiffer spring needs a smaller step.",
             "2*m/k": "The root is missing: check the units.",
             "4*m/k": "That is the square of the limit.",
         },
+        also={"omega": "sqrt(k/m)"},
     ),
 )
-def _semi_implicit_limit() -> Finding:
+def semi_implicit_limit(found):
     import sympy
 
     from course.derivations.rigid_body.linear import measured_limit, step_matrix, symbols
@@ -144,15 +142,14 @@ def _semi_implicit_limit() -> Finding:
     h, omega, _ = symbols()
     m, k = sympy.symbols("m k", positive=True)
     A = step_matrix("semi_implicit_euler")
+    heavy = {m: found.given("mass_kg", 1), k: found.given("stiffness_n_per_m", 100_000)}
     limit = sympy.solve(A.trace() + 1 + A.det(), h)[0].subs(omega, sympy.sqrt(k / m))
-    measured = measured_limit("semi_implicit_euler")
-    return Finding(
-        {"omega_h": measured, "limit_ms": 1000 * float(limit.subs({m: 1, k: 100_000}))},
-        f"By bisection on the eigenvalues omega dt = {measured:.6f}.",
-        holds=abs(measured - 2) < 1e-6,
-        corrected=sympy.simplify(A.trace() - (2 - (omega * h) ** 2)) == 0,
-        formula=sympy.simplify(limit),
-    )
+    measured = found.figure("omega_h", measured_limit("semi_implicit_euler"))
+    found.figure("limit_ms", 1000 * float(limit.subs(heavy)))
+    found.statement = f"By bisection on the eigenvalues omega dt = {measured:.6f}."
+    found.formula = sympy.simplify(limit)
+    found.heard(abs(measured - 2) < 1e-6)
+    found.corrected(sympy.simplify(A.trace() - (2 - (omega * h) ** 2)) == 0)
 
 
 @claim(
@@ -201,67 +198,60 @@ def _contact_limit_explicit() -> Finding:
 
 
 @claim(
-    "contact_stable_at_1_khz",
-    1,
     "A contact of 100 kN/m on 1 kg is stable at 1 kHz and explodes at 100 Hz.",
-    verdict=Verdict.CONDITIONAL,
-    condition="the integrator is semi-implicit Euler or another explicit one with a real limit",
-    corrected="For semi-implicit Euler, velocity Verlet and RK4, yes. Explicit Euler explodes at "
-    "both rates, the implicit midpoint rule at neither.",
-    figures={
-        "explicit_1_khz": (1.048809, 1e-4),
-        "semi_implicit_100_hz": (7.872983, 1e-4),
-        "implicit_midpoint_100_hz": (1, 1e-4),
-    },
+    "For semi-implicit Euler, velocity Verlet and RK4, yes. Explicit Euler explodes at both rates, "
+    "the implicit midpoint rule at neither.",
 )
-def _contact_stable_at_1_khz() -> Finding:
+def contact_stable_at_1_khz(found):
     from course.derivations.rigid_body.linear import spectral_radius
 
     omega = np.sqrt(1e5)
     names = ("explicit_euler", "semi_implicit_euler", "velocity_verlet", "rk4", "implicit_midpoint")
     radii = {n: [spectral_radius(n, omega * dt) for dt in (1e-3, 1e-2)] for n in names}
-
-    def as_said(name: str) -> bool:
-        return radii[name][0] <= 1 + 1e-6 < radii[name][1]
-
+    as_said = {name: fast <= 1 + 1e-6 < slow for name, (fast, slow) in radii.items()}
     limited = ("semi_implicit_euler", "velocity_verlet", "rk4")
-    return Finding(
-        {"explicit_1_khz": radii["explicit_euler"][0],
-         "semi_implicit_100_hz": radii["semi_implicit_euler"][1],
-         "implicit_midpoint_100_hz": radii["implicit_midpoint"][1]},
-        "Largest growth factor of the amplitude per step.",
-        holds=all(as_said(n) for n in names),
-        holds_if=all(as_said(n) for n in limited),
-        corrected=radii["explicit_euler"][0] > 1 and radii["implicit_midpoint"][1] < 1 + 1e-6,
-    )  # fmt: skip
+    found.figure("explicit_1_khz", radii["explicit_euler"][0], tolerance=1e-4)
+    found.figure("semi_implicit_100_hz", radii["semi_implicit_euler"][1], tolerance=1e-4)
+    found.figure("implicit_midpoint_100_hz", radii["implicit_midpoint"][1], tolerance=1e-4)
+    found.statement = "Largest growth factor of the amplitude per step."
+    found.heard(
+        all(as_said.values()),
+        only_if="the integrator is semi-implicit Euler or another explicit one with a real limit",
+        inside=[as_said[n] for n in limited],
+        outside=[as_said[n] for n in names if n not in limited],
+        cases=True,
+    )
+    found.corrected(radii["explicit_euler"][0] > 1, radii["implicit_midpoint"][1] < 1 + 1e-6)
 
 
 @claim(
-    "determinant_one_is_stable",
-    1,
     "A step whose determinant is 1 has its eigenvalues on the unit circle.",
-    verdict=Verdict.CONDITIONAL,
-    condition="its trace lies between -2 and 2",
-    corrected="Determinant 1 only says that the two multiply to 1. With a larger trace they are "
-    "real, "
-    "lambda and 1 / lambda, and one of them is outside.",
-    figures={"outer_at_2_1": (-1.877328, 1e-6), "inner_at_2_1": (-0.532672, 1e-6)},
+    "Determinant 1 only says that the two multiply to 1. With a larger trace they are real, lambda "
+    "and 1 / lambda, and one of them is outside.",
 )
-def _determinant_one_is_stable() -> Finding:
+def determinant_one_is_stable(found):
     from course.derivations.rigid_body.linear import numeric_matrix
 
-    def eigenvalues(omega_h: float) -> np.ndarray:
-        return np.sort_complex(np.linalg.eigvals(numeric_matrix("semi_implicit_euler", omega_h)))
+    def on_circle(matrix: np.ndarray) -> bool:
+        return np.allclose(np.abs(np.linalg.eigvals(matrix)), 1)
 
-    inside, outside = eigenvalues(1.9), eigenvalues(2.1)
-    product = float(np.real(outside[0] * outside[1]))
-    return Finding(
-        {"outer_at_2_1": float(outside[0].real), "inner_at_2_1": float(outside[1].real)},
-        "Semi-implicit Euler at omega dt = 2.1: both real, product 1.",
-        holds=bool(np.allclose(np.abs(outside), 1)),
-        holds_if=bool(np.allclose(np.abs(inside), 1)),
-        corrected=bool(abs(product - 1) < 1e-9 < abs(outside[0]) - 1 and not outside.imag.any()),
+    def drawn(trace: float) -> np.ndarray:
+        """A matrix of this trace and determinant 1."""
+        a, b = found.rng.uniform(-3, 3), found.rng.uniform(0.5, 2)
+        return np.array([[a, b], [(a * (trace - a) - 1) / b, trace - a]])
+
+    outer, inner = np.sort(np.linalg.eigvals(numeric_matrix("semi_implicit_euler", 2.1)).real)
+    found.figure("outer_at_2_1", outer)
+    found.figure("inner_at_2_1", inner)
+    found.statement = "Semi-implicit Euler at omega dt = 2.1: both real, product 1."
+    outside = found.rng.uniform(2.001, 2.2, 20) * found.rng.choice([-1, 1], 20)
+    found.heard(
+        on_circle(numeric_matrix("semi_implicit_euler", 2.1)),
+        only_if="its trace lies between -2 and 2",
+        inside=[on_circle(drawn(trace)) for trace in found.rng.uniform(-1.999, 1.999, 50)],
+        outside=[on_circle(drawn(trace)) for trace in outside],
     )
+    found.corrected(abs(outer * inner - 1) < 1e-9, abs(outer) > 1.1)
 
 
 @claim(

@@ -1,0 +1,177 @@
+"""What a check found: handed to the check empty; the verdict follows from what it holds then."""
+
+import functools
+import math
+import zlib
+from collections.abc import Iterable
+from enum import Enum
+from typing import Any
+
+MIN_DRAWS = 8
+
+
+class Verdict(Enum):
+    """How a common claim fares."""
+
+    HOLDS = "holds"
+    CONDITIONAL = "holds only if"
+    FALSE = "false"
+
+
+def _fact(where: str, value: Any) -> bool:
+    """A fact is true or false; a number or an array that happens to be truthy is neither."""
+    if type(value).__name__ not in ("bool", "bool_", "BooleanTrue", "BooleanFalse"):
+        raise ValueError(f"{where} got {value!r}; a fact is a bool")
+    return bool(value)
+
+
+class Found:
+    """What a check found; the check fills it.
+
+    Attributes:
+        id: of the claim.
+        figures: name -> number, or short text; the name ends in the unit where there is one.
+        tolerances: name -> tolerance of a figure, relative, absolute where the figure is 0; text
+            must agree exactly.
+        inputs: name -> what the experiment was given and the texts may quote.
+        statement: what was computed or measured, in one or two sentences.
+        formula: the SymPy expression the check derived, where the claim asks for a formula.
+        holds: whether the claim holds as it is heard; None until `heard` was called.
+        condition: what must be true for it to hold, or "".
+        inside, outside: how the claim fared at draws inside and just outside its condition.
+        facts: what settles the corrected statement.
+    """
+
+    def __init__(self, id: str) -> None:
+        self.id = id
+        self.figures: dict[str, float | str] = {}
+        self.tolerances: dict[str, float] = {}
+        self.inputs: dict[str, float | str] = {}
+        self.statement = ""
+        self.formula: Any = None
+        self.holds: bool | None = None
+        self.condition = ""
+        self.inside: list[bool] = []
+        self.outside: list[bool] = []
+        self.facts: list[bool] = []
+        self._wrong: list[str] = []
+
+    @functools.cached_property
+    def rng(self) -> Any:
+        """A NumPy generator for draws; its seed is the claim's id, so every run draws the same."""
+        import numpy as np
+
+        return np.random.default_rng(zlib.crc32(self.id.encode()))
+
+    def given(self, name: str, value: Any) -> Any:
+        """A number that goes into the experiment and that the texts may quote as `{name}`.
+
+        Args:
+            name: ends in the unit.
+            value: a number or short text; use what is returned.
+        """
+        self._name(name)
+        self.inputs[name] = value if isinstance(value, str) else float(value)
+        return value
+
+    def figure(self, name: str, value: Any, tolerance: float = 1e-6) -> Any:
+        """A figure that came out.
+
+        Args:
+            name: ends in the unit where there is one; the texts may quote it as `{name:.3g}`.
+            value: a number, or short text.
+            tolerance: by how much it may differ between machines: relative, absolute where the
+                figure on record is 0.
+
+        Returns:
+            The value.
+        """
+        self._name(name)
+        text = isinstance(value, str)
+        self.figures[name] = value if text else float(value)
+        self.tolerances[name] = 0.0 if text else tolerance
+        return value
+
+    def _name(self, name: str) -> None:
+        if not name.isidentifier() or name == "formula":
+            raise ValueError(f"name is {name!r}; a figure has a name in snake_case, not 'formula'")
+        if name in self.figures or name in self.inputs:
+            raise ValueError(f"name is {name!r}, which is taken")
+
+    def heard(
+        self,
+        holds: Any,
+        *,
+        only_if: str = "",
+        inside: Iterable[Any] = (),
+        outside: Iterable[Any] = (),
+        cases: bool = False,
+    ) -> None:
+        """Whether the claim holds as it is heard; called once.
+
+        Args:
+            holds: the claim in general.
+            only_if: the condition under which it does hold; may quote figures.
+            inside: the claim tried at random draws that meet the condition: all must hold.
+            outside: the claim tried at draws that just fail it: some must fail.
+            cases: the condition names a few cases instead of a range (methods, engines), so that
+                fewer than 8 draws are all there are.
+        """
+        if self.holds is not None:
+            raise ValueError("heard was called twice; a claim has one verdict")
+        self.holds = _fact("heard", holds)
+        self.condition = only_if
+        self.inside = [_fact("inside", x) for x in inside]
+        self.outside = [_fact("outside", x) for x in outside]
+        if not only_if:
+            if self.inside or self.outside:
+                self._wrong.append("draws were given without a condition")
+            return
+        least = 1 if cases else MIN_DRAWS
+        for side, draws in (("inside", self.inside), ("outside", self.outside)):
+            if len(draws) < least:
+                self._wrong.append(f"{len(draws)} draws {side} the condition; at least {least}")
+        if self.holds:
+            self._wrong.append("a condition was given, and yet the claim holds in general")
+        if not all(self.inside):
+            failed, count = self.inside.count(False), len(self.inside)
+            self._wrong.append(f"the condition is not enough: {failed} of {count} draws in it fail")
+        if self.outside and all(self.outside):
+            self._wrong.append(
+                f"the condition is not needed: all {len(self.outside)} draws outside it hold"
+            )
+
+    def corrected(self, *facts: Any) -> None:
+        """What settles the corrected statement; all must be true, and each must be computed."""
+        self.facts += [_fact("corrected", fact) for fact in facts]
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict that follows from what was found."""
+        if self.holds:
+            return Verdict.HOLDS
+        kept = self.condition and self.inside and all(self.inside)
+        return Verdict.CONDITIONAL if kept else Verdict.FALSE
+
+    def problems(self) -> list[str]:
+        """What is wrong with what was found, whatever is on record."""
+        wrong = list(self._wrong)
+        if self.holds is None:
+            wrong.append("the check did not say whether the claim holds (found.heard)")
+        if not self.facts:
+            wrong.append("nothing settles the corrected statement (found.corrected)")
+        false = [str(i + 1) for i, fact in enumerate(self.facts) if not fact]
+        if false:
+            wrong.append(
+                f"the corrected statement does not hold: fact {', '.join(false)} "
+                f"of {len(self.facts)} is false"
+            )
+        if not self.figures:
+            wrong.append("there is no figure; a claim is settled by a figure")
+        if not self.statement:
+            wrong.append("there is no statement of what was computed or measured")
+        wrong += [
+            f"{k} is {v}, not a number" for k, v in self.figures.items()
+            if isinstance(v, float) and math.isnan(v)
+        ]  # fmt: skip
+        return wrong

@@ -1,0 +1,118 @@
+"""What came out of each claim, on record: one TOML file a file of claims, reviewed as a diff."""
+
+import functools
+import textwrap
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+FOLDER = Path(__file__).parent / "record"
+_TEXTS = ("verdict", "heard", "condition", "corrected", "formula", "source")
+
+
+@functools.cache
+def load(file: str) -> dict[str, dict[str, Any]]:
+    """The record of a file of claims: id -> entry; empty if there is none.
+
+    Args:
+        file: such as "rigid_body.flight".
+    """
+    path = FOLDER / f"{file}.toml"
+    return tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def files() -> list[str]:
+    """Files of claims that have a record."""
+    return sorted(path.stem for path in FOLDER.glob("*.toml"))
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _value(value: float | str, tolerance: float = 1.0) -> str:
+    if isinstance(value, str):
+        return _quoted(value)
+    text = f"{value:.10g}" if tolerance > 1e-9 else repr(value)
+    return text if set(text) & set(".en") else f"{text}.0"  # TOML: 2 is no float
+
+
+def _entry(id: str, entry: Mapping[str, Any]) -> list[str]:
+    lines = [f"[{id}]"]
+    for name in _TEXTS:
+        text = entry.get(name, "")
+        if not text:
+            continue
+        if len(text) <= 80:
+            lines.append(f"{name} = {_quoted(text)}")
+        else:  # a line that ends in a backslash goes on in the next
+            escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+            rows = textwrap.wrap(escaped, 94, break_long_words=False, break_on_hyphens=False)
+            lines.append(f'{name} = """\\\n  ' + " \\\n  ".join(rows) + '"""')
+    lines.append(f"[{id}.figures]")
+    for name, (value, tolerance) in entry["figures"].items():
+        lines.append(f"{name} = [{_value(value, tolerance)}, {_value(tolerance)}]")
+    return lines
+
+
+def save(file: str, entries: Mapping[str, Mapping[str, Any]]) -> None:
+    """Write the record of a file of claims, sorted by id.
+
+    Args:
+        file: such as "rigid_body.flight".
+        entries: id -> entry, as `load` returns them.
+    """
+    FOLDER.mkdir(exist_ok=True)
+    head = f"# Written by `python -m course.derivations {file} --record`; reviewed as a diff."
+    blocks = ["\n".join(_entry(id, entries[id])) for id in sorted(entries)]
+    path = FOLDER / f"{file}.toml"
+    path.write_text("\n\n".join([head, *blocks]) + "\n", encoding="utf-8")
+    load.cache_clear()
+
+
+def close(expected: float | str, tolerance: float, value: float | str) -> bool:
+    """Whether a figure is the one on record."""
+    if isinstance(expected, str) or isinstance(value, str):
+        return expected == value
+    return value == expected or abs(value - expected) <= tolerance * (abs(expected) or 1.0)
+
+
+def differences(old: Mapping[str, Any] | None, new: Mapping[str, Any]) -> Iterable[str]:
+    """Where what came out differs from what is on record, one sentence each.
+
+    Args:
+        old: the entry on record, or None.
+        new: the entry of a run.
+    """
+    if old is None:
+        yield "not on record; `python -m course.derivations --record` writes it"
+        return
+    for name in _TEXTS:
+        if old.get(name, "") != new.get(name, ""):
+            yield f"{name} on record: {old.get(name, '')!r}; found: {new.get(name, '')!r}"
+    before, now = old.get("figures", {}), new["figures"]
+    for name in sorted(set(before) ^ set(now)):
+        yield f"{name} is " + (
+            "on record but not computed" if name in before else "computed, not on record"
+        )
+    for name in (name for name in before if name in now):
+        (expected, tolerance), (value, allowed) = before[name], now[name]
+        if not close(expected, tolerance, value):
+            yield f"{name} is {_value(value)}, on record is {_value(expected)} within {tolerance:g}"
+        if allowed != tolerance:
+            yield f"the tolerance of {name} is {allowed:g}, on record is {tolerance:g}"
+
+
+def merged(old: Mapping[str, Any] | None, new: Mapping[str, Any]) -> dict[str, Any]:
+    """The entry to write: a figure that agrees keeps the digits on record, so diffs stay small."""
+    before = (old or {}).get("figures", {})
+    figures = {
+        name: before[name]
+        if name in before
+        and before[name][1] == entry[1]
+        and close(before[name][0], entry[1], entry[0])
+        else entry
+        for name, entry in new["figures"].items()
+    }
+    return {**new, "figures": figures}

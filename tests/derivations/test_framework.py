@@ -1,0 +1,458 @@
+"""The framework notices what is wrong: on small claims of its own, and on mutated real ones."""
+
+import numpy as np
+import pytest
+
+from course import derivations
+from course.derivations import Ask, Claim, Verdict, claim, records, settle
+from course.derivations.answer import Symbol
+from course.derivations.honest import constants, typed_numbers
+
+SYMBOLS = {"n": Symbol("number of terms"), "m": Symbol("mass [kg]")}
+SAID = ("The first n odd numbers add up to n.", "They add up to n^2: {of_three:.0f} for {terms}.")
+
+
+def total(terms):
+    """The sum that the small claims are about."""
+    return sum(2 * i + 1 for i in range(terms))
+
+
+def only(check, heard=SAID[0], corrected=SAID[1], **options):
+    """The claim of a check, in a registry of its own."""
+    registry: dict[str, Claim] = {}
+    claim(heard, corrected, registry=registry, **options)(check)
+    return registry[check.__name__]
+
+
+def odd_sum(found):
+    terms = found.given("terms", 3)
+    found.figure("of_three", total(terms))
+    found.statement = "Added."
+    found.heard(total(terms) == terms)
+    found.corrected(total(terms) == terms**2)
+
+
+def _on_record(item):
+    """The item, and the entry that a run of it puts on record."""
+    return item, item.entry(settle(item, {}).finding)
+
+
+def _faults(check, *texts, **options):
+    return settle(only(check, *texts, **options), {}).faults
+
+
+def test_a_true_claim_has_no_fault_and_agrees_with_its_record():
+    item, record = _on_record(only(odd_sum))
+    outcome = settle(item, record)
+    assert outcome.agrees, outcome.disagreements
+    assert outcome.finding.verdict is Verdict.FALSE
+    assert outcome.corrected == "They add up to n^2: 9 for 3.0."
+    assert item.id == "odd_sum" and item.chapter == 0
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"verdict": "holds"}, "verdict on record: 'holds'; found: 'false'"),
+        ({"heard": "The first n odd numbers add up to n^2."}, "heard on record"),
+        ({"corrected": "They add up to n^3: {of_three:.0f}."}, "corrected on record"),
+        ({"condition": "it rains"}, "condition on record"),
+        ({"formula": "n^2"}, "formula on record"),
+        ({"source": "Euclid"}, "source on record"),
+        ({"figures": {"of_three": [9.001, 1e-6]}}, "of_three is 9.0, on record is 9.001"),
+        ({"figures": {"of_three": [0.0, 1e-6]}}, "of_three is 9.0, on record is 0.0"),
+        ({"figures": {"of_three": ["nine", 0.0]}}, 'on record is "nine"'),
+        ({"figures": {"of_three": [9.0, 0.1]}}, "the tolerance of of_three"),
+        ({"figures": {}}, "of_three is computed, not on record"),
+        (
+            {"figures": {"of_three": [9.0, 1e-6], "typed": [7.0, 0.0]}},
+            "typed is on record but not computed",
+        ),
+    ],
+)
+def test_a_wrong_record_is_found(change, said):
+    item, record = _on_record(only(odd_sum))
+    assert any(said in text for text in settle(item, record | change).changes)
+
+
+def test_a_claim_that_is_not_on_record_is_found():
+    assert "not on record" in settle(only(odd_sum)).changes[0]
+
+
+@pytest.mark.parametrize(
+    ("texts", "said"),
+    [
+        ((SAID[0], "They add up to n^2: 9.5 for three."), "'9.5' in the corrected"),
+        ((SAID[0], "They add up to n^2: {of_four:.0f}."), "cannot be filled: KeyError('of_four')"),
+        ((SAID[0], "They add up to n^2: {of_three:q}."), "cannot be filled"),
+        ((SAID[0], "They add up to n^2: {."), "cannot be filled"),
+    ],
+)
+def test_a_number_in_the_corrected_sentence_comes_from_a_figure(texts, said):
+    (text,) = _faults(odd_sum, *texts)
+    assert said in text
+
+
+@pytest.mark.parametrize(
+    ("text", "typed"),
+    [
+        ("Below {limit_ms:.2f} ms, which is 2 sqrt(m/k) or u^4/24 with 2 m g h.", []),
+        ("RK4 in 2-D with a 2 x 2 matrix, float32, ISO 10218, 1/22 of it, x^12.", []),
+        ("It is 6.32 ms.", ["6.32 ms"]),
+        ("A gain of .5 and 41 % more.", [".5", "41 %"]),
+        ("3 m of rope, 9 degrees, 2 kN/m, 4 percent", ["3 m", "9 degrees", "2 kN/m", "4 percent"]),
+        ("After 400 steps, 1,000 draws, 1e-6 and 10^-6.", ["400", "1,000", "1e-6", "10"]),
+    ],
+)
+def test_which_numbers_count_as_typed(text, typed):
+    assert typed_numbers(text) == typed
+
+
+# --- constants --------------------------------------------------------------------------------
+
+
+def constant_fact(found):
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(total(3) == 3)
+    found.corrected(True)
+
+
+def constant_by_name(found):
+    right = 2 + 2 == 4
+    fine = [right, bool(np.all(np.array([True])))]
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(total(3) == 3)
+    found.corrected(all(fine))
+
+
+def constant_beside(found):
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(total(3) == 3)
+    found.corrected(total(3) == 9, 9 == 9)
+
+
+def constant_excuse(found):
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(total(3) == 3)
+    found.corrected(total(3) == 10 or True)
+
+
+def constant_mirror(found):
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(total(3) == 3)
+    found.corrected(bool(total(3) == total(3)))
+
+
+def constant_verdict(found):
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(False)
+    found.corrected(total(3) == 9)
+
+
+def constant_figure(found):
+    found.figure("of_three", 9)
+    found.statement = "Added."
+    found.heard(total(3) == 3)
+    found.corrected(total(3) == 9)
+
+
+def constant_draws(found):
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(
+        total(3) == 3, only_if="n is 1", inside=[total(1) == 1] * 8, outside=np.zeros(8, bool)
+    )
+    found.corrected(total(3) == 9)
+
+
+def given_unused(found):
+    found.given("terms", 4)
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(total(3) == 3)
+    found.corrected(total(3) == 9)
+
+
+def _by_another(found):
+    found.corrected(True)
+
+
+def handed_on(found):
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(total(3) == 3)
+    found.corrected(total(3) == 9)
+    _by_another(found)
+
+
+@pytest.mark.parametrize(
+    ("check", "said"),
+    [
+        (constant_fact, "a fact is constant, not computed: True"),
+        (constant_by_name, "a fact is constant, not computed: all(fine)"),
+        (constant_beside, "a fact is constant, not computed: 9 == 9"),
+        (constant_excuse, "a fact is constant, not computed: total(3) == 10 or True"),
+        (constant_mirror, "a fact is constant, not computed: bool(total(3) == total(3))"),
+        (constant_verdict, "a verdict is constant, not computed: False"),
+        (constant_figure, "a figure is typed, not computed"),
+        (constant_draws, "not computed: np.zeros(8, bool)"),
+        (given_unused, "is not used; what is given must go in"),
+        (handed_on, "found is handed on"),
+    ],
+)
+def test_a_constant_is_refused(check, said):
+    (text,) = settle(only(check, SAID[0], "They add up to n^2."), {}).faults
+    assert said in text
+
+
+def computed_everywhere(found):
+    """Ways in which honest checks are written."""
+    import math
+
+    from course.rigid_body import integrators
+
+    def of(terms):
+        return total(terms)
+
+    sums = []
+    for terms in range(1, 5):
+        sums.append(of(terms))
+    table = {n: of(n) for n in (1, 2)}
+    good = True
+    good &= sums[-1] == 16
+    first, *others = sums
+    found.figure("of_three", (largest := max(table.values())))
+    found.statement = "Added."
+    found.heard(any(s == n for n, s in enumerate(sums, 2)))
+    found.corrected(
+        good, first == 1, others[0] == 4, largest == 4, math.gcd(sums[0], 2) == 1,
+        "rk4" in integrators.INTEGRATORS, all(map(bool, sums)), np.linalg.norm(sums) > 1,
+    )  # fmt: skip
+
+
+def test_what_is_computed_is_not_called_constant():
+    assert constants(computed_everywhere) == []
+    assert not _faults(computed_everywhere, SAID[0], "They add up to n^2.")
+
+
+# --- conditions -------------------------------------------------------------------------------
+
+
+def conditional(found):
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(
+        total(3) == 3,
+        only_if="n is smaller than {of_three:.0f}",
+        inside=[total(n) < 81 for n in range(1, 9)],
+        outside=[total(n) < 81 for n in range(9, 17)],
+    )
+    found.corrected(total(3) == 9)
+
+
+def condition_too_wide(found):
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(
+        total(3) == 3,
+        only_if="n is small",
+        inside=[total(n) < 81 for n in range(2, 10)],
+        outside=[total(n) < 81 for n in range(10, 18)],
+    )
+    found.corrected(total(3) == 9)
+
+
+def condition_too_narrow(found):
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(
+        total(3) == 3,
+        only_if="n is small",
+        inside=[total(n) < 810 for n in range(1, 9)],
+        outside=[total(n) < 810 for n in range(9, 17)],
+    )
+    found.corrected(total(3) == 9)
+
+
+def condition_at_one_point(found):
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(total(3) == 3, only_if="n is 1", inside=[total(1) == 1], outside=[total(2) == 2])
+    found.corrected(total(3) == 9)
+
+
+def condition_with_a_number(found):
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(
+        total(3) == 3, only_if="n is below 1.5", inside=[total(1) == 1], outside=[total(2) == 2],
+        cases=True,
+    )  # fmt: skip
+    found.corrected(total(3) == 9)
+
+
+def condition_of_what_holds(found):
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(
+        total(3) == 9, only_if="n is 1", inside=[total(1) == 1], outside=[total(2) == 2], cases=True
+    )
+    found.corrected(total(3) == 9)
+
+
+def test_a_condition_that_is_right():
+    outcome = settle(only(conditional), {})
+    assert outcome.finding.verdict is Verdict.CONDITIONAL
+    assert outcome.condition == "n is smaller than 9"
+    assert not _faults(conditional, SAID[0], "They add up to n^2.")
+
+
+@pytest.mark.parametrize(
+    ("check", "said"),
+    [
+        (condition_too_wide, "the condition is not enough: 1 of 8 draws in it fail"),
+        (condition_too_narrow, "the condition is not needed: all 8 draws outside it hold"),
+        (condition_with_a_number, "'1.5' in the condition is typed"),
+        (condition_of_what_holds, "yet the claim holds in general"),
+    ],
+)
+def test_a_false_condition_is_found(check, said):
+    (text,) = _faults(check, SAID[0], "They add up to n^2.")
+    assert said in text
+
+
+def test_a_condition_needs_draws():
+    first, second = _faults(condition_at_one_point, SAID[0], "They add up to n^2.")
+    assert first == "1 draws inside the condition; at least 8"
+    assert second == "1 draws outside the condition; at least 8"
+
+
+# --- facts, asks, names -------------------------------------------------------------------------
+
+
+def false_correction(found):
+    found.figure("of_three", total(3))
+    found.statement = "Added."
+    found.heard(total(3) == 3)
+    found.corrected(total(3) == 9, total(4) == 15)
+
+
+def empty(found):
+    assert found.figures == {}
+
+
+def test_a_correction_that_does_not_hold_is_found():
+    (text,) = _faults(false_correction, SAID[0], "They add up to n^2.")
+    assert "fact 2 of 2 is false" in text
+
+
+def test_a_check_that_finds_nothing_is_found():
+    text = "\n".join(_faults(empty))
+    for missing in ("found.heard", "found.corrected", "no figure", "no statement"):
+        assert missing in text
+
+
+@pytest.mark.parametrize("fact", [1, 0.5, "yes", None, np.array([True, True]), [True]])
+def test_a_fact_is_a_bool(fact):
+    found = derivations.Found("odd_sum")
+    with pytest.raises(ValueError, match="a fact is a bool"):
+        found.corrected(fact)
+    with pytest.raises(ValueError, match="a fact is a bool"):
+        found.heard(fact)
+
+
+def asks(found):
+    import sympy
+
+    n, i = sympy.symbols("n i", positive=True, integer=True)
+    found.formula = sympy.simplify(sympy.summation(2 * i - 1, (i, 1, n)))
+    found.figure("of_three", found.formula.subs(n, 3))
+    found.statement = "Summed."
+    found.heard(found.formula == n)
+    found.corrected(found.formula == n**2)
+
+
+ASK = ("The sum?", "s = n^2", {"n": "That is their number.", "2*n": "No.", "n^3": "No."})
+
+
+def test_the_formula_asked_for_is_the_one_derived():
+    assert not _faults(asks, SAID[0], "They add up to {formula}.", ask=ASK)
+    assert settle(only(asks, SAID[0], "To {formula}.", ask=ASK), {}).corrected == "To n^2."
+    (text,) = _faults(asks, *SAID[:1], "To {formula}.", ask=(ASK[0], "n^2 + n/1000", ASK[2]))
+    assert "derived n**2, asked for is n^2 + n/1000" in text
+    assert "both have a formula" in _faults(asks, SAID[0], "To n^2.")[0]
+
+
+def test_an_ask_reads_its_left_side_and_its_symbols():
+    formula = Ask("?", "dt < 2*n", {}, tolerance=0.1, also={"twice": "2*n"}).formula(SYMBOLS)
+    assert (formula.left, formula.relation, formula.expression) == (("h", "dt"), "<", "2*n")
+    assert set(formula.symbols) == {"n"} and formula.tolerance == 0.1
+    assert Ask("?", "phi, angle = m", {}).formula(SYMBOLS).left == ("phi", "angle")
+    assert Ask("?", "m", {"n": "?"}).formula(SYMBOLS).left == ()
+    with pytest.raises(ValueError, match="odd_sum: expression is 'dt < 2\\*x'"):
+        only(odd_sum, ask=("?", "dt < 2*x", {}))
+
+
+@pytest.mark.parametrize("name", ["of three", "formula", "of_three", "terms"])
+def test_a_figure_has_a_name_of_its_own(name):
+    found = derivations.Found("odd_sum")
+    found.figure("of_three", 9)
+    found.given("terms", 3)
+    with pytest.raises(ValueError, match=f"name is '{name}'"):
+        found.figure(name, 1)
+
+
+def test_a_claim_has_one_verdict():
+    found = derivations.Found("odd_sum")
+    found.heard(total(3) == 9)
+    with pytest.raises(ValueError, match="one verdict"):
+        found.heard(total(3) == 9)
+
+
+def test_draws_are_the_same_at_every_run():
+    first, second = (derivations.Found("odd_sum").rng.uniform(size=3) for _ in range(2))
+    assert np.array_equal(first, second)
+    assert not np.array_equal(first, derivations.Found("another").rng.uniform(size=3))
+
+
+def test_a_claim_stands_in_the_file_of_a_chapter():
+    with pytest.raises(ValueError, match="no chapter's"):
+        claim(*SAID)(odd_sum)
+    with pytest.raises(ValueError, match="must both have text"):
+        only(odd_sum, "", "x")
+
+
+# --- the record -------------------------------------------------------------------------------
+
+
+def test_a_record_is_read_as_it_was_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(records, "FOLDER", tmp_path)
+    long = 'A "long" text with a back\\slash, {a_field:.2f}, which goes on for many words. ' * 3
+    entry = {
+        "verdict": "false",
+        "heard": " ".join(long.split()),
+        "corrected": "x^2 \\ 3",
+        "figures": {
+            "a": [1.0, 1e-6], "b": [float("inf"), 0.1], "c": [2e-300, 0.5], "d": ["three", 0.0],
+            "e": [0.1234567890123456, 1e-12],
+        },
+    }  # fmt: skip
+    records.save("odd.sums", {"two": entry, "one": entry})
+    assert records.load("odd.sums") == {"one": entry, "two": entry}
+    assert list(records.load("odd.sums")) == ["one", "two"]
+    assert max(map(len, (tmp_path / "odd.sums.toml").read_text().splitlines())) <= 100
+    records.load.cache_clear()
+
+
+def test_a_figure_that_agrees_keeps_the_digits_on_record():
+    _, record = _on_record(only(odd_sum))
+    old = record | {"figures": {"of_three": [9.0000001, 1e-6]}}
+    assert records.merged(old, record)["figures"] == {"of_three": [9.0000001, 1e-6]}
+    old = record | {"figures": {"of_three": [9.1, 1e-6]}}
+    assert records.merged(old, record)["figures"] == {"of_three": [9.0, 1e-6]}
