@@ -41,9 +41,9 @@ def fk3(lengths: ArrayLike, thetas: ArrayLike) -> Array:
     thetas = np.asarray(thetas, dtype=float)
     for name, value in (("lengths", lengths), ("thetas", thetas)):
         if value.shape != (3,) or not np.isfinite(value).all():
-            raise ValueError(f"{name} must be three finite numbers, got {value.tolist()}")
+            raise ValueError(f"{name} is {value.tolist()}, allowed is three finite numbers")
     if (lengths < 0.0).any():
-        raise ValueError(f"lengths must not be negative, got {lengths.tolist()}")
+        raise ValueError(f"lengths is {lengths.tolist()}, allowed is no negative number")
     directions = np.cumsum(thetas)
     links = lengths[:, None] * np.column_stack((np.cos(directions), np.sin(directions)))
     return np.vstack((np.zeros(2), np.cumsum(links, axis=0)))
@@ -119,20 +119,20 @@ def rrt(
     start, goal = np.asarray(start, dtype=float), np.asarray(goal, dtype=float)
     discs = np.asarray(discs, dtype=float)
     if discs.size and discs.shape[1:] != (3,):
-        raise ValueError(f"discs must have rows (x, y, radius), got the shape {discs.shape}")
+        raise ValueError(f"discs.shape is {discs.shape}, allowed is (n, 3): rows (x, y, radius)")
     discs = discs.reshape(-1, 3)
     low, high = np.asarray(bounds, dtype=float)
     if not (low < high).all():
-        raise ValueError(f"bounds must be (xmin, ymin) below (xmax, ymax), got {low} and {high}")
+        raise ValueError(f"bounds is {low}, {high}, allowed is (xmin, ymin) below (xmax, ymax)")
     if not 0.0 < step < np.inf:
-        raise ValueError(f"step must be positive and finite, got {step}")
+        raise ValueError(f"step is {step}, allowed is a positive finite number")
     if max_samples < 0:
-        raise ValueError(f"max_samples must not be negative, got {max_samples}")
+        raise ValueError(f"max_samples is {max_samples}, allowed is a whole number from 0 on")
     for name, point in (("start", start), ("goal", goal)):
         if point.shape != (2,) or not ((low <= point) & (point <= high)).all():
-            raise ValueError(f"{name} must be a point within the bounds, got {point.tolist()}")
+            raise ValueError(f"{name} is {point.tolist()}, allowed is a point within the bounds")
         if not edge_is_free(point, point, discs):
-            raise ValueError(f"{name} must touch no disc, got {point.tolist()}")
+            raise ValueError(f"{name} is {point.tolist()}, allowed is a point that touches no disc")
 
     nodes = np.empty((max_samples + 2, 2))  # one a sample, and the start and the goal
     nodes[0] = start
@@ -203,11 +203,11 @@ class PID:
         """
         for name, value in (("kp", kp), ("ki", ki), ("kd", kd), ("tau", tau)):
             if not 0.0 <= value < np.inf:
-                raise ValueError(f"{name} must be finite and not negative, got {value}")
+                raise ValueError(f"{name} is {value}, allowed is a finite number from 0 on")
         if not 0.0 < dt < np.inf:
-            raise ValueError(f"dt must be positive and finite, got {dt}")
+            raise ValueError(f"dt is {dt}, allowed is a positive finite number")
         if not u_min < u_max:
-            raise ValueError(f"u_min must be below u_max, got {u_min} and {u_max}")
+            raise ValueError(f"u_min is {u_min}, allowed is a number below u_max = {u_max}")
         self.kp, self.ki, self.kd = kp, ki, kd
         self.dt, self.tau = dt, tau
         self.u_min, self.u_max = u_min, u_max
@@ -234,7 +234,7 @@ class PID:
         """
         for name, value in (("setpoint", setpoint), ("measurement", measurement)):
             if not abs(value) < np.inf:
-                raise ValueError(f"{name} must be finite, got {value}")
+                raise ValueError(f"{name} is {value}, allowed is a finite number")
         change = 0.0 if self.last is None else measurement - self.last
         self.last = measurement
         self.rate = (self.tau * self.rate + change) / (self.tau + self.dt)
@@ -271,11 +271,11 @@ class Joint:
         """
         for name, value in (("inertia", inertia), ("dt", dt)):
             if not 0.0 < value < np.inf:
-                raise ValueError(f"{name} must be positive and finite, got {value}")
+                raise ValueError(f"{name} is {value}, allowed is a positive finite number")
         if not 0.0 <= damping < np.inf:
-            raise ValueError(f"damping must be finite and not negative, got {damping}")
+            raise ValueError(f"damping is {damping}, allowed is a finite number from 0 on")
         if not abs(load) < np.inf:
-            raise ValueError(f"load must be finite, got {load}")
+            raise ValueError(f"load is {load}, allowed is a finite number")
         x = damping * dt / inertia
         decay = float(np.exp(-x))
         if x > 1e-3:
@@ -401,9 +401,10 @@ class DomainRandomizer:
         ):
             if not least <= low <= high < np.inf:
                 what = "positive" if least else "not negative"
-                raise ValueError(f"{name} must be finite, {what}, low end first, got {low}, {high}")
+                allowed = f"finite, {what}, the low end first"
+                raise ValueError(f"{name} is {low}, {high}, allowed is {allowed}")
         if any(end % 1 for end in delay):
-            raise ValueError(f"delay must be whole calls, got {delay}")
+            raise ValueError(f"delay is {delay}, allowed is whole calls")
         self.model = model
         self.friction, self.mass, self.damping = friction, mass, damping
         self.delays, self.noise, self.idle = delay, noise, idle
@@ -466,7 +467,7 @@ class DomainRandomizer:
     def _check(self, data: Any) -> None:
         # MuJoCo itself would write beyond the arrays of smaller data.
         if data.signature != self.model.signature:
-            raise ValueError(f"data must be of the model that is randomised, got {data}")
+            raise ValueError(f"data is {data}, allowed is that of the model that is randomised")
 
     def _start_delay(self, steps: int) -> None:
         self.steps = steps
@@ -522,7 +523,7 @@ class VectorizedEnv:
             ValueError: for a num_envs below 1.
         """
         if num_envs < 1:
-            raise ValueError(f"num_envs must be at least 1, got {num_envs}")
+            raise ValueError(f"num_envs is {num_envs}, allowed is a whole number from 1 on")
         self.num_envs = num_envs
         self.envs = [env_fn() for _ in range(num_envs)]
 
@@ -556,7 +557,7 @@ class VectorizedEnv:
             ValueError: for another number of actions.
         """
         if len(actions) != self.num_envs:
-            raise ValueError(f"actions must have {self.num_envs} rows, got {len(actions)}")
+            raise ValueError(f"len(actions) is {len(actions)}, allowed is {self.num_envs}")
         observations, infos = [], []
         rewards = np.zeros(self.num_envs)
         terminated = np.zeros(self.num_envs, dtype=bool)

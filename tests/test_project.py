@@ -81,7 +81,6 @@ def test_importing_is_light_and_silent(module: str) -> None:
 BIG = {"mujoco", "pinocchio", "ompl", "gymnasium", "open3d"}
 VIEWS = {"matplotlib", "ipywidgets", "anywidget", "IPython", "traitlets"}
 NUMERIC = {"numpy", "numba"}
-SHARED = {"course", "course.compiled"}
 
 
 def modules() -> dict[str, Path]:
@@ -126,7 +125,16 @@ def faults(module: str, source: str, is_package: bool = False) -> list[str]:
     """What `module` imports against the rules of the house."""
     package = module if is_package else module.rpartition(".")[0]
     here = room(module)
-    known = {*TOPICS, "compiled", "measure", "oracles", "simulations", "charts", "derivations"}
+    known = {
+        *TOPICS,
+        "check",
+        "compiled",
+        "measure",
+        "oracles",
+        "simulations",
+        "charts",
+        "derivations",
+    }
     found = []
     for name, deferred in imports(ast.parse(source), package):
         top = name.partition(".")[0]
@@ -148,28 +156,31 @@ def faults(module: str, source: str, is_package: bool = False) -> list[str]:
         if here in TOPICS:
             if top == "course":
                 later = ours in TOPICS and TOPICS.index(ours) > TOPICS.index(here)
-                if later or (ours and ours not in {*TOPICS, "compiled"}):
-                    refuse("a chapter knows earlier chapters and course.compiled only")
+                if later or (ours and ours not in {*TOPICS, "check", "compiled"}):
+                    refuse(
+                        "a chapter knows earlier chapters, course.check and course.compiled only"
+                    )
             elif top in VIEWS | {"sympy"}:
                 refuse("a chapter has no picture and no widget")
             elif not deferred and top not in NUMERIC | sys.stdlib_module_names:
                 refuse("a chapter needs NumPy and Numba to import, nothing else")
         elif here == "measure":
-            if top == "course" and ours not in {"", "measure"}:
+            if top == "course" and ours not in {"", "check", "measure"}:
                 refuse("measuring is generic, it is handed functions")
             elif top not in {"course", "numpy", "matplotlib"} | sys.stdlib_module_names:
                 refuse("measuring needs NumPy and matplotlib only")
         elif here == "oracles":
-            if top == "course" and ours not in {"", "oracles", "compiled", *TOPICS}:
+            if top == "course" and ours not in {"", "check", "oracles", "compiled", *TOPICS}:
                 refuse("an oracle knows the chapters only")
             elif top in VIEWS:
                 refuse("an oracle has no picture")
         elif here == "simulations":
-            if top == "course" and ours not in {"", "simulations", "measure", "compiled", *TOPICS}:
+            rooms = {"", "simulations", "check", "measure", "compiled", *TOPICS}
+            if top == "course" and ours not in rooms:
                 refuse("a simulation knows the chapters and course.measure only")
-        elif here == "compiled":
+        elif here in {"check", "compiled"}:
             if top == "course" or top not in NUMERIC | sys.stdlib_module_names:
-                refuse("it is under every chapter, so it needs Numba only")
+                refuse("it is under every chapter, so it needs NumPy and Numba only")
     return found
 
 
@@ -200,6 +211,8 @@ def test_imports_go_one_way(module: str) -> None:
         ("course.oracles.mujoco", "from course.simulations import canvas"),
         ("course.simulations.rigid_body", "from course.oracles import mujoco"),
         ("course.simulations.rigid_body", "import mujoco"),
+        ("course.check", "from course import compiled"),
+        ("course.check", "import scipy"),
         ("course.compiled", "from course import rigid_body"),
         ("course.charts.rigid_body.accuracy", "import drills"),
     ],
@@ -213,6 +226,8 @@ def test_a_forbidden_import_is_found(module: str, source: str) -> None:
     [
         ("course.rigid_body.planar", "import math\nimport numba\nfrom course import compiled"),
         ("course.rigid_body.planar", "from .quaternion import rotate"),
+        ("course.rigid_body.planar", "from course.check import positive"),
+        ("course.measure.scene", "from course.check import positive"),
         ("course.contact", "from course import rigid_body"),
         ("course.rigid_body.problems", "def f():\n    from scipy.special import ellipj"),
         ("course.drills", "def f():\n    import mujoco"),

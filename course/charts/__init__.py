@@ -13,6 +13,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from course.check import refused
+
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
@@ -59,7 +61,7 @@ def read(name: str) -> str:
     path = FOLDER / f"{name}.txt"
     if not path.is_file():
         known = sorted(p.stem for p in FOLDER.glob("*.txt"))
-        raise ValueError(f"name is {name!r}; built are {', '.join(known) or 'none'}: `make charts`")
+        raise refused("name", name, f"{', '.join(known) or 'none'} (`make charts` builds them)")
     return path.read_text(encoding="utf-8").rstrip("\n")
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 
 from course.charts import chart, save
+from course.check import refused
 from course.drills import PID, Array, Joint, closed_loop
 from course.measure import stability
 from course.measure.scene import LeftOut, Modelled, Scene, Tolerance
@@ -238,7 +239,7 @@ def recovery(times: Array, angles: Array, jam: float = JAM) -> Recovery:
     """
     outside = np.flatnonzero(np.abs(angles - STEP) > BAND)
     if outside[-1] + 1 >= times.size:
-        raise ValueError(f"angles must end within {BAND:g} rad of {STEP:g}, got {angles[-1]:g}")
+        raise refused("angles[-1]", angles[-1], f"a number within {BAND:g} rad of {STEP:g}")
     return Recovery(float(np.max(angles) - STEP), float(times[outside[-1] + 1] - jam))
 
 

@@ -12,6 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from course.check import positive, refused
+
 
 @dataclass(frozen=True)
 class Tolerance:
@@ -22,10 +24,9 @@ class Tolerance:
     why: str
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.value) and self.value > 0.0):
-            raise ValueError(f"value must be positive and finite, got {self.value}")
+        positive("value", self.value)
         if not self.why.strip():
-            raise ValueError("why must say where the tolerance comes from, got nothing")
+            raise refused("why", self.why, "a sentence that says where the tolerance comes from")
 
 
 @dataclass
@@ -42,7 +43,7 @@ class _Item:
         if self._measured is None:
             value = float(self.error() if callable(self.error) else self.error)
             if not (value >= 0.0):  # also NaN: a measurement that failed is no measurement
-                raise ValueError(f"error of {self.what!r} must be a number >= 0, got {value}")
+                raise refused(f"error of {self.what!r}", value, "a number from 0 on")
             self._measured = value
         return self._measured
 
@@ -92,14 +93,13 @@ class Scene:
 
     def __post_init__(self) -> None:
         if not self.question.strip().endswith("?"):
-            raise ValueError(f"question must be a question, got {self.question!r}")
+            raise refused("question", self.question, "a sentence that ends in a question mark")
         if not self.degrees_of_freedom:
-            raise ValueError("degrees_of_freedom must name at least one")
+            raise refused("degrees_of_freedom", self.degrees_of_freedom, "at least one name")
         for item in (*self.modelled, *self.left_out):
             if item.unit != self.tolerance.unit:
-                raise ValueError(
-                    f"unit of {item.what!r} must be the tolerance's, {self.tolerance.unit!r}, "
-                    f"got {item.unit!r}"
+                raise refused(
+                    f"unit of {item.what!r}", item.unit, f"the tolerance's, {self.tolerance.unit!r}"
                 )
 
     def check(self) -> list[str]:

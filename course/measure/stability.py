@@ -21,6 +21,8 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
+from course.check import count, finite, one_of, positive, refused
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -55,13 +57,12 @@ def limit(is_stable: Callable[[float], bool], low: float, high: float, rel: floa
         ValueError: for a bracket that holds no limit, naming the end that is wrong.
     """
     if not 0.0 <= low < high < math.inf:
-        raise ValueError(f"low and high must be 0 <= low < high, got {low} and {high}")
-    if not rel > 0.0:
-        raise ValueError(f"rel must be positive, got {rel}")
+        raise refused("(low, high)", (low, high), "0 <= low < high")
+    positive("rel", rel)
     if not is_stable(low):
-        raise ValueError(f"low must be stable, got {low}, which is not")
+        raise refused("low", low, "a stable one, which it is not")
     if is_stable(high):
-        raise ValueError(f"high must be unstable, got {high}, which is stable")
+        raise refused("high", high, "an unstable one, which it is not")
     while high - low > rel * high:
         middle = 0.5 * (low + high)
         if middle in (low, high):
@@ -86,19 +87,20 @@ def amplification(step: Step, n: int) -> Array:
     Raises:
         ValueError: if the step is not linear (then its matrix means nothing).
     """
-    if n < 1:
-        raise ValueError(f"n must be at least 1, got {n}")
+    count("n", n, 1)
     matrix = np.stack([np.asarray(step(unit), dtype=float) for unit in np.eye(n)], axis=1)
     if matrix.shape != (n, n):
-        raise ValueError(f"step must return {n} numbers, got the shape {matrix.shape[:1]}")
+        raise refused("step(x).shape", matrix.shape[:1], f"({n},)")
     probe = 1.0 + np.arange(n) / n
     scale = 1.0 + np.abs(matrix) @ probe
     if np.all(np.isfinite(matrix)):
         difference = np.abs(np.asarray(step(probe), dtype=float) - matrix @ probe)
         if not np.all(difference <= 1e-9 * scale):
-            raise ValueError(
-                "step must be linear: its value at a sum is not the sum of its values "
-                f"(off by {np.max(difference / scale):.1e} of the size)"
+            raise refused(
+                "step",
+                step,
+                "a linear function: its value at a sum is not the sum of its values "
+                f"(off by {np.max(difference / scale):.1e} of the size)",
             )
     return matrix
 
@@ -107,7 +109,7 @@ def spectral_radius(step_matrix: ArrayLike) -> float:
     """The largest modulus of an eigenvalue: growth per step in the long run (inf if not finite)."""
     matrix = np.asarray(step_matrix, dtype=float)
     if matrix.ndim != 2 or matrix.shape[0] != matrix.shape[1]:
-        raise ValueError(f"step_matrix must be square, got the shape {matrix.shape}")
+        raise refused("step_matrix.shape", matrix.shape, "that of a square matrix")
     if not np.all(np.isfinite(matrix)):
         return math.inf
     return float(np.max(np.abs(np.linalg.eigvals(matrix))))
@@ -128,7 +130,7 @@ def grows(sizes: ArrayLike, factor: float = 1.2) -> bool:
     """
     record = np.asarray(sizes, dtype=float)
     if record.ndim != 1 or record.size < 4:
-        raise ValueError(f"sizes must be at least 4 numbers, got the shape {record.shape}")
+        raise refused("sizes.shape", record.shape, "(n,) with n from 4 on")
     if not np.all(np.isfinite(record)):
         return True
     half = record.size // 2
@@ -238,10 +240,8 @@ def implicit_damping_limit(zeta: float) -> float:
 
 
 def _check(method: str, zeta: float) -> None:
-    if method not in OSCILLATOR_METHODS:
-        raise ValueError(f"method must be one of {OSCILLATOR_METHODS}, got {method!r}")
-    if not (math.isfinite(zeta) and zeta >= 0.0):
-        raise ValueError(f"zeta must be finite and not negative, got {zeta}")
+    one_of("method", method, OSCILLATOR_METHODS)
+    finite("zeta", zeta, 0.0)
 
 
 def _first_negative(condition: Polynomial) -> float:
@@ -365,7 +365,7 @@ def stability_map(
     x, y = np.asarray(x_values, dtype=float), np.asarray(y_values, dtype=float)
     for name, values in (("x_values", x), ("y_values", y)):
         if values.ndim != 1 or values.size < 2 or not np.all(np.diff(values) > 0.0):
-            raise ValueError(f"{name} must be two or more ascending numbers, got {values}")
+            raise refused(name, values, "two or more ascending numbers")
     growth = np.array([[f(float(a), float(b)) for a in x] for b in y], dtype=float)
     growth[~np.isfinite(growth)] = math.inf
     return Map(x, y, growth, slack)

@@ -16,6 +16,8 @@ from typing import Any
 
 import numpy as np
 
+from course.check import count, finite
+
 Sampler = Callable[[int], float]
 """n -> seconds that n calls took."""
 
@@ -103,10 +105,10 @@ def interleaved(
     Raises:
         ValueError: for numbers out of range.
     """
-    if repeats < 1 or most < 1:
-        raise ValueError(f"repeats and most must be at least 1, got {repeats} and {most}")
-    if not (sample >= 0.0 and patience >= 0.0):
-        raise ValueError(f"sample and patience must not be negative, got {sample} and {patience}")
+    count("repeats", repeats, 1)
+    count("most", most, 1)
+    finite("sample", sample, 0.0, unit="s")
+    finite("patience", patience, 0.0)
     if not warm:
         for sampler in samplers:
             sampler(1)

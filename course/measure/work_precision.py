@@ -27,6 +27,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from course.check import POSITIVE, count, one_of, positive, refused, vector
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -67,13 +69,9 @@ class Method:
     colour: str = ""
 
     def __post_init__(self) -> None:
-        if self.style not in STYLES:
-            raise ValueError(f"style must be one of {STYLES}, got {self.style!r}")
-        values = np.asarray(self.parameters, dtype=float)
-        if values.ndim != 1 or values.size == 0 or not np.all(np.isfinite(values) & (values > 0.0)):
-            raise ValueError(
-                f"parameters must be one or more positive numbers, got {self.parameters!r}"
-            )
+        one_of("style", self.style, STYLES)
+        if not vector("parameters", self.parameters, (None,), low=POSITIVE).size:
+            raise refused("parameters", self.parameters, "one or more positive numbers")
 
 
 @dataclass(frozen=True)
@@ -98,8 +96,7 @@ class Point:
 
     def cost(self, by: str) -> float:
         """The cost by "time" [s] or by "count"."""
-        if by not in ("time", "count"):
-            raise ValueError(f"by must be 'time' or 'count', got {by!r}")
+        one_of("by", by, ("time", "count"))
         return self.time if by == "time" else self.count
 
 
@@ -150,7 +147,7 @@ class WorkPrecision:
         for curve in self.curves:
             if curve.name == name:
                 return curve
-        raise ValueError(f"name must be one of {[c.name for c in self.curves]}, got {name!r}")
+        raise refused("name", name, f"one of {', '.join(repr(c.name) for c in self.curves)}")
 
     def pick(
         self, tolerance: float | None = None, by: str = "time", styles: Sequence[str] = STYLES
@@ -167,7 +164,7 @@ class WorkPrecision:
         """
         limit = self.tolerance if tolerance is None else tolerance
         if limit is None:
-            raise ValueError("tolerance must be given: this chart has none of its own")
+            raise refused("tolerance", tolerance, "a number: this chart has none of its own")
         good = [
             (point.cost(by), i, curve.name, point)
             for i, curve in enumerate(self.curves)
@@ -271,9 +268,9 @@ class WorkPrecision:
             ValueError: for a name that is taken, or a chart read from a file, which has no methods.
         """
         if not self._repeat:
-            raise ValueError("this chart was read from a file: measure again to add a method")
+            raise refused("method", method.name, "none: this chart is from a file, measure it")
         if method.name in {curve.name for curve in self.curves}:
-            raise ValueError(f"name must be new, got {method.name!r}")
+            raise refused("name", method.name, "a name that is not on the chart yet")
         known: list[Method] = self._repeat["methods"]
         options = {**self._repeat["options"]}
         if repeats is not None:
@@ -484,18 +481,17 @@ def measure(
             show the reference's error, not the methods'.
     """
     if not methods or len({m.name for m in methods}) < len(methods):
-        raise ValueError(f"methods must have different names, got {[m.name for m in methods]}")
+        raise refused("methods", [m.name for m in methods], "one or more of different names")
     units = {m.unit for m in methods}
     if len(units) > 1:
-        raise ValueError(f"methods must all count the same unit, got {sorted(units)}")
-    if repeats < 1:
-        raise ValueError(f"repeats must be at least 1, got {repeats}")
-    if tolerance is not None and not tolerance > 0.0:
-        raise ValueError(f"tolerance must be positive, got {tolerance}")
+        raise refused("methods", sorted(units), "methods that all count the same unit")
+    count("repeats", repeats, 1)
+    if tolerance is not None:
+        positive("tolerance", tolerance)
     truth = np.asarray(reference, dtype=float)
     uncertainty = float(error(np.asarray(reference_check, dtype=float), truth))
     if not math.isfinite(uncertainty):
-        raise ValueError("reference and reference_check must be finite and comparable")
+        raise refused("reference", reference, "finite and comparable with reference_check")
     options: dict[str, Any] = {
         "reference": truth,
         "error": error,
@@ -510,9 +506,10 @@ def measure(
         # tenth of what is wanted is.
         allowed = 0.1 * max(smallest, tolerance or 0.0)
         if uncertainty > allowed:
-            raise ValueError(
-                f"reference and reference_check differ by {uncertainty:.2e}; allowed is a tenth of "
-                f"the smallest error or of the tolerance, {allowed:.2e}"
+            raise refused(
+                "the difference of reference and reference_check",
+                uncertainty,
+                f"a tenth of the smallest error or of the tolerance, {allowed:.2e}",
             )
 
     curves = _measure_curves(methods, **options, check=check)

@@ -28,6 +28,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from course.check import count, refused
+
 Array = NDArray[np.float64]
 
 
@@ -97,8 +99,7 @@ def rrt(
         ImportError: if OMPL is not installed.
     """
     base, geometric, util = _ompl()
-    if seed < 1:
-        raise ValueError(f"seed must be positive (OMPL draws one of its own for 0), got {seed}")
+    count("seed", seed, 1)  # for 0 OMPL draws one of its own
     start, goal = np.asarray(start, dtype=float), np.asarray(goal, dtype=float)
     low, high = np.asarray(bounds, dtype=float)
     obstacles = [tuple(row) for row in np.asarray(discs, dtype=float).reshape(-1, 3).tolist()]
@@ -106,7 +107,7 @@ def rrt(
         inside = bool(((low <= point) & (point <= high)).all())
         x, y = point.tolist()
         if not inside or not _is_free(x, y, x, y, obstacles):
-            raise ValueError(f"{name} must be free and within the bounds, got {point.tolist()}")
+            raise refused(name, point, "a free point within the bounds")
 
     util.RNG.setSeed(seed)
     space = base.RealVectorStateSpace(2)

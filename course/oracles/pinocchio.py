@@ -12,6 +12,8 @@ from types import ModuleType
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from course.check import refused, vector
+
 Array = NDArray[np.float64]
 
 
@@ -36,9 +38,9 @@ class PlanarChain:
 
     def __init__(self, lengths: ArrayLike) -> None:
         pinocchio = _pinocchio()
-        lengths = np.asarray(lengths, dtype=float)
-        if lengths.ndim != 1 or not lengths.size or not np.isfinite(lengths).all():
-            raise ValueError(f"lengths must be a row of finite numbers, got {lengths.tolist()}")
+        lengths = vector("lengths", lengths, (None,))
+        if not lengths.size:
+            raise refused("lengths", lengths, "one or more finite numbers")
         self.model = pinocchio.Model()
         joint, place = 0, pinocchio.SE3.Identity()
         for i, length in enumerate(lengths):
@@ -61,9 +63,7 @@ class PlanarChain:
         Raises:
             ValueError: if there is not one angle for each joint.
         """
-        thetas = np.asarray(thetas, dtype=float)
-        if thetas.shape != (self.model.nq,):
-            raise ValueError(f"thetas must have shape ({self.model.nq},), got {thetas.shape}")
+        thetas = vector("thetas", thetas, (self.model.nq,))
         self._update(self.model, self._data, thetas)
         joints = [self._data.oMi[i].translation for i in range(1, self.model.njoints)]
         return np.array([*joints, self._data.oMf[self._tip].translation])[:, :2]

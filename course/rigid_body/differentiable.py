@@ -24,6 +24,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from course.check import count, finite, positive, refused, vector
+
 NAMES = ("restitution", "friction", "mass")
 
 # A direction in parameter space counts as unknown when a change of its whole scale moves the
@@ -82,22 +84,21 @@ class Scene:
         for name in ("position", "velocity"):
             pair = getattr(self, name)
             if len(pair) != 2 or not all(math.isfinite(_number(value)) for value in pair):
-                raise ValueError(f"{name} is {pair!r}; allowed: two finite numbers")
+                raise refused(name, pair, "two finite numbers")
         if _number(self.position[1]) < 0:
-            raise ValueError(f"position is {self.position!r}; allowed: a height of 0 m or more")
-        for name in ("gravity", "rest_speed"):
-            value = getattr(self, name)
-            if not math.isfinite(value) or value <= 0:
-                raise ValueError(f"{name} is {value!r}; allowed: positive and finite")
+            raise refused("position", self.position, "a height of 0 m or more")
+        positive("gravity", self.gravity, unit="m/s^2")
+        positive("rest_speed", self.rest_speed, unit="m/s")
         last = 0.0
         for piece in self.push:
             if len(piece) != 3 or not all(map(math.isfinite, piece)) or not last <= piece[0]:
-                raise ValueError(
-                    f"push has {piece!r}; allowed: (start, end, force), finite, in order, "
-                    "from time 0 on, not overlapping"
+                raise refused(
+                    "push",
+                    self.push,
+                    "(start, end, force), finite, in order, from time 0 on, not overlapping",
                 )
             if piece[1] <= piece[0]:
-                raise ValueError(f"push has {piece!r}; allowed: an end after its start")
+                raise refused("push", self.push, "an end after its start")
             last = piece[1]
 
 
@@ -117,23 +118,15 @@ class Segment(NamedTuple):
 
 def _check(parameters: Any) -> None:
     if len(parameters) != 3:
-        raise ValueError(
-            f"parameters has {len(parameters)} values; allowed: 3 (restitution, friction, mass)"
-        )
+        raise refused("parameters", parameters, "3 numbers: restitution, friction, mass")
     restitution, friction, mass = (_number(value) for value in parameters)
-    if not 0 <= restitution <= 1:
-        raise ValueError(f"restitution is {restitution!r}; allowed: 0 to 1")
-    if not 0 <= friction < math.inf:
-        raise ValueError(f"friction is {friction!r}; allowed: 0 or more, finite")
-    if not 0 < mass < math.inf:
-        raise ValueError(f"mass is {mass!r}; allowed: positive and finite")
+    finite("restitution", restitution, 0.0, 1.0)
+    finite("friction", friction, 0.0)
+    positive("mass", mass, unit="kg")
 
 
 def _check_times(times: Any) -> np.ndarray:
-    checked = np.asarray(times, dtype=float)
-    if checked.ndim != 1 or not np.all(np.isfinite(checked)) or np.any(checked < 0):
-        raise ValueError(f"times is {times!r}; allowed: a list of finite times, 0 s or more")
-    return checked
+    return vector("times", times, (None,), low=0.0, unit="s")
 
 
 def _push_after(scene: Scene, time: float) -> tuple[float, float]:
@@ -321,14 +314,8 @@ class Recording:
 
     def __post_init__(self) -> None:
         _check_times(self.times)
-        if np.shape(self.positions) != (2, len(self.times)):
-            raise ValueError(
-                f"positions has shape {np.shape(self.positions)}; allowed: (2, {len(self.times)})"
-            )
-        if not np.all(np.isfinite(self.positions)):
-            raise ValueError("positions has numbers that are not finite; allowed: finite only")
-        if not math.isfinite(self.noise) or self.noise <= 0:
-            raise ValueError(f"noise is {self.noise!r}; allowed: positive and finite")
+        vector("positions", self.positions, (2, len(self.times)), unit="m")
+        positive("noise", self.noise, unit="m")
 
 
 def record(
@@ -453,8 +440,7 @@ def information(
     Raises:
         ValueError: if the noise is not positive, or a parameter or time is out of range.
     """
-    if not math.isfinite(noise) or noise <= 0:
-        raise ValueError(f"noise is {noise!r}; allowed: positive and finite")
+    positive("noise", noise, unit="m")
     J = jacobian(parameters, scene, times)[:2].reshape(-1, 3) / noise
     scale = np.array([1.0, 1.0, float(parameters[2])])
     _, values, directions = np.linalg.svd(J * scale, full_matrices=True)
@@ -553,8 +539,7 @@ def recover(
         ValueError: if the guess is out of range or `iterations` is below 1.
         ModuleNotFoundError: if torch is missing.
     """
-    if iterations < 1:
-        raise ValueError(f"iterations is {iterations!r}; allowed: 1 or more")
+    count("iterations", iterations, 1)
     point = np.array(guess, dtype=float)
     _check(point)
     # At e = 0 exactly nothing bounces any more, and no gradient would lead back.
@@ -632,8 +617,7 @@ def naive_drop(
     Raises:
         ValueError: if dt is not positive.
     """
-    if not math.isfinite(dt) or dt <= 0:
-        raise ValueError(f"dt is {dt!r}; allowed: positive and finite")
+    positive("dt", dt, unit="s")
     y, v = height, 0.0 * restitution
     for _ in range(round(duration / dt)):
         v = v - dt * gravity

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numba.extending import register_jitable
 
+from course.check import count, one_of, positive, refused
 from course.rigid_body.integrators import INTEGRATORS, Array, Step, System, Trajectory
 from course.rigid_body.problems import STANDARD_GRAVITY, Problem, pendulum
 
@@ -155,12 +156,10 @@ def simulate_with_events(
     Raises:
         ValueError: for an unknown integrator, or dt or steps out of range.
     """
-    if isinstance(integrator, str) and integrator not in INTEGRATORS:
-        raise ValueError(f"integrator is {integrator!r}; allowed are {', '.join(INTEGRATORS)}")
-    if not (np.isfinite(dt) and dt > 0):
-        raise ValueError(f"dt is {dt!r}; it must be a positive number of seconds")
-    if steps < 1:
-        raise ValueError(f"steps is {steps!r}; it must be at least 1")
+    if isinstance(integrator, str):
+        one_of("integrator", integrator, INTEGRATORS)
+    positive("dt", dt, unit="s")
+    count("steps", steps, 1)
     step = INTEGRATORS[integrator].step if isinstance(integrator, str) else integrator
     advance = step_with_event if handled else step_with_late_event
     q, v = system.q0, system.v0
@@ -210,7 +209,7 @@ def bouncing_pendulum(
         ValueError: amplitude out of its range.
     """
     if not 0.0 < amplitude < np.pi:
-        raise ValueError(f"amplitude is {amplitude}; allowed is from 0 to pi, both excluded [rad]")
+        raise refused("amplitude", amplitude, "a number between 0 and pi [rad]")
     free = pendulum(amplitude, length, gravity, duration)
 
     def truth(t: float) -> tuple[Array, Array]:

@@ -27,6 +27,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
+from course.check import count, one_of, positive, refused, vector
 from course.compiled import MATRIX, VECTOR, acceleration_type, compiled, function_argument
 from course.rigid_body.quaternion import cross, derivative, exp, normalise, product
 
@@ -348,15 +349,14 @@ class System:
 
     def __post_init__(self) -> None:
         for field in ("params", "q0", "v0"):
-            value = np.array(getattr(self, field), dtype=np.float64, order="C")
-            if not np.all(np.isfinite(value)):
-                raise ValueError(f"{field} is {value}; every number must be finite")
-            object.__setattr__(self, field, value)
+            value = vector(field, getattr(self, field))
+            object.__setattr__(self, field, np.array(value, order="C"))
         nq, nv = self.q0.shape[0], self.v0.shape[0]
         if nq - nv not in (0, 1) or self.q0.shape[1:] != self.v0.shape[1:]:
-            raise ValueError(
-                f"q0 and v0 have shapes {self.q0.shape} and {self.v0.shape}; allowed are nv = nq, "
-                "or nv = nq - 1 with a unit quaternion in the last four rows of q0"
+            raise refused(
+                "(q0.shape, v0.shape)",
+                (self.q0.shape, self.v0.shape),
+                "nv = nq, or nv = nq - 1 with a unit quaternion in the last four rows of q0",
             )
 
 
@@ -452,15 +452,13 @@ def simulate(
     Raises:
         ValueError: for an unknown integrator, or dt, steps or every out of range.
     """
-    if isinstance(integrator, str) and integrator not in INTEGRATORS:
-        raise ValueError(f"integrator is {integrator!r}; allowed are {', '.join(INTEGRATORS)}")
-    if not (np.isfinite(dt) and dt > 0):
-        raise ValueError(f"dt is {dt!r}; it must be a positive number of seconds")
-    if steps < 1:
-        raise ValueError(f"steps is {steps!r}; it must be at least 1")
-    every = steps if every is None else every
-    if every < 1 or steps % every:
-        raise ValueError(f"every is {every!r}; it must divide steps = {steps}")
+    if isinstance(integrator, str):
+        one_of("integrator", integrator, INTEGRATORS)
+    positive("dt", dt, unit="s")
+    count("steps", steps, 1)
+    every = steps if every is None else count("every", every, 1)
+    if steps % every:
+        raise refused("every", every, f"a divisor of steps = {steps}")
     records = steps // every
     # Only a single body is compiled here: `spatial.advance_bodies` is for batches.
     use_compiled = isinstance(integrator, str) and system.compile and system.q0.ndim == 1

@@ -25,6 +25,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from course.check import count, finite, positive, refused
+
 Seconds = int | float | str | Fraction
 
 _LARGEST_DENOMINATOR = 1_000_000
@@ -53,19 +55,19 @@ def exact_seconds(value: Seconds, name: str = "seconds") -> Fraction:
         try:
             return Fraction(value)
         except (ValueError, ZeroDivisionError):
-            raise ValueError(
-                f"{name} is {value!r}; allowed: a number of seconds such as '0.001' or '1/60'"
-            ) from None
+            raise refused(name, value, "a number of seconds such as '0.001' or '1/60'") from None
     if isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value):
         number = float(value)
         fraction = Fraction(number).limit_denominator(_LARGEST_DENOMINATOR)
         if float(fraction) == number:
             return fraction
-        raise ValueError(
-            f"{name} is {value!r}, which is not a fraction with a denominator up to "
-            f"{_LARGEST_DENOMINATOR}; allowed: fractions.Fraction or a string for such a value"
+        raise refused(
+            name,
+            value,
+            f"a fraction with a denominator up to {_LARGEST_DENOMINATOR}; for any other number "
+            "fractions.Fraction or a string",
         )
-    raise ValueError(f"{name} is {value!r}; allowed: a finite number of seconds")
+    raise refused(name, value, "a finite number of seconds")
 
 
 def interpolate_linearly(previous: Any, current: Any, alpha: float) -> Any:
@@ -244,13 +246,11 @@ class FixedStepLoop:
         exact = exact_seconds(value, name)
         if least is None:
             if exact < 0:
-                raise ValueError(f"{name} is {value!r}; allowed: 0 s or more")
+                raise refused(name, value, "0 s or more")
         elif exact <= 0:
-            raise ValueError(f"{name} is {value!r}; allowed: more than 0 s")
+            raise refused(name, value, "more than 0 s")
         elif exact < least:
-            raise ValueError(
-                f"{name} is {value!r}; allowed: at least one physics step ({float(least):g} s)"
-            )
+            raise refused(name, value, f"at least one physics step ({float(least):g} s)")
         setattr(self, name, exact)
         return exact
 
@@ -290,10 +290,7 @@ class FixedStepLoop:
         Raises:
             ValueError: if the time is negative or not finite.
         """
-        if not isinstance(real_seconds, Real) or not math.isfinite(real_seconds):
-            raise ValueError(f"real_seconds is {real_seconds!r}; allowed: a finite number")
-        if real_seconds < 0:
-            raise ValueError(f"real_seconds is {real_seconds!r}; allowed: 0 s or more")
+        finite("real_seconds", real_seconds, 0.0, unit="s")
 
         before = Advance(**vars(self.totals))
         frame = Fraction(real_seconds)
@@ -429,8 +426,7 @@ def run(
     Raises:
         ValueError: if `seconds` is not positive and finite.
     """
-    if not math.isfinite(seconds) or seconds <= 0:
-        raise ValueError(f"seconds is {seconds!r}; allowed: positive and finite")
+    positive("seconds", seconds, unit="s")
     total = Advance()
     start = last = clock()
     while last - start < seconds:
@@ -463,8 +459,7 @@ def float_clock_error(dt: float, steps: int) -> float:
         ValueError: if dt is not an exact number of seconds or steps is not positive.
     """
     exact = exact_seconds(dt, "dt")
-    if steps < 1:
-        raise ValueError(f"steps is {steps!r}; allowed: 1 or more")
+    count("steps", steps, 1)
     # cumsum adds from left to right; np.sum would add in pairs and hide most of the error.
     reading = float(np.cumsum(np.full(steps, float(dt)))[-1])
     return float(Fraction(reading) - steps * exact)

@@ -29,6 +29,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
+from course.check import POSITIVE, count, one_of, positive, refused, vector
 from course.compiled import MATRIX, compiled
 from course.rigid_body.planar_contact import (
     GAP_TOLERANCE,
@@ -217,14 +218,6 @@ def _kernel() -> Any:
     return compiled(_step_boxes, _SIGNATURE)
 
 
-def _checked(name: str, value: Any, allowed: str, low: float, high: float = np.inf) -> Array:
-    """The value as an array of floats, if all of it is finite and within [low, high]."""
-    array = np.asarray(value, dtype=float)
-    if not (np.isfinite(array).all() and (array >= low).all() and (array <= high).all()):
-        raise ValueError(f"{name} is {value!r}, allowed is {allowed}")
-    return array
-
-
 def box_parameters(
     mass: ArrayLike = 1.0,
     width: ArrayLike = 0.3,
@@ -252,40 +245,31 @@ def box_parameters(
     Raises:
         ValueError: a parameter is not finite or out of its range.
     """
-    tiny = np.finfo(float).tiny
-    mass = _checked("mass", mass, "positive [kg]", tiny)
-    width = _checked("width", width, "positive [m]", tiny)
-    height = _checked("height", height, "positive [m]", tiny)
+    mass = vector("mass", mass, low=POSITIVE, unit="kg")
+    width = vector("width", width, low=POSITIVE, unit="m")
+    height = vector("height", height, low=POSITIVE, unit="m")
     if inertia is None:
         inertia = mass * (width * width + height * height) / 12.0
     rows = [
         mass,
         width,
         height,
-        _checked("inertia", inertia, "positive [kg m^2]", tiny),
-        _checked("restitution", restitution, "from 0 to 1", 0.0, 1.0),
-        _checked("friction", friction, "not negative", 0.0),
-        _checked("rest_speed", rest_speed, "not negative [m/s]", 0.0),
+        vector("inertia", inertia, low=POSITIVE, unit="kg m^2"),
+        vector("restitution", restitution, low=0.0, high=1.0),
+        vector("friction", friction, low=0.0),
+        vector("rest_speed", rest_speed, low=0.0, unit="m/s"),
     ]
     try:
         return np.array(np.broadcast_arrays(*[np.atleast_1d(row) for row in rows]))
     except ValueError as error:
         shapes = {name: row.shape for name, row in zip(PARAMETERS, rows, strict=True)}
-        raise ValueError(f"the shapes of the parameters disagree: {shapes}") from error
-
-
-def _coefficient(integrator: str) -> float:
-    if integrator not in FLIGHT_COEFFICIENT:
-        raise ValueError(f"integrator is {integrator!r}, allowed is {list(FLIGHT_COEFFICIENT)}")
-    return FLIGHT_COEFFICIENT[integrator]
+        raise refused("the shapes", shapes, "those that agree") from error
 
 
 def _gravity(gravity: ArrayLike) -> tuple[float, float]:
     """The vector of gravity; a single number acts downwards."""
-    vector = np.asarray(gravity, dtype=float)
-    if vector.shape not in ((), (2,)) or not np.isfinite(vector).all():
-        raise ValueError(f"gravity is {gravity!r}, allowed is a finite number or two [m/s^2]")
-    return (0.0, -float(vector)) if vector.shape == () else (float(vector[0]), float(vector[1]))
+    g = vector("gravity", gravity, (), (2,), unit="m/s^2")
+    return (0.0, -float(g)) if g.shape == () else (float(g[0]), float(g[1]))
 
 
 Run = Callable[..., tuple[Array, NDArray[np.int64]]]
@@ -318,27 +302,24 @@ def prepare(
     """
     parameters = np.ascontiguousarray(parameters, dtype=float)
     if parameters.ndim != 2 or parameters.shape[0] != 7 or parameters.shape[1] not in (1, n):
-        raise ValueError(f"parameters have the shape {parameters.shape}, allowed is (7, 1 or {n})")
+        raise refused("parameters.shape", parameters.shape, f"(7, 1) or (7, {n})")
     force = np.zeros((3, 1)) if forces is None else np.ascontiguousarray(forces, dtype=float)
     if force.ndim == 1:
         force = force.reshape(-1, 1)
     if force.shape not in ((3, 1), (3, n)):
-        raise ValueError(f"forces have the shape {force.shape}, allowed is (3,), (3, 1), (3, {n})")
-    if not (np.isfinite(dt) and dt > 0.0):
-        raise ValueError(f"dt is {dt}, allowed is a positive number [s]")
-    if max_events < 1:
-        raise ValueError(f"max_events is {max_events}, allowed from 1")
+        raise refused("forces.shape", force.shape, f"(3,), (3, 1) or (3, {n})")
+    positive("dt", dt, unit="s")
+    count("max_events", max_events, 1)
     gx, gy = _gravity(gravity)
-    coefficient = _coefficient(integrator)
+    coefficient = FLIGHT_COEFFICIENT[one_of("integrator", integrator, FLIGHT_COEFFICIENT)]
     kernel = _kernel()
 
     def run(state: Array, steps: int, out: Array | None = None) -> tuple[Array, NDArray[np.int64]]:
-        if steps < 0:
-            raise ValueError(f"steps is {steps}, allowed from 0")
+        count("steps", steps)
         if out is None:
             out = np.empty_like(state)
         elif out.shape != state.shape or out.dtype != state.dtype or not out.flags.c_contiguous:
-            raise ValueError(f"out is {out.dtype} {out.shape}, allowed is float64 {state.shape}")
+            raise refused("out", (out.dtype.name, out.shape), f"C-ordered float64 {state.shape}")
         counts = np.empty((2, n), dtype=np.int64)
         bad = kernel(
             out, counts, state, parameters, force, gx, gy, float(dt), steps, coefficient,
@@ -348,9 +329,10 @@ def prepare(
             k = bad if parameters.shape[1] > 1 else 0
             given = dict(zip(PARAMETERS, parameters[:, k].tolist(), strict=True))
             f = force[:, bad if force.shape[1] > 1 else 0]
-            raise ValueError(
-                f"box {bad} has state {state[:, bad].tolist()}, force and torque {f.tolist()} and "
-                f"parameters {given}; allowed are finite numbers in the ranges of box_parameters"
+            raise refused(
+                f"box {bad}",
+                {"state": state[:, bad].tolist(), "force and torque": f.tolist(), **given},
+                "finite numbers in the ranges of box_parameters",
             )
         return out, counts
 
@@ -408,7 +390,7 @@ def rollout(
     """
     state = np.ascontiguousarray(state, dtype=float)
     if state.ndim != 2 or state.shape[0] != 6:
-        raise ValueError(f"state has the shape {state.shape}, allowed is (6, N)")
+        raise refused("state.shape", state.shape, "(6, N)")
     run = prepare(
         state.shape[1],
         parameters,
@@ -428,13 +410,6 @@ def step_boxes(
 ) -> tuple[Array, NDArray[np.int64]]:
     """One step of N boxes: `rollout` with one step, and its options."""
     return rollout(state, parameters, dt, 1, **options)
-
-
-def _checked_state(state: ArrayLike) -> Array:
-    found = np.asarray(state, dtype=float)
-    if found.shape != (6,) or not np.isfinite(found).all():
-        raise ValueError(f"state is {state!r}, allowed are 6 finite numbers")
-    return found
 
 
 @dataclass
@@ -479,7 +454,7 @@ class PlanarBody:
             friction=self.friction,
             rest_speed=self.rest_speed,
         )
-        self.state = _checked_state(self.state).copy()
+        self.state = vector("state", self.state, (6,)).copy()
 
     @property
     def moment(self) -> float:
@@ -532,12 +507,8 @@ class PlanarBody:
         Raises:
             ValueError: not two finite numbers.
         """
-        f = np.asarray(force, dtype=float)
-        p = self.state[:2] if point is None else np.asarray(point, dtype=float)
-        if f.shape != (2,) or not np.isfinite(f).all():
-            raise ValueError(f"force is {force!r}, allowed are 2 finite numbers [N]")
-        if p.shape != (2,) or not np.isfinite(p).all():
-            raise ValueError(f"point is {point!r}, allowed are 2 finite numbers [m]")
+        f = vector("force", force, (2,), unit="N")
+        p = self.state[:2] if point is None else vector("point", point, (2,), unit="m")
         arm = p - self.state[:2]
         self.force = self.force + f
         self.torque += float(arm[0] * f[1] - arm[1] * f[0])
@@ -554,7 +525,7 @@ class PlanarBody:
             ValueError: an argument, or an attribute set since, is out of its range.
         """
         state, counts = rollout(
-            _checked_state(self.state).reshape(6, 1),
+            vector("state", self.state, (6,)).reshape(6, 1),
             self.parameters,
             dt,
             1,

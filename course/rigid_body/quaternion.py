@@ -23,6 +23,8 @@ import numpy as np
 import numpy.typing as npt
 from numba.extending import register_jitable
 
+from course.check import refused, vector
+
 __all__ = [
     "angle_between",
     "conjugate",
@@ -58,22 +60,6 @@ _EULER_LOCK = 1e-14
 _UNIT_TOLERANCE = 1e-6
 
 
-def _checked(values: Any, name: str, leading: tuple[int, ...]) -> Array:
-    """`values` as a new finite float64 array of shape `leading` or `leading` + (N,)."""
-    try:
-        array = np.array(values, dtype=np.float64, order="C")
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{name} is {values!r}; it must be an array of real numbers") from error
-    dimensions = len(leading)
-    if array.shape[:dimensions] != leading or array.ndim > dimensions + 1:
-        batch = "(" + "".join(f"{size}, " for size in leading) + "N)"
-        raise ValueError(f"{name} has shape {array.shape}; it must be {leading} or {batch}")
-    if not np.all(np.isfinite(array)):
-        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-        raise ValueError(f"{name}{list(where)} is {array[where]}; every component must be finite")
-    return array
-
-
 def unit_quaternion(values: Any, name: str = "quaternion") -> Array:
     """Check that values from outside are unit quaternions.
 
@@ -87,15 +73,16 @@ def unit_quaternion(values: Any, name: str = "quaternion") -> Array:
     Raises:
         ValueError: wrong shape, not numbers, not finite, or a length more than 1e-6 from 1.
     """
-    q = _checked(values, name, (4,))
+    q = np.array(vector(name, values, (4,), (4, None)), order="C")
     length = np.atleast_1d(np.sqrt(np.sum(q * q, axis=0)))
     wrong = np.flatnonzero(np.abs(length - 1.0) > _UNIT_TOLERANCE)
     if wrong.size:
         i = wrong[0]
         column = f"[:, {i}]" if q.ndim == 2 else ""
-        raise ValueError(
-            f"{name}{column} is {q.reshape(4, -1)[:, i]} of length {length[i]:.9g}; "
-            f"it must be of length 1 within {_UNIT_TOLERANCE:g} (normalise it)"
+        raise refused(
+            f"{name}{column}",
+            q.reshape(4, -1)[:, i],
+            f"a length of 1 within {_UNIT_TOLERANCE:g} (here {length[i]:.9g}): normalise it",
         )
     return q
 
@@ -114,7 +101,7 @@ def rotation_matrix(values: Any, name: str = "matrix") -> Array:
         ValueError: wrong shape, not numbers, not finite, columns that are not orthonormal
             within 1e-6, or a reflection (determinant -1).
     """
-    R = _checked(values, name, (3, 3))
+    R = np.array(vector(name, values, (3, 3), (3, 3, None)), order="C")
     stack = np.moveaxis(R.reshape(3, 3, -1), 2, 0)
     error = np.abs(np.swapaxes(stack, 1, 2) @ stack - np.eye(3)).reshape(-1, 9).max(axis=1)
     determinant = np.linalg.det(stack)
@@ -122,10 +109,11 @@ def rotation_matrix(values: Any, name: str = "matrix") -> Array:
     if wrong.size:
         i = wrong[0]
         index = f"[:, :, {i}]" if R.ndim == 3 else ""
-        raise ValueError(
-            f"{name}{index} is {stack[i].tolist()}, with determinant {determinant[i]:.9g} and "
-            f"columns {error[i]:.3g} from orthonormal; they must be orthonormal within "
-            f"{_UNIT_TOLERANCE:g} and the determinant 1"
+        raise refused(
+            f"{name}{index}",
+            stack[i],
+            f"columns that are orthonormal within {_UNIT_TOLERANCE:g} (here {error[i]:.3g}) and a "
+            f"determinant of 1 (here {determinant[i]:.9g})",
         )
     return R
 

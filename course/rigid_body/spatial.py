@@ -11,6 +11,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 
+from course.check import one_of, positive, refused, vector
 from course.rigid_body.integrators import INTEGRATORS, Array, compiled_parts
 from course.rigid_body.quaternion import conjugate, rotate, unit_quaternion
 
@@ -80,20 +81,18 @@ def inertia_tensor(value: ArrayLike) -> Array:
         ValueError: unless it is symmetric, positive and obeys the triangle inequality
             I1 + I2 >= I3, without which no mass distribution has it.
     """
-    tensor = np.asarray(value, dtype=np.float64)
+    tensor = vector("inertia", value, (3,), (3, 3))
     if tensor.shape == (3,):
         tensor = np.diag(tensor)
-    if tensor.shape != (3, 3) or not np.all(np.isfinite(tensor)):
-        raise ValueError(
-            f"inertia is {tensor.tolist()}; allowed are 3 moments or a 3 x 3 tensor of numbers"
-        )
     if not np.allclose(tensor, tensor.T, rtol=1e-9, atol=1e-12 * np.abs(tensor).max()):
-        raise ValueError(f"inertia is {tensor.tolist()}; an inertia tensor is symmetric")
+        raise refused("inertia", tensor, "a symmetric tensor")
     low, middle, high = np.linalg.eigvalsh(tensor)
     if low <= 0.0 or low + middle < high * (1.0 - 1e-9):
-        raise ValueError(
-            f"inertia has principal moments {low:.6g}, {middle:.6g}, {high:.6g}; all must be "
-            "positive and none larger than the sum of the other two"
+        raise refused(
+            "inertia",
+            tensor,
+            "one whose principal moments are positive and none larger than the sum of the other "
+            f"two (here {low:.6g}, {middle:.6g}, {high:.6g})",
         )
     return tensor
 
@@ -120,17 +119,10 @@ class RigidBody:
     torque: Array = field(default_factory=lambda: np.zeros(3), init=False)
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.mass) and self.mass > 0.0):
-            raise ValueError(f"mass is {self.mass!r}; it must be a positive number of kilograms")
+        positive("mass", self.mass, unit="kg")
         self.inertia = inertia_tensor(self.inertia)
-        self.q = np.array(self.q, dtype=np.float64)
-        self.v = np.array(self.v, dtype=np.float64)
-        if self.q.shape != (7,) or self.v.shape != (6,):
-            raise ValueError(
-                f"q and v have shapes {self.q.shape} and {self.v.shape}; allowed are (7,) and (6,)"
-            )
-        if not (np.all(np.isfinite(self.q)) and np.all(np.isfinite(self.v))):
-            raise ValueError(f"q is {self.q} and v is {self.v}; every number must be finite")
+        self.q = vector("q", self.q, (7,)).copy()
+        self.v = vector("v", self.v, (6,)).copy()
         self.q[3:] = unit_quaternion(self.q[3:])
 
     def apply_force(self, force: ArrayLike, point: ArrayLike | None = None) -> None:
@@ -143,14 +135,15 @@ class RigidBody:
         Raises:
             ValueError: for a wrong shape or a number that is not finite.
         """
-        f = _vector3("force", force)
+        f = vector("force", force, (3,), unit="N")
         self.force = self.force + f
         if point is not None:
-            self.torque = self.torque + np.cross(_vector3("point", point) - self.q[:3], f)
+            arm = vector("point", point, (3,), unit="m") - self.q[:3]
+            self.torque = self.torque + np.cross(arm, f)
 
     def apply_torque(self, torque: ArrayLike) -> None:
         """Add a torque (world frame, shape (3,), N m) for the next step."""
-        self.torque = self.torque + _vector3("torque", torque)
+        self.torque = self.torque + vector("torque", torque, (3,), unit="N m")
 
     def step(
         self,
@@ -170,15 +163,13 @@ class RigidBody:
         Raises:
             ValueError: for a step that is not positive or an unknown integrator.
         """
-        if not (np.isfinite(dt) and dt > 0.0):
-            raise ValueError(f"dt is {dt!r}; it must be a positive number of seconds")
-        if integrator not in INTEGRATORS:
-            raise ValueError(f"integrator is {integrator!r}; allowed are {', '.join(INTEGRATORS)}")
+        positive("dt", dt, unit="s")
+        one_of("integrator", integrator, INTEGRATORS)
         unit_quaternion(self.q[3:])  # it may have been set since
         tensor = np.asarray(self.inertia)
         params = np.concatenate(
             [
-                self.force / self.mass + _vector3("gravity", gravity),
+                self.force / self.mass + vector("gravity", gravity, (3,), unit="m/s^2"),
                 self.torque,
                 tensor.ravel(),
                 np.linalg.inv(tensor).ravel(),
@@ -194,19 +185,12 @@ class RigidBody:
         kinetic = 0.5 * self.mass * self.v[:3] @ self.v[:3] + 0.5 * spin @ (
             np.asarray(self.inertia) @ spin
         )
-        potential = -self.mass * _vector3("gravity", gravity) @ self.q[:3]
+        potential = -self.mass * vector("gravity", gravity, (3,), unit="m/s^2") @ self.q[:3]
         return float(kinetic), float(potential), float(kinetic + potential)
 
     def angular_momentum(self) -> Array:
         """Angular momentum about the centre of mass in the world frame, shape (3,) [kg m^2/s]."""
         return np.asarray(rotate(self.q[3:], np.asarray(self.inertia) @ self.v[3:]))
-
-
-def _vector3(name: str, value: ArrayLike) -> Array:
-    vector = np.asarray(value, dtype=np.float64)
-    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-        raise ValueError(f"{name} is {vector.tolist()}; it must be three finite numbers")
-    return vector
 
 
 # Bodies per block: small enough that its rows stay in cache while many steps go by, large enough
@@ -242,10 +226,14 @@ def advance_bodies(
         ValueError: for shapes that disagree or an unknown integrator.
     """
     if q.ndim != 2 or q.shape[0] != 7 or v.shape != (6, q.shape[1]):
-        raise ValueError(f"q and v have shapes {q.shape} and {v.shape}; allowed: (7, N) and (6, N)")
-    if integrator not in INTEGRATORS:
-        raise ValueError(f"integrator is {integrator!r}; allowed are {', '.join(INTEGRATORS)}")
-    params = np.concatenate([_vector3("gravity", gravity), _vector3("inertia", inertia)])
+        raise refused("(q.shape, v.shape)", (q.shape, v.shape), "((7, N), (6, N))")
+    one_of("integrator", integrator, INTEGRATORS)
+    params = np.concatenate(
+        [
+            vector("gravity", gravity, (3,), unit="m/s^2"),
+            vector("inertia", inertia, (3,), unit="kg m^2"),
+        ]
+    )
     run, step, acceleration = compiled_parts(free_flight_acceleration, integrator, 2)
     q_new, v_new = np.empty_like(q), np.empty_like(v)
     for start in range(0, q.shape[1], BLOCK):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from gymnasium import Env, spaces
 
-from course.vector_env.interface import checked_count
+from course.check import count
 
 
 class Busy(Env[Any, Any]):
@@ -22,7 +22,7 @@ class Busy(Env[Any, Any]):
         """
         self.observation_space: Any = spaces.Box(-1.0, 1.0, (8,), np.float64)
         self.action_space: Any = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        self._bytes = bytes(checked_count("size", size, 0))
+        self._bytes = bytes(count("size", size, 0))
         self._observation = np.zeros(8)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> Any:

@@ -13,22 +13,14 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
+from course.check import count, one_of, refused
+
 
 def checked_mode(mode: AutoresetMode | str) -> AutoresetMode:
     """The autoreset mode asked for: SAME_STEP or NEXT_STEP, or their values as text."""
-    allowed = (AutoresetMode.SAME_STEP, AutoresetMode.NEXT_STEP)
-    if mode not in allowed and mode not in [item.value for item in allowed]:
-        raise ValueError(
-            f"autoreset_mode must be one of {[item.value for item in allowed]}, got {mode!r}"
-        )
-    return AutoresetMode(mode)
-
-
-def checked_count(name: str, value: Any, least: int = 1) -> int:
-    """A whole number not below `least`."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or value < least:
-        raise ValueError(f"{name} must be a whole number from {least} on, got {value!r}")
-    return int(value)
+    name = mode.value if isinstance(mode, AutoresetMode) else mode
+    allowed = (AutoresetMode.SAME_STEP.value, AutoresetMode.NEXT_STEP.value)
+    return AutoresetMode(one_of("autoreset_mode", name, allowed))
 
 
 def checked_batch(space: Space[Any], actions: Any, name: str = "actions") -> Any:
@@ -46,28 +38,29 @@ def checked_batch(space: Space[Any], actions: Any, name: str = "actions") -> Any
     if isinstance(space, spaces.Dict):
         if not isinstance(actions, Mapping) or set(actions) != set(space.spaces):
             got = sorted(actions) if isinstance(actions, Mapping) else type(actions).__name__
-            raise ValueError(f"{name} must have the keys {sorted(space.spaces)}, got {got}")
+            raise refused(f"{name}.keys()", got, f"{sorted(space.spaces)}")
         return {k: checked_batch(s, actions[k], f"{name}[{k!r}]") for k, s in space.items()}
     if isinstance(space, spaces.Tuple):
         if not isinstance(actions, Sequence) or len(actions) != len(space.spaces):
-            raise ValueError(f"{name} must be a tuple of {len(space.spaces)}, got {actions!r}")
+            raise refused(name, actions, f"a tuple of {len(space.spaces)}")
         pairs = zip(space.spaces, actions, strict=True)
         return tuple(checked_batch(s, a, f"{name}[{i}]") for i, (s, a) in enumerate(pairs))
     if space.shape is None or space.dtype is None:
         return actions
     array = np.asarray(actions)
     if array.shape != space.shape:
-        raise ValueError(
-            f"{name} must have shape {space.shape}, one row for each of {space.shape[0]} "
-            f"environments, got {array.shape}"
+        raise refused(
+            f"{name}.shape",
+            array.shape,
+            f"{space.shape}: one row for each of {space.shape[0]} environments",
         )
     if not np.can_cast(array.dtype, space.dtype, "same_kind"):
-        raise ValueError(f"{name} must have dtype {space.dtype}, got {array.dtype}")
+        raise refused(f"{name}.dtype", array.dtype, f"{space.dtype}")
     batch = np.array(array, dtype=space.dtype, order="C")
     # A NaN makes the sum NaN. So does inf - inf; then the slower look tells the two apart.
     if batch.dtype.kind == "f" and not batch.sum() < np.inf and np.isnan(batch).any():
         where = np.argwhere(np.isnan(batch))[0]
-        raise ValueError(f"{name} must be numbers, got NaN for environment {where[0]}")
+        raise refused(f"{name}{where.tolist()}", np.nan, "a number")
     return batch
 
 
@@ -78,7 +71,7 @@ class AutoresettingVectorEnv(VectorEnv):
 
     def _adopt(self, env: Env[Any, Any], num_envs: int, mode: AutoresetMode | str) -> None:
         """Take over the spaces and metadata of one environment, for `num_envs` of them."""
-        self.num_envs = checked_count("num_envs", num_envs)
+        self.num_envs = count("num_envs", num_envs, 1)
         self.autoreset_mode = checked_mode(mode)
         self.metadata = {**env.metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = env.render_mode
@@ -109,20 +102,18 @@ class AutoresettingVectorEnv(VectorEnv):
         elif isinstance(seed, int | np.integer) and not isinstance(seed, bool):
             seeds = [int(seed) + i for i in range(n)]
         elif isinstance(seed, Sequence | np.ndarray) and not isinstance(seed, str):
-            seeds = [None if s is None else checked_count("seed", s, 0) for s in seed]
+            seeds = [None if s is None else count("seed", s) for s in seed]
         else:
-            raise ValueError(f"seed must be None, an int or a list of {n}, got {seed!r}")
+            raise refused("seed", seed, f"None, an int or a list of {n}")
         if len(seeds) != n:
-            raise ValueError(f"seed must have one entry for each of {n}, got {len(seeds)}")
-        if seeds[0] is not None and seeds[0] < 0:
-            raise ValueError(f"seed must not be negative, got {seed}")
+            raise refused("seed", seed, f"a list of {n}, one for each environment")
+        if seeds[0] is not None:
+            count("seed", seeds[0])
         if options is None or "reset_mask" not in options:
             return np.arange(n), seeds, options
         mask = np.asarray(options["reset_mask"])
         if mask.shape != (n,) or mask.dtype != np.bool_ or not mask.any():
-            raise ValueError(
-                f"options['reset_mask'] must be {n} bools, one of them True, got {mask!r}"
-            )
+            raise refused("options['reset_mask']", mask, f"{n} bools, one of them True")
         rest = {k: v for k, v in options.items() if k != "reset_mask"}
         return np.flatnonzero(mask), seeds, rest
 
@@ -174,7 +165,8 @@ class Lane:
 def check_spaces(env: Env[Any, Any], observation: Any, action: Any, index: int) -> None:
     """Refuse an environment whose spaces are not the first one's."""
     if env.observation_space != observation or env.action_space != action:
-        raise ValueError(
-            f"env_fn must build environments with equal spaces; number {index} has "
-            f"{env.observation_space} and {env.action_space}, not {observation} and {action}"
+        raise refused(
+            f"the spaces of environment {index}",
+            (env.observation_space, env.action_space),
+            f"those of the first, {(observation, action)}",
         )

@@ -37,7 +37,8 @@ from gymnasium.vector.utils import (
     iterate,
 )
 
-from course.vector_env.interface import AutoresettingVectorEnv, Lane, check_spaces, checked_count
+from course.check import count, positive, refused
+from course.vector_env.interface import AutoresettingVectorEnv, Lane, check_spaces
 from course.vector_env.sequential import Batch, spread
 
 _STEP = pickle.dumps(("step", None))
@@ -93,13 +94,13 @@ class _Shared:
 
     def _array(self, shape: Any, dtype: Any = np.float64) -> Any:
         shape = (shape,) if isinstance(shape, int) else tuple(shape)
-        count = int(np.prod(shape))
+        n = int(np.prod(shape))
         begin = self.size
         # Each array on cache lines of its own.
-        self.size = begin + -(-count * np.dtype(dtype).itemsize // 64) * 64
+        self.size = begin + -(-n * np.dtype(dtype).itemsize // 64) * 64
         if self._memory is None:
             return np.empty(shape, dtype)
-        return np.frombuffer(self._memory, dtype, count, begin).reshape(shape)
+        return np.frombuffer(self._memory, dtype, n, begin).reshape(shape)
 
 
 def _rows(arrays: Any, rows: slice) -> Any:
@@ -140,29 +141,29 @@ def _watch(parent: int) -> None:
 
 
 class _Worker:
-    """Environments first .. first + count - 1, and the commands they understand."""
+    """Environments first .. first + size - 1, and the commands they understand."""
 
     def __init__(
-        self, number: int, first: int, build: Callable[[], Env[Any, Any]], count: int,
+        self, number: int, first: int, build: Callable[[], Env[Any, Any]], size: int,
         memory: Any, plan: tuple[int, Space[Any], Space[Any], AutoresetMode],
     ) -> None:  # fmt: skip
         total, self.observation_space, action_space, mode = plan
         self.number, self.first = number, first
         shared = _Shared(self.observation_space, action_space, total, memory)
         self.shared = shared
-        rows = slice(first, first + count)
+        rows = slice(first, first + size)
         self.actions: Any = None if shared.actions is None else _rows(shared.actions, rows)
         self.observations = (
             None if shared.observations is None else _rows(shared.observations, rows)
         )
-        self.action_space = batch_space(action_space, count)
+        self.action_space = batch_space(action_space, size)
         self.lanes: list[Lane] = []
-        for i in range(count):
+        for i in range(size):
             shared.busy[number] = first + i
             env = build()
             check_spaces(env, self.observation_space, action_space, first + i)
             self.lanes.append(Lane(env, mode))
-        self.latest: list[Any] = [None] * count
+        self.latest: list[Any] = [None] * size
 
     def answer(self, command: str, payload: Any) -> Any:
         """Carry out one command; `busy` says all along with which environment."""
@@ -298,17 +299,14 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
             ValueError: for an argument out of its range.
             WorkerError: if an environment can't be built.
         """
-        checked_count("num_envs", num_envs)
+        count("num_envs", num_envs, 1)
         if not callable(env_fn):
-            raise ValueError(
-                f"env_fn must be a function that builds an environment, got {env_fn!r}"
-            )
-        if not 0.0 < timeout < np.inf:
-            raise ValueError(f"timeout must be positive and finite, got {timeout} s")
-        default = min(num_envs, len(os.sched_getaffinity(0)))
-        workers = default if num_workers is None else checked_count("num_workers", num_workers)
-        if workers > num_envs:
-            raise ValueError(f"num_workers must be at most num_envs = {num_envs}, got {workers}")
+            raise refused("env_fn", env_fn, "a function that builds an environment")
+        positive("timeout", timeout, unit="s")
+        if num_workers is None:
+            workers = min(num_envs, len(os.sched_getaffinity(0)))
+        else:
+            workers = count("num_workers", num_workers, 1, num_envs)
         first = env_fn()
         try:
             self._adopt(first, num_envs, autoreset_mode)
@@ -337,11 +335,11 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
                 self._stacks.append(listen)
                 self._pipes += [ours, listen]
                 inherited = [*self._pipes] if method == "fork" else []
-                count = int(bounds[k + 1] - bounds[k])
+                size = int(bounds[k + 1] - bounds[k])
                 process = start.Process(
                     target=_work,
                     args=(k, self._firsts[k], theirs, speak, inherited,
-                          CloudpickleWrapper(env_fn), (count, memory, plan)),
+                          CloudpickleWrapper(env_fn), (size, memory, plan)),
                     daemon=True,
                     name=f"environments {self._firsts[k]} to {bounds[k + 1] - 1}",
                 )  # fmt: skip

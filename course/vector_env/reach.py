@@ -23,7 +23,6 @@ The single environment is the batch with one column: the same compiled code.
 from __future__ import annotations
 
 import functools
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -37,10 +36,11 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
+from course.check import POSITIVE, count, refused, vector
 from course.compiled import MATRIX, compiled
 from course.rigid_body.integrators import rk4
 from course.vector_env.arrays import ArrayVectorEnv, Ids, Moved
-from course.vector_env.interface import checked_batch, checked_count
+from course.vector_env.interface import checked_batch
 
 Array = NDArray[np.float64]
 
@@ -68,14 +68,10 @@ class Arm:
     torques: tuple[float, float] = (2.0, 1.0)
 
     def __post_init__(self) -> None:
-        for name in ("lengths", "masses", "damping", "torques"):
-            value = getattr(self, name)
-            least = "not negative" if name == "damping" else "positive"
-            good = len(value) == 2 and all(
-                math.isfinite(x) and (x > 0.0 or (x == 0.0 and name == "damping")) for x in value
-            )
-            if not good:
-                raise ValueError(f"{name} must be two finite {least} numbers, got {value!r}")
+        vector("lengths", self.lengths, (2,), low=POSITIVE, unit="m")
+        vector("masses", self.masses, (2,), low=POSITIVE, unit="kg")
+        vector("damping", self.damping, (2,), low=0.0, unit="N m s/rad")
+        vector("torques", self.torques, (2,), low=POSITIVE, unit="N m")
 
     @property
     def inertias(self) -> tuple[float, float]:
@@ -97,7 +93,7 @@ def table(arms: Arm | Sequence[Arm], num_envs: int) -> Array:
     if isinstance(arms, Arm):
         return np.ascontiguousarray(np.repeat(arms.column(), num_envs, axis=1))
     if len(arms) != num_envs or not all(isinstance(arm, Arm) for arm in arms):
-        raise ValueError(f"arms must be an Arm or {num_envs} of them, got {arms!r}")
+        raise refused("arms", arms, f"an Arm or {num_envs} of them")
     return np.ascontiguousarray(np.concatenate([arm.column() for arm in arms], axis=1))
 
 
@@ -223,7 +219,7 @@ class ReachTask:
     def __init__(self, parameters: Array, max_steps: int) -> None:
         n = parameters.shape[1]
         self.arm = parameters
-        self.max_steps = checked_count("max_steps", max_steps)
+        self.max_steps = count("max_steps", max_steps, 1)
         self.q, self.v, self.target = np.zeros((2, n)), np.zeros((2, n)), np.zeros((2, n))
         self.steps = np.zeros(n, dtype=np.int64)
         self._move, self._judge, self._start = kernels()
@@ -301,7 +297,7 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
             raise ResetNeeded("call reset before step")
         array = np.asarray(action)
         if array.shape != (2,):
-            raise ValueError(f"action must have shape (2,), got {array.shape}")
+            raise refused("action.shape", array.shape, "(2,)")
         observations, rewards, terminated, truncated = self._move(
             checked_batch(self._row, array[None], "action")
         )
@@ -330,7 +326,7 @@ class ArmReach(SingleReach):
             substeps: Runge-Kutta steps in a control step.
         """
         super().__init__(arm, max_steps=max_steps)
-        self.substeps = checked_count("substeps", substeps)
+        self.substeps = count("substeps", substeps, 1)
 
     def _move(self, actions: Any) -> Moved:
         return self.task.move(actions, self.substeps)
@@ -346,7 +342,7 @@ class ReachVector(ArrayVectorEnv):
         max_steps: int,
         autoreset_mode: AutoresetMode | str,
     ) -> None:
-        checked_count("num_envs", num_envs)
+        count("num_envs", num_envs, 1)
         self.task = ReachTask(table(arms or Arm(), num_envs), max_steps)
         super().__init__(SingleReach(), num_envs, autoreset_mode)
 
@@ -381,7 +377,7 @@ class ArmReachVector(ReachVector):
             substeps: Runge-Kutta steps in a control step.
             autoreset_mode: SAME_STEP or NEXT_STEP; see `course.vector_env`.
         """
-        self.substeps = checked_count("substeps", substeps)
+        self.substeps = count("substeps", substeps, 1)
         super().__init__(num_envs, arms, max_steps, autoreset_mode)
 
     def _move(self, actions: Any) -> Moved:

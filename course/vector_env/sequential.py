@@ -11,7 +11,8 @@ from gymnasium.vector import AutoresetMode
 from gymnasium.vector.utils import concatenate, create_empty_array, iterate
 from numpy.typing import NDArray
 
-from course.vector_env.interface import AutoresettingVectorEnv, Lane, check_spaces, checked_count
+from course.check import count, refused
+from course.vector_env.interface import AutoresettingVectorEnv, Lane, check_spaces
 
 Batch = tuple[Any, NDArray[np.float64], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]
 
@@ -43,17 +44,15 @@ class VectorizedEnv(AutoresettingVectorEnv):
             ValueError: for an env_fn that is no function, that hands out the same environment twice
                 or environments with unequal spaces; for a num_envs below 1.
         """
-        checked_count("num_envs", num_envs)
+        count("num_envs", num_envs, 1)
         if not callable(env_fn):
-            raise ValueError(
-                f"env_fn must be a function that builds an environment, got {env_fn!r}"
-            )
+            raise refused("env_fn", env_fn, "a function that builds an environment")
         self.envs: list[Env[Any, Any]] = []
         try:
             for i in range(num_envs):
                 env = env_fn()
                 if any(env is other for other in self.envs):
-                    raise ValueError("env_fn must build a new environment at every call")
+                    raise refused("env_fn()", "the same", "a new environment at every call")
                 self.envs.append(env)
                 first = self.envs[0]
                 check_spaces(env, first.observation_space, first.action_space, i)
@@ -151,9 +150,9 @@ class VectorizedEnv(AutoresettingVectorEnv):
             raise errors[0]
 
 
-def spread(values: Any, count: int) -> list[Any]:
+def spread(values: Any, num_envs: int) -> list[Any]:
     """`values` as one for each environment."""
-    spread_out = list(values) if isinstance(values, list | tuple) else [values] * count
-    if len(spread_out) != count:
-        raise ValueError(f"values must be {count}, one for each environment, got {len(spread_out)}")
+    spread_out = list(values) if isinstance(values, list | tuple) else [values] * num_envs
+    if len(spread_out) != num_envs:
+        raise refused("len(values)", len(spread_out), f"{num_envs}, one for each environment")
     return spread_out

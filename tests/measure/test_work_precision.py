@@ -77,7 +77,7 @@ def test_pick_is_the_cheapest_that_is_good_enough():
     assert by_count.point.error <= 1e-4
     assert chart.pick(1e-17) is None
     assert chart.pick(1.0, by="count").name == "order 1"
-    with pytest.raises(ValueError, match="by must be"):
+    with pytest.raises(ValueError, match="by is"):
         chart.pick(by="colour")
     with pytest.raises(ValueError, match="tolerance"):
         _measured([_decay(1)]).pick()
@@ -146,7 +146,7 @@ def test_styles_on_the_chart():
 
 
 def test_a_wrong_reference_is_refused():
-    with pytest.raises(ValueError, match="reference_check differ by"):
+    with pytest.raises(ValueError, match="reference_check is"):
         measure([_decay(4)], TRUTH, reference_check=[TRUTH[0] + 1e-6], repeats=1)
     # Good enough for a tolerance of 1e-3 all the same, and then it says how good it is.
     chart = measure(
@@ -197,7 +197,7 @@ def test_with_method_measures_beside_the_pick():
     assert calls
     assert chart.ratio > 0.0
     assert math.isfinite(chart.ratio) and "times its time" in chart.table()
-    with pytest.raises(ValueError, match="name must be new"):
+    with pytest.raises(ValueError, match="not on the chart yet"):
         chart.with_method(counted)
     hopeless = Method("hopeless", lambda h: Result([0.0], 1.0), [0.5], style="yours")
     assert base.with_method(hopeless).ratio == math.inf
@@ -215,7 +215,7 @@ def test_json_round_trip(tmp_path):
     assert again == chart
     assert again.table() == chart.table()
     assert [p.name for p in tmp_path.iterdir()] == ["chart.json"]
-    with pytest.raises(ValueError, match="read from a file"):
+    with pytest.raises(ValueError, match="this chart is from a file"):
         again.with_method(_decay(4))
 
 
@@ -240,6 +240,6 @@ def test_bad_input():
         _measured([_decay(1), _decay(1)])
     with pytest.raises(ValueError, match="same unit"):
         _measured([_decay(1), Method("x", _decay(2).run, STEPS, unit="collision checks")])
-    with pytest.raises(ValueError, match="name must be one of"):
+    with pytest.raises(ValueError, match=r"name is .*, allowed is one of"):
         _measured([_decay(1)]).curve("order 7")
     assert max_norm(np.array([1.0, 5.0]), np.array([1.5, 4.0])) == 1.0

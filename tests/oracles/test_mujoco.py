@@ -432,7 +432,7 @@ def test_batch_of_free_bodies():
     one = mujoco.free_body((1, 2, 3), q0[:, 2], v0[:, 2], 1e-2, "RK4").run(50)
     assert np.array_equal(q[:, 2], one[0])
     assert np.array_equal(v[:, 2], one[1])
-    with pytest.raises(ValueError, match="q0 and v0"):
+    with pytest.raises(ValueError, match=r"q0.shape, v0.shape"):
         mujoco.batch_free_bodies((1, 2, 3), q0, v0[:, :2], 1e-2, "RK4")
 
 
@@ -451,28 +451,28 @@ def test_a_missing_library_gives_one_sentence(monkeypatch):
 
 
 def test_bad_input():
-    with pytest.raises(ValueError, match="integrator must be one of"):
+    with pytest.raises(ValueError, match="integrator is 'Verlet', allowed is one of"):
         mujoco.pendulum(1.0, 0.1, 0.0, 1e-3, "Verlet")
-    with pytest.raises(ValueError, match="dt must be positive"):
+    with pytest.raises(ValueError, match=r"dt is 0.0, allowed is a positive"):
         mujoco.pendulum(1.0, 0.1, 0.0, 0.0, "Euler")
-    with pytest.raises(ValueError, match="length must be positive"):
+    with pytest.raises(ValueError, match=r"length is -1.0"):
         mujoco.pendulum(-1.0, 0.1, 0.0, 1e-3, "Euler")
     with pytest.raises(ValueError, match="inertia"):
         mujoco.free_body((1.0, 1.0, 3.0), np.ones(7), np.zeros(6), 1e-3, "Euler")
-    with pytest.raises(ValueError, match="q0 must be 7"):
+    with pytest.raises(ValueError, match=r"q0.shape is \(6,\), allowed is \(7,\)"):
         mujoco.free_body((1.0, 2.0, 3.0), np.ones(6), np.zeros(6), 1e-3, "Euler")
-    with pytest.raises(ValueError, match="inertia must have I1"):
+    with pytest.raises(ValueError, match=r"inertia is .*, allowed is I1 above"):
         mujoco.heavy_top((0.01, 0.03), 1.0, [1, 0, 0, 0], [0, 0, 1], 1e-3, "Euler")
     box = ((0.1, 0.1), 1.0, [0, 1, 0], [0, 0, 0], 1e-3)
-    with pytest.raises(ValueError, match="restitution must be within"):
+    with pytest.raises(ValueError, match=r"restitution is 1.2, allowed is a number from 0 to 1"):
         mujoco.box_drop(*box, "Euler", restitution=1.2)
     with pytest.raises(ValueError, match="'spring'"):
         mujoco.box_drop(*box, "RK4")
-    with pytest.raises(ValueError, match="contact must be"):
+    with pytest.raises(ValueError, match="contact is 'glue'"):
         mujoco.box_drop(*box, "Euler", contact="glue")
     with pytest.raises(ValueError, match="friction_steps"):
         mujoco.box_drop(*box, "Euler", friction_steps=0.5)
-    with pytest.raises(ValueError, match="contact_steps must be larger"):
+    with pytest.raises(ValueError, match=r"contact_steps is .*, allowed is a larger"):
         mujoco.box_drop(*box, "discrete", contact="spring", restitution=1.0)
-    with pytest.raises(ValueError, match="steps must not be negative"):
+    with pytest.raises(ValueError, match="steps is -1"):
         mujoco.pendulum(1.0, 0.1, 0.0, 1e-3, "Euler").run(-1)

@@ -114,7 +114,7 @@ def test_apex_of_a_known_path() -> None:
     fall = 1.0 - 4.9 * t**2
     rise = 3.0 * (t - 0.4) - 4.9 * (t - 0.4) ** 2
     assert box_scene.apex(np.where(t < 0.4, fall, rise)) == pytest.approx(9.0 / 19.6, abs=1e-9)
-    with pytest.raises(ValueError, match="without a bounce"):
+    with pytest.raises(ValueError, match="with a bounce"):
         box_scene.apex(fall)
 
 

@@ -107,10 +107,10 @@ def test_a_batch_flies_as_its_bodies_do() -> None:
         ({"mass": 0.0}, "mass is 0.0"),
         ({"mass": float("nan")}, "mass is nan"),
         ({"inertia": (1.0, 1.0, 3.0)}, "none larger than the sum"),
-        ({"inertia": (1.0, -1.0, 1.0)}, "must be positive"),
+        ({"inertia": (1.0, -1.0, 1.0)}, "are positive"),
         ({"inertia": [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]}, "symmetric"),
         ({"q": np.zeros(7)}, "quaternion"),
-        ({"v": np.zeros(3)}, "shapes"),
+        ({"v": np.zeros(3)}, "v.shape is"),
         ({"v": np.full(6, np.inf)}, "finite"),
     ],
 )
@@ -132,9 +132,9 @@ def test_wrong_calls_are_named() -> None:
         body.step(0)
     with pytest.raises(ValueError, match="integrator is 'euler'"):
         body.step(0.1, integrator="euler")
-    with pytest.raises(ValueError, match="force is"):
+    with pytest.raises(ValueError, match=r"force.shape is \(2,\)"):
         body.apply_force((1.0, 2.0))
-    with pytest.raises(ValueError, match="shapes"):
+    with pytest.raises(ValueError, match=r"q.shape, v.shape"):
         advance_bodies(np.zeros((6, 3)), np.zeros((6, 3)), (1.0, 1.0, 1.0), 0.1, 1)
     with pytest.raises(ValueError, match="none larger"):
         inertia_tensor((5.0, 1.0, 1.0))

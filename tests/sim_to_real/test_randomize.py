@@ -475,7 +475,7 @@ def test_without_noise_the_observation_is_a_copy() -> None:
 )
 def test_a_range_that_is_not_one_is_named(name: str, value: Any) -> None:
     model, _ = scene()
-    with pytest.raises(ValueError, match=f"^{name} must be"):
+    with pytest.raises(ValueError, match=f"^{name} is .*allowed is"):
         DomainRandomizer(model, **{name: value})
 
 
@@ -488,7 +488,7 @@ def test_data_of_another_model_is_refused() -> None:
         lambda: randomizer.randomize(other, np.random.default_rng(25)),
         lambda: randomizer.restore(other),
     ):
-        with pytest.raises(ValueError, match="data must be of the model that"):
+        with pytest.raises(ValueError, match="allowed is that of the model that"):
             change()
     assert bytes_of(model) == before
 
@@ -514,12 +514,12 @@ def test_a_sled_on_a_slope_slips_where_the_measured_friction_says(mu: float) -> 
 
 def test_the_measures_say_when_they_cannot() -> None:
     model, _ = scene()
-    with pytest.raises(ValueError, match="speed must be enough"):
+    with pytest.raises(ValueError, match="enough to slide"):
         oracle.sliding_friction(model, speed=0.1)
-    with pytest.raises(ValueError, match="must touch"):
+    with pytest.raises(ValueError, match="two that touch"):
         oracle.contact_friction(model, "hand")
     model.opt.gravity[:] = 0.0
-    with pytest.raises(ValueError, match="angle must make"):
+    with pytest.raises(ValueError, match="angle is"):
         oracle.swing_period(
             scene(PENDULUM.replace("<option", '<option gravity="0 0 0"'))[0], "hinge", 0.1
         )

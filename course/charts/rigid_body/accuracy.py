@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from course.charts import chart, save
+from course.check import one_of
 from course.measure.work_precision import Method, Result, WorkPrecision, measure
 from course.oracles import mujoco as oracle
 from course.rigid_body import planar, problems
@@ -107,9 +108,7 @@ def questions() -> dict[str, tuple[Problem, Question]]:
 
 def _asked(name: str) -> tuple[Problem, Question]:
     found = questions()
-    if name not in found:
-        raise ValueError(f"name is {name!r}; allowed are {', '.join(found)}")
-    return found[name]
+    return found[one_of("name", name, found)]
 
 
 # Steps of a run: coarse to fine, a factor of about two apart.

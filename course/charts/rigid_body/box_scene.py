@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from course.charts import chart
+from course.check import refused
 from course.measure.scene import LeftOut, Modelled, Scene, Tolerance
 from course.oracles import mujoco as oracle
 from course.oracles.mujoco.box import add_air, spatial_box
@@ -32,7 +33,7 @@ def apex(height: np.ndarray) -> float:
     falling = np.flatnonzero(np.diff(height) < 0.0)
     top = falling[falling > rising[0]] if rising.size else rising
     if top.size == 0:
-        raise ValueError(f"height has {len(height)} samples without a bounce and an apex after it")
+        raise refused("height", height, "samples with a bounce and an apex after it")
     a, b, c = height[top[0] - 1 : top[0] + 2]
     return float(b - 0.125 * (c - a) ** 2 / (a + c - 2.0 * b))
 

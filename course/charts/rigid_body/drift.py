@@ -9,6 +9,7 @@ import numpy as np
 
 from course.charts import chart, save
 from course.charts.rigid_body.failures import COLOURS, LABELS, NAMES
+from course.check import one_of
 from course.compiled import VECTOR, compiled
 from course.measure.work_precision import PALETTE
 from course.rigid_body import problems, quaternion
@@ -315,8 +316,7 @@ def spin_errors(update: str, angle: float, steps: Sequence[int]) -> tuple[Array,
     Returns:
         (| |q| - 1 |, angle of the missing turn [rad]) after each number of steps.
     """
-    if update not in UPDATES:
-        raise ValueError(f"update is {update!r}, allowed are {UPDATES}")
+    one_of("update", update, UPDATES)
     run = compiled(_spin, VECTOR(VECTOR, VECTOR, numba.float64, numba.int64, numba.int64))
     axis = np.array([1.0, 2.0, 2.0]) / 3.0
     q = np.array([1.0, 0.0, 0.0, 0.0])

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from course.charts import chart, save
+from course.check import refused
 from course.measure.work_precision import PALETTE, machine
 from course.oracles import mujoco as oracle
 from course.rigid_body import planar, problems, quaternion
@@ -99,7 +100,7 @@ def _coarsest(errors: Callable[[float], float], tolerance: float) -> tuple[float
         error, found = found, errors(finer)
         if error <= tolerance and found <= tolerance:
             return dt, error
-    raise ValueError(f"tolerance is {tolerance}; no step down to {_STEPS[-1]} s meets it")
+    raise refused("tolerance", tolerance, f"one that a step down to {_STEPS[-1]} s meets")
 
 
 def box_contenders(samples: int = 24) -> list[Contender]:

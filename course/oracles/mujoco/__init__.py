@@ -29,6 +29,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from course.check import POSITIVE, count, finite, one_of, positive, refused, vector
+
 _log = logging.getLogger(__name__)
 
 INTEGRATORS = ("Euler", "RK4", "implicit", "implicitfast", "discrete")
@@ -71,8 +73,8 @@ class Runner:
         self.model = mujoco.MjModel.from_xml_string(xml)
         self.data = mujoco.MjData(self.model)
         self._step = mujoco.mj_step
-        self.q0 = _vector("q0", q0, self.model.nq)
-        self.v0 = _vector("v0", v0, self.model.nv)
+        self.q0 = vector("q0", q0, (self.model.nq,)).copy()
+        self.v0 = vector("v0", v0, (self.model.nv,)).copy()
         self.reset()
 
     @property
@@ -82,7 +84,7 @@ class Runner:
 
     @dt.setter
     def dt(self, value: float) -> None:
-        self.model.opt.timestep = _positive("dt", value)
+        self.model.opt.timestep = positive("dt", value, unit="s")
 
     def reset(self) -> None:
         """Back to the start state (and without the solver's memory of the last run)."""
@@ -101,7 +103,7 @@ class Runner:
         Returns:
             Copies of (q, v), shapes (nq,) and (nv,).
         """
-        _count("steps", steps)
+        count("steps", steps)
         self.reset()
         if steps:
             self._step(self.model, self.data, steps)
@@ -109,9 +111,8 @@ class Runner:
 
     def trajectory(self, steps: int, every: int = 1) -> Trajectory:
         """The motion from the start, recorded every `every` steps (the start included)."""
-        _count("steps", steps)
-        if every < 1:
-            raise ValueError(f"every must be at least 1, got {every}")
+        count("steps", steps)
+        count("every", every, 1)
         self.reset()
         n = steps // every + 1
         times, q, v = np.empty(n), np.empty((self.model.nq, n)), np.empty((self.model.nv, n))
@@ -133,16 +134,17 @@ class BatchRunner:
         _mujoco()
         from mujoco import batch
 
-        _count("threads", threads)
+        count("threads", threads)
         self.integrator = one.integrator
         self.model = one.model
         self.q0 = np.array(q0, dtype=float)
         self.v0 = np.array(v0, dtype=float)
         n = self.q0.shape[-1]
         if self.q0.shape != (one.model.nq, n) or self.v0.shape != (one.model.nv, n) or n < 1:
-            raise ValueError(
-                f"q0 and v0 must be ({one.model.nq}, N) and ({one.model.nv}, N), "
-                f"got {self.q0.shape} and {self.v0.shape}"
+            raise refused(
+                "(q0.shape, v0.shape)",
+                (self.q0.shape, self.v0.shape),
+                f"(({one.model.nq}, N), ({one.model.nv}, N))",
             )
         self._batch = batch.Batch(one.model, n, threads)
         self._q, self._v = self._batch.bind("qpos"), self._batch.bind("qvel")
@@ -161,7 +163,7 @@ class BatchRunner:
 
     def step(self, steps: int) -> None:
         """Go on by `steps` steps, in one compiled call: the part to be timed."""
-        _count("steps", steps)
+        count("steps", steps)
         self._batch.step(nstep=steps)
 
     def run(self, steps: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -233,10 +235,10 @@ def heavy_top(
     Returns:
         A prepared `Runner`; q is the quaternion, v the angular velocity in the body.
     """
-    i1, i3 = (_positive("inertia", i) for i in inertia)
-    _positive("weight", weight)
+    i1, i3 = vector("inertia", inertia, (2,), low=POSITIVE, unit="kg m^2").tolist()
+    positive("weight", weight, unit="N m")
     if i1 <= 0.5 * i3:
-        raise ValueError(f"inertia must have I1 above I3 / 2, got {tuple(inertia)}")
+        raise refused("inertia", (i1, i3), "I1 above I3 / 2")
     shift = 0.5 * (i1 - 0.5 * i3)  # m l^2, half of the most that parallel axes allow
     mass = (weight / 9.81) ** 2 / shift
     distance = shift * 9.81 / weight
@@ -270,9 +272,8 @@ def oscillator(
         A prepared `Runner`.
     """
     off: list[str] = [] if implicit_damping else ["eulerdamp"]
-    for name, value in (("stiffness", stiffness), ("damping", damping)):
-        if not (math.isfinite(value) and value >= 0.0):
-            raise ValueError(f"{name} must be finite and not negative, got {value}")
+    finite("stiffness", stiffness, 0.0, unit="N/m")
+    finite("damping", damping, 0.0, unit="N s/m")
     body = (
         f'<body><joint type="slide" stiffness="{stiffness:.17g}" damping="{damping:.17g}"/>'
         f"{_inertial(mass, 0.0, np.ones(3))}</body>"
@@ -290,7 +291,7 @@ def pendulum(
     the moment length^2 / 2 about its own centre has the same first and second moment about the
     hinge as mass 1 at the end, and so exactly the same motion.
     """
-    half = 0.5 * _positive("length", length)
+    half = 0.5 * positive("length", length, unit="m")
     body = (
         '<body><joint type="hinge" axis="0 -1 0"/>'
         f"{_inertial(2.0, -half, np.full(3, 2.0 * half**2))}</body>"
@@ -314,8 +315,8 @@ def double_pendulum(
     mass m2 / s at s l2, the first what is then missing. Both angles are zero hanging down. With
     absolute angles (phi1, phi2): theta1 = phi1, theta2 = phi2 - phi1.
     """
-    m1, m2 = (_positive("masses", m) for m in masses)
-    l1, l2 = (_positive("lengths", x) for x in lengths)
+    m1, m2 = vector("masses", masses, (2,), low=POSITIVE, unit="kg").tolist()
+    l1, l2 = vector("lengths", lengths, (2,), low=POSITIVE, unit="m").tolist()
     # The first body must keep a positive mass: m2 / s < m1 + m2.
     s = 0.5 * (1.0 + m2 / (m1 + m2))
     rest = m1 + m2 - m2 / s
@@ -431,16 +432,14 @@ def box_drop(
     Returns:
         A prepared `Runner`.
     """
-    hx, hz = (_positive("half_size", s) for s in half_size)
-    _positive("mass", mass)
-    moment = mass * (hx**2 + hz**2) / 3.0 if inertia is None else _positive("inertia", inertia)
-    if not 0.0 <= restitution <= 1.0:
-        raise ValueError(f"restitution must be within 0 to 1, got {restitution}")
-    if not (math.isfinite(friction) and friction >= 0.0):
-        raise ValueError(f"friction must be finite and not negative, got {friction}")
+    hx, hz = vector("half_size", half_size, (2,), low=POSITIVE, unit="m").tolist()
+    positive("mass", mass, unit="kg")
+    moment = mass * (hx**2 + hz**2) / 3.0 if inertia is None else inertia
+    positive("inertia", moment, unit="kg m^2")
+    finite("restitution", restitution, 0.0, 1.0)
+    finite("friction", friction, 0.0)
     stiffness, damping = _contact_reference(contact, restitution, dt, integrator, contact_steps)
-    if not 1.0 <= friction_steps < math.inf:
-        raise ValueError(f"friction_steps must be at least 1 and finite, got {friction_steps}")
+    finite("friction_steps", friction_steps, 1.0)
     # Explicit rows multiply a slip by 1 - b dt, implicit ones divide it by 1 + b dt.
     slide = 1.0 / (friction_steps * dt)
     if integrator == "discrete":
@@ -555,17 +554,18 @@ def _contact_reference(
     contact: str, restitution: float, dt: float, integrator: str, contact_steps: float
 ) -> tuple[float, float]:
     """Stiffness and damping for solref's direct form, which MuJoCo scales by the impedance."""
-    _positive("dt", dt)
+    positive("dt", dt, unit="s")
+    one_of("contact", contact, ("impulse", "spring"))
     if contact == "impulse":
         if integrator in ("RK4", "discrete"):
-            raise ValueError(
-                f"contact must be 'spring' with the integrator {integrator!r}: 'impulse' needs one "
-                "explicit stage (Euler, implicit, implicitfast)"
+            raise refused(
+                "contact",
+                contact,
+                f"'spring' with the integrator {integrator!r}: 'impulse' needs one explicit stage "
+                "(Euler, implicit, implicitfast)",
             )
         return 0.0, (1.0 + restitution) / dt
-    if contact != "spring":
-        raise ValueError(f"contact must be 'impulse' or 'spring', got {contact!r}")
-    _positive("contact_steps", contact_steps)
+    positive("contact_steps", contact_steps)
     low, high = 0.0, 1.0
     while spring_restitution(high) > restitution and high < 64.0:
         high *= 2.0
@@ -581,9 +581,10 @@ def _contact_reference(
     if integrator == "discrete":
         zeta -= 0.5 * omega * dt  # the implicit spring damps by itself
     if zeta < 0.0 or (integrator != "discrete" and 2.0 * zeta * omega * dt > 1.0):
-        raise ValueError(
-            f"contact_steps must be larger for restitution {restitution} with the integrator "
-            f"{integrator!r}, got {contact_steps:g}"
+        raise refused(
+            "contact_steps",
+            contact_steps,
+            f"a larger number for restitution {restitution} with the integrator {integrator!r}",
         )
     return omega**2, 2.0 * zeta * omega
 
@@ -644,11 +645,9 @@ def _xml(
     off: Sequence[str] = (),
     extra: str = "",
 ) -> str:
-    if integrator not in INTEGRATORS:
-        raise ValueError(f"integrator must be one of {INTEGRATORS}, got {integrator!r}")
-    _positive("dt", dt)
-    if not math.isfinite(gravity):
-        raise ValueError(f"gravity must be finite, got {gravity}")
+    one_of("integrator", integrator, INTEGRATORS)
+    positive("dt", dt, unit="s")
+    finite("gravity", gravity, unit="m/s^2")
     flags = [*_ALWAYS_OFF, *off]
     if not touching:
         flags += _CONTACT_OFF
@@ -665,34 +664,14 @@ def _xml(
 
 
 def _inertial(mass: float, z: float, moments: NDArray[np.float64]) -> str:
-    _positive("mass", mass)
+    positive("mass", mass, unit="kg")
     text = " ".join(f"{moment:.17g}" for moment in moments)
     return f'<inertial pos="0 0 {z:.17g}" mass="{mass:.17g}" diaginertia="{text}"/>'
 
 
 def _moments(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    moments = np.asarray(value, dtype=float)
-    if moments.shape != (3,) or not np.all(np.isfinite(moments)) or np.any(moments <= 0.0):
-        raise ValueError(f"{name} must be three positive principal moments, got {value!r}")
+    moments = vector(name, value, (3,), low=POSITIVE, unit="kg m^2")
     largest = float(np.max(moments))
     if 2.0 * largest > float(np.sum(moments)) * (1.0 + 1e-9):
-        raise ValueError(f"{name} must have no moment above the sum of the others, got {moments}")
+        raise refused(name, moments, "three moments of which none is above the sum of the others")
     return moments
-
-
-def _vector(name: str, value: ArrayLike, size: int) -> NDArray[np.float64]:
-    vector = np.array(value, dtype=float)
-    if vector.shape != (size,) or not np.all(np.isfinite(vector)):
-        raise ValueError(f"{name} must be {size} finite numbers, got {value!r}")
-    return vector
-
-
-def _positive(name: str, value: float) -> float:
-    if not (math.isfinite(value) and value > 0.0):
-        raise ValueError(f"{name} must be positive and finite, got {value}")
-    return float(value)
-
-
-def _count(name: str, value: int) -> None:
-    if value < 0:
-        raise ValueError(f"{name} must not be negative, got {value}")

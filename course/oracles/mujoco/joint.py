@@ -7,9 +7,8 @@ as a constraint does.
 
 from __future__ import annotations
 
-import math
-
-from course.oracles.mujoco import _mujoco, _positive, _xml
+from course.check import count, finite, positive
+from course.oracles.mujoco import _mujoco, _xml
 
 _STIFF = "0.9999 0.9999 0.001"  # the largest impedance that MuJoCo takes, at any depth
 
@@ -51,16 +50,13 @@ class MotorJoint:
         Raises:
             ValueError: for an argument out of its range.
         """
-        for name, value in (("damping", damping), ("friction", friction)):
-            if not (math.isfinite(value) and value >= 0.0):
-                raise ValueError(f"{name} must be finite and not negative, got {value}")
-        if not math.isfinite(load):
-            raise ValueError(f"load must be finite, got {load}")
-        _positive("inertia", inertia)
-        if substeps < 1:
-            raise ValueError(f"substeps must be at least 1, got {substeps}")
+        finite("damping", damping, 0.0, unit="N m s/rad")
+        finite("friction", friction, 0.0, unit="N m")
+        finite("load", load, unit="N m")
+        positive("inertia", inertia, unit="kg m^2")
+        count("substeps", substeps, 1)
         mujoco = _mujoco()
-        self.dt, self.substeps = _positive("dt", dt), substeps
+        self.dt, self.substeps = positive("dt", dt, unit="s"), substeps
         step = dt / substeps
         stiff = f'solref="{2.0 * step:.17g} 1" solimp="{_STIFF}"'
         moments = " ".join([f"{inertia:.17g}"] * 3)

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from course.check import count, one_of
 from course.oracles.mujoco import _ALWAYS_OFF, _CONTACT_OFF, INTEGRATORS, _mujoco
 from course.vector_env.arrays import Ids, Moved
-from course.vector_env.interface import checked_count
 from course.vector_env.reach import (
     CONTROL_STEP,
     MAX_STEPS,
@@ -43,9 +43,8 @@ _XML = (
 
 
 def _model(integrator: str, substeps: int) -> Any:
-    checked_count("substeps", substeps)
-    if integrator not in INTEGRATORS:
-        raise ValueError(f"integrator must be one of {INTEGRATORS}, got {integrator!r}")
+    count("substeps", substeps, 1)
+    one_of("integrator", integrator, INTEGRATORS)
     text = _XML.format(step=CONTROL_STEP / substeps, integrator=integrator)
     return _mujoco().MjModel.from_xml_string(text)
 
@@ -139,7 +138,7 @@ class MujocoArmReachVector(ReachVector):
             autoreset_mode: SAME_STEP or NEXT_STEP; see `course.vector_env`.
         """
         super().__init__(num_envs, arms, max_steps, autoreset_mode)
-        checked_count("threads", threads, 0)
+        count("threads", threads)
         mujoco = _mujoco()
         from mujoco import batch
 

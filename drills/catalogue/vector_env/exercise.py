@@ -362,8 +362,8 @@ EXERCISE = Exercise(
             edits=(
                 (
                     "        if len(actions) != self.num_envs:\n"
-                    '            raise ValueError(f"actions must have {self.num_envs} rows, got '
-                    '{len(actions)}")\n',
+                    '            raise ValueError(f"len(actions) is {len(actions)}, allowed is '
+                    '{self.num_envs}")\n',
                     "",
                 ),
                 ("enumerate(self.envs):\n            observation, rewards[i]",

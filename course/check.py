@@ -1,0 +1,127 @@
+"""Bad input in one wording: "NAME is VALUE, allowed is ..."."""
+
+from collections.abc import Iterable
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+T = TypeVar("T")
+
+# The smallest of the usual floats: as a lower bound it says "positive".
+POSITIVE = float(np.finfo(float).tiny)
+
+
+def refused(name: str, value: Any, allowed: str) -> ValueError:
+    """The error for a value that is not allowed.
+
+    Args:
+        name: of the argument.
+        value: what was handed in; a long array is shown by its shape.
+        allowed: what would have been right, such as "a whole number from 1 on".
+
+    Returns:
+        The error, to be raised.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist() if value.size <= 12 else f"an array of shape {value.shape}"
+        return ValueError(f"{name} is {value}, allowed is {allowed}")
+    return ValueError(f"{name} is {value!r}, allowed is {allowed}")
+
+
+def finite(
+    name: str, value: Any, low: float = -np.inf, high: float = np.inf, *, unit: str = ""
+) -> float:
+    """A finite number from `low` to `high`, both allowed.
+
+    Raises:
+        ValueError: otherwise.
+    """
+    try:
+        if isinstance(value, str) or np.ndim(value):
+            raise TypeError("not a number")
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = np.nan
+    if not (low <= number <= high and abs(number) < np.inf):
+        raise refused(name, value, _number(low, high, unit))
+    return number
+
+
+def positive(name: str, value: Any, *, unit: str = "") -> float:
+    """A finite number above 0; anything else raises ValueError."""
+    return finite(name, value, POSITIVE, unit=unit)
+
+
+def count(name: str, value: Any, least: int = 0, most: int | None = None) -> int:
+    """A whole number from `least` to `most`, both allowed; anything else raises ValueError."""
+    whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+    if not whole or value < least or (most is not None and value > most):
+        end = "on" if most is None else f"to {most}"
+        raise refused(name, value, f"a whole number from {least} {end}")
+    return int(value)
+
+
+def vector(
+    name: str,
+    value: Any,
+    *shapes: tuple[int | None, ...],
+    low: float = -np.inf,
+    high: float = np.inf,
+    unit: str = "",
+) -> NDArray[np.float64]:
+    """An array of finite numbers, each from `low` to `high`.
+
+    Args:
+        name: of the argument.
+        value: anything NumPy makes an array of.
+        shapes: those that are allowed, None standing for any size; without one any shape is.
+        low, high: bounds of each number, both allowed.
+        unit: for the message.
+
+    Returns:
+        The array; the same one if it was one of floats.
+
+    Raises:
+        ValueError: otherwise; it names the first number that is wrong.
+    """
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise refused(name, value, "an array of real numbers") from None
+    if shapes and not any(_fits(array.shape, shape) for shape in shapes):
+        shown = (", ".join("N" if n is None else str(n) for n in shape) for shape in shapes)
+        texts = (f"({text},)" if "," not in text and text else f"({text})" for text in shown)
+        raise refused(f"{name}.shape", array.shape, " or ".join(texts))
+    good = np.isfinite(array) & (array >= low) & (array <= high)
+    if not good.all():
+        where = tuple(int(i) for i in np.argwhere(~good)[0])
+        place = f"{name}{list(where)}" if where else name
+        raise refused(place, float(array[where]), _number(low, high, unit))
+    return array
+
+
+def one_of(name: str, value: T, allowed: Iterable[T]) -> T:
+    """One of the values in `allowed`; anything else raises ValueError."""
+    known = list(allowed)
+    if value not in known:
+        raise refused(name, value, f"one of {', '.join(map(repr, known))}")
+    return value
+
+
+def _fits(shape: tuple[int, ...], wanted: tuple[int | None, ...]) -> bool:
+    return len(shape) == len(wanted) and all(
+        size is None or size == n for n, size in zip(shape, wanted, strict=True)
+    )
+
+
+def _number(low: float, high: float, unit: str) -> str:
+    if high < np.inf:
+        text = f"a number from {low:g} to {high:g}"
+    elif low == POSITIVE:
+        text = "a positive finite number"
+    elif low > -np.inf:
+        text = f"a finite number from {low:g} on"
+    else:
+        text = "a finite number"
+    return f"{text} [{unit}]" if unit else text

@@ -1,0 +1,90 @@
+"""Bad input is refused in one wording, which names argument, value and what is allowed."""
+
+import math
+import re
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from course import check
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+POSITIVE = "a positive finite number"
+
+
+@pytest.mark.parametrize(
+    ("kind", "arguments", "found", "allowed"),
+    [
+        (check.positive, (0.0,), " is 0.0", POSITIVE),
+        (check.positive, (-math.inf,), " is -inf", POSITIVE),
+        (check.positive, (np.float64("nan"),), " is nan", POSITIVE),
+        (check.positive, (None,), " is None", POSITIVE),
+        (check.positive, ("1",), " is '1'", POSITIVE),
+        (check.positive, ([1.0],), " is [1.0]", POSITIVE),
+        (check.positive, (10**400,), f" is {10**400}", POSITIVE),
+        (check.finite, (math.inf,), " is inf", "a finite number"),
+        (check.finite, (-1, 0.0), " is -1", "a finite number from 0 on"),
+        (check.finite, (1.5, 0.0, 1.0), " is 1.5", "a number from 0 to 1"),
+        (check.finite, (math.nan, 0.0, 1.0), " is nan", "a number from 0 to 1"),
+        (check.count, (-1,), " is -1", "a whole number from 0 on"),
+        (check.count, (2.0, 1), " is 2.0", "a whole number from 1 on"),
+        (check.count, (True,), " is True", "a whole number from 0 on"),
+        (check.count, (4, 1, 3), " is 4", "a whole number from 1 to 3"),
+        (check.one_of, ("mass", ("time", "count")), " is 'mass'", "one of 'time', 'count'"),
+        (check.vector, ("north",), " is 'north'", "an array of real numbers"),
+        (check.vector, ([1.0, 2.0], (3,)), ".shape is (2,)", "(3,)"),
+        (check.vector, (1.0, (4,), (4, None)), ".shape is ()", "(4,) or (4, N)"),
+        (check.vector, ([1.0], ()), ".shape is (1,)", "()"),
+        (check.vector, ([[1.0, math.nan]],), "[0, 1] is nan", "a finite number"),
+        (check.vector, (math.inf, (), (2,)), " is inf", "a finite number"),
+    ],
+)
+def test_the_error_says_name_value_and_what_is_allowed(kind, arguments, found, allowed) -> None:
+    with pytest.raises(ValueError, match=f"^{re.escape(f'x{found}, allowed is {allowed}')}$"):
+        kind("x", *arguments)
+
+
+def test_a_unit_is_named() -> None:
+    with pytest.raises(ValueError, match=r"^dt is 0, allowed is a positive finite number \[s\]$"):
+        check.positive("dt", 0, unit="s")
+    with pytest.raises(ValueError, match=r"^c\[1\] is -1.0, allowed is .* from 0 on \[N\]$"):
+        check.vector("c", [0.0, -1.0], low=0.0, unit="N")
+
+
+def test_a_long_array_is_shown_by_its_shape() -> None:
+    text = str(check.refused("q", np.zeros((3, 40)), "shorter"))
+    assert text == "q is an array of shape (3, 40), allowed is shorter"
+
+
+def test_what_is_allowed_comes_back_as_a_plain_number() -> None:
+    assert check.positive("dt", Fraction(1, 2)) == 0.5
+    assert type(check.positive("dt", np.float32(2.0))) is float
+    assert check.finite("e", 0, 0.0, 1.0) == 0.0 and check.finite("e", 1, 0.0, 1.0) == 1.0
+    assert type(check.count("n", np.int64(3), 3, 3)) is int
+    array = np.ones((4, 2))
+    assert check.vector("q", array, (4, None)) is array
+    assert check.one_of("by", "time", {"time": 1}) == "time"
+
+
+# The answers of the drills stand for themselves, in the same wording; the others are no input.
+APART = {"drills.py", "derivations", "simulations"}
+
+
+def test_no_other_wording_is_in_use() -> None:
+    found = []
+    for path in sorted((ROOT / "course").rglob("*.py")):
+        if path.relative_to(ROOT / "course").parts[0] not in APART:
+            text = path.read_text(encoding="utf-8")
+            found += [str(path.relative_to(ROOT))] * text.count("raise ValueError")
+    assert found == []
+
+
+def test_the_answers_of_the_drills_use_the_same_wording() -> None:
+    text = (ROOT / "course" / "drills.py").read_text(encoding="utf-8")
+    said = re.findall(r"raise ValueError\((.+)\)", text)
+    assert len(said) == text.count("raise ValueError") > 10
+    assert [words for words in said if not re.search(r" is \{.*, allowed is ", words)] == []
