@@ -577,7 +577,7 @@ def test_ctrl_c_ends_the_workers() -> None:
 PROGRAM = """
 import os, signal, sys, threading, time
 sys.path.insert(0, {root!r})
-from tests.test_vector_env import Counter, troubled
+from tests.vector_env.test_vector_env import Counter, troubled
 from course.vector_env import ProcessVectorEnv
 envs = {envs}
 print(*[process.pid for process in envs._processes], flush=True)
