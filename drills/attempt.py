@@ -37,11 +37,14 @@ class Place(Protocol):
     Attributes:
         changed: whether the last request changed one of its arguments.
         elapsed: what the last request took [s].
+        spent, used: processor time of the last request, and of all [s].
         output: what the text printed so far.
     """
 
     changed: bool
     elapsed: float
+    spent: float
+    used: float
 
     @property
     def output(self) -> str: ...
@@ -108,7 +111,7 @@ class Learner:
         except Raised as raised:
             self.steps.append(Step(kind, name, handle, *kept, Failure(raised.type)))
             raise
-        self.longest = max(self.longest, self.child.elapsed)
+        self.longest = max(self.longest, self.child.spent)
         self.steps.append(Step(kind, name, handle, *kept, result))
         if kind in ("call", "method", "new") and self.child.changed:
             self._attempt.inputs_changed(self.asked)

@@ -94,7 +94,7 @@ def attempt(
         found = Attempt(card, child, report, graded.given)
         try:
             _check_signature(card, child.load())
-            found.learner.loading = child.elapsed
+            found.learner.loading = child.spent
             graded.judge(found)
             if not found.failed:
                 _check_replay(found, twin, found.learner.steps[: graded.replayed])

@@ -107,7 +107,7 @@ class StandIn:
         self._handles = 0
         self._functions: list[Callable[..., Any]] = []  # that the text may ask
         self._modules: dict[str, types.ModuleType] = {}
-        self._modules["given"] = _module("given", given, {})
+        self._modules["given"] = _module("given", given, self._modules)
 
     def __enter__(self) -> Self:
         return self

@@ -1,4 +1,8 @@
-"""Proof of the catalogue: what must be true of every exercise, tried on the real grader."""
+"""Proof of the catalogue: what must be true of every exercise, tried on the real grader.
+
+The command proves with every text in a child process. The everyday tests prove with most of them in
+this process, at a tenth of the price, and show apart that both ways give the same.
+"""
 
 from __future__ import annotations
 
@@ -16,16 +20,15 @@ import numpy as np
 
 from drills import cards as catalogue
 from drills import exercise as exercises
-from drills.attempt import Attempt
+from drills.attempt import Attempt, Place
 from drills.cards import Card, Quantity
 from drills.exercise import HEADROOM, Exercise
-from drills.grade import attempt, grade
-from drills.inprocess import InProcess, Local
+from drills.grade import attempt, grade, start_child
+from drills.inprocess import InProcess, Local, StandIn
 from drills.reasons import Reason
 from drills.sandbox import Handle, Limits
 
 LEAST_SLIPS = 4
-SLIP_SEEDS = 3
 HINTS = 3
 
 
@@ -66,7 +69,7 @@ def verify(
         workers, context, signal.signal, (signal.SIGINT, signal.SIG_IGN)
     ) as pool:
         try:
-            for findings in pool.map(findings_of, chosen, itertools.repeat(seeds)):
+            for findings in pool.map(findings_of, chosen, itertools.repeat(Effort(seeds))):
                 for finding in findings:
                     progress(finding)
                     found.append(finding)
@@ -79,14 +82,36 @@ def verify(
     return found
 
 
-def findings_of(name: str, seeds: int = 50) -> list[Finding]:
+def in_this_process(card: Card, source: str, filename: str) -> StandIn:
+    """The place of a text of this project that is graded often."""
+    given = exercises.of(card.name).given
+    return StandIn(source, filename=filename, entry=card.entry, given=given)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How hard an exercise is tried.
+
+    Attributes:
+        seeds: that the worked answer has to pass.
+        slip_seeds: with which each slip has to be caught and named.
+        place: where these run. Not in a child, then the worked answer is tried there once more; the
+            starter and a slip that never answers always are.
+    """
+
+    seeds: int = 50
+    slip_seeds: int = 3
+    place: Callable[[Card, str, str], Place] = start_child
+
+
+def findings_of(name: str, effort: Effort = Effort()) -> list[Finding]:
     """Everything that is proved of one exercise."""
     card, exercise = catalogue.card(name), exercises.of(name)
     steps = (_texts, _examples, _starter, _solution, _slips)
-    return [finding for step in steps for finding in step(card, exercise, seeds)]
+    return [finding for step in steps for finding in step(card, exercise, effort)]
 
 
-def _texts(card: Card, exercise: Exercise, seeds: int) -> Iterator[Finding]:
+def _texts(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:
     hints = [hint for hint in card.hints if hint.symptom.strip() and hint.text.strip()]
     yield Finding(card.name, "three hints, none empty", len(hints) == len(card.hints) == HINTS)
     filled = all((card.title, card.teaches, card.insight, card.prompt().strip()))
@@ -101,7 +126,7 @@ def _texts(card: Card, exercise: Exercise, seeds: int) -> Iterator[Finding]:
     yield Finding(card.name, "the prompt states every argument", named == stated, detail)
 
 
-def _examples(card: Card, exercise: Exercise, seeds: int) -> Iterator[Finding]:
+def _examples(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:
     bad = [text for text in exercise.examples if not _example_runs(card, exercise, text)]
     detail = f"these fail: {bad}" if bad else f"{len(exercise.examples)} examples"
     yield Finding(card.name, "public examples run", bool(exercise.examples) and not bad, detail)
@@ -117,7 +142,7 @@ def example_result(card: Card, exercise: Exercise, text: str) -> Any:
     return module.evaluate(text)
 
 
-def _starter(card: Card, exercise: Exercise, seeds: int) -> Iterator[Finding]:
+def _starter(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:
     untouched = grade(card.name, card.starter(), seed=0).reason
     yield Finding(
         card.name, "an untouched starter is no attempt", untouched is Reason.NOT_ATTEMPTED
@@ -127,32 +152,41 @@ def _starter(card: Card, exercise: Exercise, seeds: int) -> Iterator[Finding]:
     yield Finding(card.name, "the starter runs and fails", honest, str(judged.reason))
 
 
-def _solution(card: Card, exercise: Exercise, seeds: int) -> Iterator[Finding]:
-    text, limits = card.solution_text(), exercise.limits or Limits()
-    failures: list[str] = []
-    loading, longest, whole = np.inf, np.inf, np.inf
-    one: Attempt | None = None
-    for seed in range(seeds):
-        one = attempt(card, text, filename="solution.py", seed=seed)
-        if not one.report.passed:
-            failures.append(f"seed {seed}: {one.report.reason}: {one.report.sentence}")
-        # The quickest run says what the answer needs; the others what the machine was doing.
-        loading = min(loading, one.learner.loading)
-        longest = min(longest, one.learner.longest)
-        whole = min(whole, one.report.seconds)
-    assert one is not None
-    detail = "; ".join(failures[:3]) or f"{seeds} seeds"
-    yield Finding(card.name, f"the worked answer passes {seeds} seeds", not failures, detail)
+def _solution(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:
+    text = card.solution_text()
+    runs = [
+        attempt(card, text, filename="solution.py", seed=seed, place=effort.place)
+        for seed in range(effort.seeds)
+    ]
+    if effort.place is not start_child:
+        runs.append(attempt(card, text, filename="solution.py", seed=effort.seeds))
+    failures = [
+        f"seed {run.report.seed}: {run.report.reason}: {run.report.sentence}"
+        for run in runs
+        if not run.report.passed
+    ]
+    detail = "; ".join(failures[:3]) or f"{len(runs)} seeds"
+    yield Finding(card.name, f"the worked answer passes {effort.seeds} seeds", not failures, detail)
+    if effort.place is start_child:
+        yield _headroom(card, exercise.limits or Limits(), runs)
+    one = runs[-1]
+    yield _units(card, one)
+    yield _shapes(card, one)
+
+
+def _headroom(card: Card, limits: Limits, runs: list[Attempt]) -> Finding:
+    """The limits, in processor time, against what the quickest run needed."""
+    loading = min(run.learner.loading for run in runs)
+    longest = min(run.learner.longest for run in runs)
+    whole = min(run.learner.child.used for run in runs)
     spare = min(limits.load / loading, limits.call / longest, limits.total / whole)
-    yield Finding(
+    return Finding(
         card.name,
         f"the limits leave it {HEADROOM} times its own time",
         bool(spare >= HEADROOM),
         f"{spare:.0f} times (top level {loading:.3f} s of {limits.load:g}, slowest call "
         f"{longest:.4f} s of {limits.call:g}, all {whole:.2f} s of {limits.total:g})",
     )
-    yield _units(card, one)
-    yield _shapes(card, one)
 
 
 def _units(card: Card, one: Attempt) -> Finding:
@@ -207,14 +241,18 @@ def shape_matches(quantity: Quantity, argument: Any, sizes: dict[str, int]) -> b
     )
 
 
-def _slips(card: Card, exercise: Exercise, seeds: int) -> Iterator[Finding]:
+def _slips(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:
     many = len(exercise.slips)
     unique = len({slip.name for slip in exercise.slips}) == many
     yield Finding(card.name, "at least four slips", many >= LEAST_SLIPS and unique, f"{many} slips")
     solution = card.solution_text()
     for slip in exercise.slips:
         text = slip.text(solution)
-        reports = [grade(card.name, text, seed=1000 + seed) for seed in range(SLIP_SEEDS)]
+        place = start_child if slip.ends else effort.place
+        reports = [
+            attempt(card, text, seed=1000 + seed, place=place).report
+            for seed in range(effort.slip_seeds)
+        ]
         wrong = [
             f"seed {report.seed}: {report.verdict}, named {report.slip or 'nothing'}"
             for report in reports

@@ -44,7 +44,7 @@ def seconds_allowed(topic: str) -> float:
 
 def exercise_topics() -> dict[str, str]:
     """The topic of each exercise of the catalogue, by name."""
-    from drills.exercise import cards
+    from drills.cards import cards
 
     return {card.name: CHAPTER[card.chapter] for card in cards()}
 

@@ -1,0 +1,61 @@
+"""Every exercise proved in the sandbox, as `drills verify` does it; this process agrees with it."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from typing import Any
+
+import pytest
+
+from drills import cards as catalogue
+from drills import exercise as exercises
+from drills import verify
+from drills.grade import attempt, start_child
+from drills.report import Report
+from drills.sandbox import Limits
+from drills.verify import Effort
+from tests.budget import exercise_topics
+
+EXERCISES = [
+    pytest.param(name, id=name, marks=pytest.mark.topic(topic))
+    for name, topic in exercise_topics().items()
+]
+
+
+@pytest.mark.parametrize("name", EXERCISES)
+def test_exercise_is_proved(name: str) -> None:
+    findings = verify.findings_of(name)
+    assert [f"{f.what}: {f.detail}" for f in findings if not f.passed] == []
+    assert len(findings) >= 12
+
+
+def told(report: Report) -> list[Any]:
+    """What a learner is told, but for the clock and the last digits: libraries may round otherwise
+    in a process whose environment is another."""
+    checks = [(c.name, c.reason, c.slip, c.call, c.unit, c.why) for c in report.checks]
+    costs = [(cost.what, cost.unit) for cost in report.costs]
+    sentence = re.sub(r"[\d.]+(e-?\d+)?", "#", report.sentence)
+    verdict = [report.reason, sentence, report.slip, report.diagnosis, report.call]
+    return [*verdict, report.problem, checks, costs]
+
+
+@pytest.mark.parametrize("name", EXERCISES)
+def test_grading_in_this_process_gives_what_the_sandbox_gives(name: str) -> None:
+    card, exercise = catalogue.card(name), exercises.of(name)
+    solution = card.solution_text()
+    texts = {slip.name: slip.text(solution) for slip in exercise.slips if not slip.ends}
+    for label, text in {"worked": solution, "starter": card.starter(), **texts}.items():
+        sandboxed, here = (
+            attempt(card, text, seed=77, place=place).report
+            for place in (start_child, verify.in_this_process)
+        )
+        assert told(sandboxed) == told(here), label
+
+
+def test_a_tight_limit_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = exercises.of("fk3")
+    changed = dataclasses.replace(real, limits=Limits(total=0.5), slips=real.slips[:4])
+    monkeypatch.setattr(exercises, "of", lambda name: changed)
+    found = {f.what for f in verify.findings_of("fk3", Effort(2, 1)) if not f.passed}
+    assert found == {f"the limits leave it {exercises.HEADROOM} times its own time"}
