@@ -1,13 +1,8 @@
-"""Where does a method fail? Limits by bisection, maps, and what theory says about them.
+"""Where does a method fail? Limits by bisection, and maps.
 
 Two detectors. `amplification` builds the matrix of one step by applying it to unit vectors:
 exact, but for linear methods. `is_stable_by_iteration` steps a black box many times and watches
 it grow: for anything that steps, a foreign simulator included.
-
-The theory is that of the damped oscillator x'' = -w^2 x - 2 zeta w x'. One step is a matrix
-whose entries are polynomials in w h. It is stable while both eigenvalues lie in the closed unit
-disc, which for trace T and determinant D means |T| <= 1 + D and D <= 1 (Jury's criterion for a
-2 x 2 matrix), so each limit is the smallest root of three polynomials.
 """
 
 from __future__ import annotations
@@ -15,28 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, positive, refused
+from course.check import count, positive, refused
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 Step = Callable[[Array], ArrayLike]
-
-OSCILLATOR_METHODS = (
-    "explicit_euler",
-    "semi_implicit_euler",
-    "velocity_verlet",
-    "explicit_midpoint",
-    "implicit_midpoint",
-    "rk4",
-)
 
 
 # --- detectors and the search ---------------------------------------------------------------------
@@ -161,106 +146,6 @@ def is_stable_by_iteration(
         if grows(sizes, factor):
             return False
     return True
-
-
-# --- theory: the damped oscillator ----------------------------------------------------------------
-
-
-def _polynomial_matrix(method: str, zeta: float) -> tuple[Any, Any, Any, Any]:
-    """Entries (a, b, c, d) of one step on (q, v / w) as polynomials in x = w h."""
-    x = Polynomial([0.0, 1.0])
-    one = Polynomial([1.0])
-    if method == "semi_implicit_euler":
-        # v1 = v + x (-q - 2 zeta v), q1 = q + x v1
-        c, d = -x, 1.0 - 2.0 * zeta * x
-        return one + x * c, x * d, c, d
-    if method == "velocity_verlet":
-        # a0 = -q - 2 zeta v; q1 = q + x v + x^2 a0 / 2; a1 at q1 and at the predicted v + x a0
-        a, b = one - 0.5 * x**2, x - zeta * x**2
-        a1_q = -a + 2.0 * zeta * x
-        a1_v = -b - 2.0 * zeta * (1.0 - 2.0 * zeta * x)
-        return a, b, 0.5 * x * (a1_q - 1.0), one + 0.5 * x * (a1_v - 2.0 * zeta)
-    degree = {"explicit_euler": 1, "explicit_midpoint": 2, "rk4": 4}[method]
-    # Runge-Kutta with as many stages as its order: the exponential series of x A, cut off.
-    generator = np.array([[0.0, 1.0], [-1.0, -2.0 * zeta]])
-    powers = [np.linalg.matrix_power(generator, k) / math.factorial(k) for k in range(degree + 1)]
-    a, b, c, d = (Polynomial([p[i, j] for p in powers]) for i in (0, 1) for j in (0, 1))
-    return a, b, c, d
-
-
-def step_matrix(method: str, omega_dt: float, zeta: float) -> Array:
-    """One step of a method on the oscillator, as a matrix acting on (q, v / omega).
-
-    Args:
-        method: one of `OSCILLATOR_METHODS`.
-        omega_dt: natural frequency times step.
-        zeta: damping ratio.
-    """
-    _check(method, zeta)
-    if method == "implicit_midpoint":
-        half = 0.5 * omega_dt * np.array([[0.0, 1.0], [-1.0, -2.0 * zeta]])
-        solved = np.linalg.solve(np.eye(2) - half, np.eye(2) + half)
-        return np.asarray(solved, dtype=float)
-    entries = _polynomial_matrix(method, zeta)
-    return np.array([float(entry(omega_dt)) for entry in entries]).reshape(2, 2)
-
-
-def theoretical_limit(method: str, zeta: float) -> float:
-    """Largest stable omega * dt of a method on x'' = -w^2 x - 2 zeta w x'.
-
-    Closed forms among them: explicit Euler 2 zeta, or 2 / (zeta + sqrt(zeta^2 - 1)) when
-    overdamped; semi-implicit Euler with the damper explicit 2 (sqrt(1 + zeta^2) - zeta); velocity
-    Verlet, undamped, 2; RK4, undamped, 2 sqrt(2); implicit midpoint none.
-
-    Args:
-        method: one of `OSCILLATOR_METHODS`; velocity Verlet with the velocity predicted by an
-            Euler step where the force needs it.
-        zeta: damping ratio, not negative.
-
-    Returns:
-        The limit; 0 where no step is stable, infinity where every step is.
-    """
-    _check(method, zeta)
-    if method == "implicit_midpoint":
-        return math.inf
-    a, b, c, d = _polynomial_matrix(method, zeta)
-    trace, determinant = a + d, a * d - b * c
-    conditions = (1.0 - determinant, 1.0 + determinant + trace, 1.0 + determinant - trace)
-    return min(_first_negative(condition) for condition in conditions)
-
-
-def implicit_damping_limit(zeta: float) -> float:
-    """Semi-implicit Euler with the damper taken implicitly: 2 (sqrt(1 + zeta^2) + zeta).
-
-    v1 = (v - x q) / (1 + 2 zeta x), q1 = q + x v1 has D = 1 / (1 + 2 zeta x) and
-    T = 1 + (1 - x^2) D, and 1 + T + D >= 0 gives x^2 - 4 zeta x - 4 <= 0.
-    """
-    _check("semi_implicit_euler", zeta)
-    return 2.0 * (math.sqrt(1.0 + zeta**2) + zeta)
-
-
-def _check(method: str, zeta: float) -> None:
-    one_of("method", method, OSCILLATOR_METHODS)
-    finite("zeta", zeta, 0.0)
-
-
-def _first_negative(condition: Polynomial) -> float:
-    """The smallest x >= 0 above which a polynomial is negative; infinity if never."""
-    scale = float(np.max(np.abs(condition.coef)))
-    if scale == 0.0:
-        return math.inf
-    # What cancels in theory leaves rounding behind, which would make roots near zero.
-    coefficients = np.where(np.abs(condition.coef) > 1e-14 * scale, condition.coef, 0.0)
-    lowest = int(np.flatnonzero(coefficients)[0])
-    if coefficients[lowest] < 0.0:
-        return 0.0
-    reduced = Polynomial(coefficients[lowest:]).trim()
-    roots = reduced.roots()
-    real = np.sort(roots.real[np.abs(roots.imag) <= 1e-7 * np.abs(roots)])
-    for root in real[real > 0.0]:
-        if reduced(root * (1.0 + 1e-5)) < 0.0:
-            return float(root)
-    return math.inf
 
 
 # --- maps -----------------------------------------------------------------------------------------

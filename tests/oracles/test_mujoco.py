@@ -10,7 +10,7 @@ import pytest
 
 from course.measure import stability
 from course.oracles import mujoco
-from course.rigid_body import problems
+from course.rigid_body import oscillator, problems
 
 ORDER = {"Euler": 1, "RK4": 4, "implicit": 1, "implicitfast": 1, "discrete": 1}
 EXPLICIT_CONTACT = ("Euler", "implicit", "implicitfast")
@@ -240,9 +240,9 @@ def test_stiff_spring_limit(integrator, zeta):
         return stability.is_stable_by_matrix(mujoco.oscillator_step(integrator, x, zeta), 2)
 
     if integrator == "RK4":
-        theory = stability.theoretical_limit("rk4", zeta)
+        theory = oscillator.limit("rk4", zeta)
     else:
-        theory = stability.implicit_damping_limit(zeta)
+        theory = oscillator.implicit_damping_limit(zeta)
     assert stability.limit(is_stable, 0.1, 20.0) == pytest.approx(theory, rel=5e-3)
     for factor, stable in ((0.995, True), (1.005, False)):
         step = mujoco.oscillator_step(integrator, factor * theory, zeta)
@@ -255,7 +255,7 @@ def test_explicit_damper_lowers_the_limit(zeta):
         step = mujoco.oscillator_step("Euler", x, zeta, implicit_damping=False)
         return stability.is_stable_by_matrix(step, 2)
 
-    theory = stability.theoretical_limit("semi_implicit_euler", zeta)
+    theory = oscillator.limit("semi_implicit_euler", zeta)
     assert stability.limit(is_stable, 0.05, 20.0) == pytest.approx(theory, rel=5e-3)
 
 

@@ -8,6 +8,7 @@ import pytest
 from course.charts.rigid_body import drift, failures, impacts
 from course.measure import stability
 from course.oracles import mujoco as oracle
+from course.rigid_body import oscillator
 from course.rigid_body.integrators import INTEGRATORS
 
 # --- stability limits -----------------------------------------------------------------------------
@@ -19,16 +20,18 @@ def test_measured_limit_is_the_theory_and_both_sides_show_it(method, zeta):
     (found,) = failures.limits((zeta,), (method,), mujoco=False)
     assert found.deviation < 5e-3
     if found.theory == 0.0:
-        step = failures.our_step(method, 0.1, zeta)
+        step = oscillator.stepper(method, 0.1, zeta)
         assert not stability.is_stable_by_iteration(
             step, 2, steps=40_000 if "mid" in method else 999
         )
     elif math.isinf(found.theory):
-        assert stability.is_stable_by_iteration(failures.our_step(method, 50.0, zeta), 2, steps=300)
+        assert stability.is_stable_by_iteration(
+            oscillator.stepper(method, 50.0, zeta), 2, steps=300
+        )
     else:
         # By running on, which knows nothing of matrices.
-        inside = failures.our_step(method, 0.995 * found.theory, zeta)
-        outside = failures.our_step(method, 1.005 * found.theory, zeta)
+        inside = oscillator.stepper(method, 0.995 * found.theory, zeta)
+        outside = oscillator.stepper(method, 1.005 * found.theory, zeta)
         assert stability.is_stable_by_iteration(inside, 2, steps=1500)
         assert not stability.is_stable_by_iteration(outside, 2, steps=8000, ceiling=1e3)
 
@@ -61,7 +64,7 @@ def test_the_boundary_of_a_map_is_within_half_a_cell_of_theory(method):
     found = failures.growth_map(method, x, zeta)
     assert failures.boundary_error(found, method) <= 0.51
     for i, j in ((3, 10), (15, 60)):
-        theory = stability.spectral_radius(stability.step_matrix(method, x[j], zeta[i]))
+        theory = stability.spectral_radius(oscillator.step_matrix(method, x[j], zeta[i]))
         assert found.growth[i, j] == pytest.approx(theory, rel=1e-7)
 
 

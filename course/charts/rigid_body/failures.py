@@ -12,13 +12,13 @@ import numpy as np
 
 from course.charts import chart, save
 from course.measure import stability
-from course.measure.stability import Map, implicit_damping_limit, theoretical_limit
+from course.measure.stability import Map
 from course.measure.work_precision import PALETTE
 from course.oracles import mujoco as oracle
-from course.rigid_body import problems
+from course.rigid_body import oscillator, problems
 from course.rigid_body.integrators import INTEGRATORS, Array
 
-NAMES = stability.OSCILLATOR_METHODS
+NAMES = oscillator.METHODS
 COLOURS = dict(zip(NAMES, PALETTE, strict=False))
 LABELS = dict(
     zip(
@@ -69,23 +69,6 @@ class Limit:
 Linear = Callable[[Array], Array]
 
 
-def our_step(method: str, omega_dt: float, zeta: float) -> Linear:
-    """One step of a method of the course on x'' = -x - 2 zeta x', as (x, x') -> (x, x').
-
-    Args:
-        method: a name in INTEGRATORS.
-        omega_dt: natural frequency times step.
-        zeta: damping ratio.
-    """
-    step, params = INTEGRATORS[method].step, np.array([1.0, zeta])
-
-    def linear(state: Array) -> Array:
-        q, v = step(state[:1], state[1:], problems.oscillator_acceleration, omega_dt, params)
-        return np.concatenate([q, v])
-
-    return linear
-
-
 def measured_limit(step_at: Callable[[float], Linear], rel: float = 1e-4) -> float:
     """Largest stable omega dt of a family of linear steps, found without knowing the theory.
 
@@ -133,10 +116,10 @@ def mujoco_theory(integrator: str, zeta: float, implicit_damping: bool = True) -
     if integrator == "discrete":
         return math.inf
     if integrator == "RK4":
-        return theoretical_limit("rk4", zeta)
+        return oscillator.limit("rk4", zeta)
     if integrator == "Euler" and not implicit_damping:
-        return theoretical_limit("semi_implicit_euler", zeta)
-    return implicit_damping_limit(zeta)
+        return oscillator.limit("semi_implicit_euler", zeta)
+    return oscillator.implicit_damping_limit(zeta)
 
 
 def limits(
@@ -155,8 +138,8 @@ def limits(
         Limit(
             method,
             zeta,
-            measured_limit(functools.partial(our_step, method, zeta=zeta)),
-            theoretical_limit(method, zeta),
+            measured_limit(functools.partial(oscillator.stepper, method, zeta=zeta)),
+            oscillator.limit(method, zeta),
         )
         for method in methods
         for zeta in zetas
@@ -199,7 +182,7 @@ def stability_limits() -> str:
     found = limits((0.0, 0.1, 0.25, 0.5, 1.0, 1.5))
     dense = np.linspace(0.0, 1.6, 129)
     curves: dict[str, Callable[[float], float]] = {
-        name: functools.partial(theoretical_limit, name) for name in NAMES
+        name: functools.partial(oscillator.limit, name) for name in NAMES
     }
     for name, integrator, damping in _MUJOCO_VARIANTS:
         curves[name] = functools.partial(mujoco_theory, integrator, implicit_damping=damping)
@@ -267,7 +250,7 @@ def boundary_error(found: Map, method: str) -> float:
     cell = float(found.x[1] - found.x[0])
     worst = 0.0
     for edge, zeta in zip(found.boundary(), found.y, strict=True):
-        theory = theoretical_limit(method, float(zeta))
+        theory = oscillator.limit(method, float(zeta))
         if theory < found.x[0]:
             theory = 0.0
         if edge != theory and not (math.isinf(edge) and theory >= found.x[-1]):
@@ -298,7 +281,7 @@ def stability_maps() -> str:
             ax.contour(
                 omega_dt, zeta, stable.astype(float), levels=[0.5], colors="black", linewidths=2.5
             )
-        theory = np.array([theoretical_limit(method, float(z)) for z in zeta])
+        theory = np.array([oscillator.limit(method, float(z)) for z in zeta])
         ax.plot(theory, zeta, "--", color="white", lw=1.3)
         ax.set(title=LABELS[method], xlim=(0.0, 4.0), ylim=(0.0, 2.0))
         share = float(np.mean(stable))

@@ -1,8 +1,7 @@
-"""One step of an integrator on the oscillator as a 2 x 2 matrix, derived from the code that steps.
+"""One step of an integrator on the oscillator as a 2 x 2 matrix, from the code that steps.
 
 The integrators of chapter 1 are plain functions over arrays, so they also take arrays of SymPy
-symbols: the matrix below comes out of the function that the simulations run. `implicit_midpoint`
-iterates in floating point, so its matrix is solved from its defining equations.
+symbols: the matrices come out of the functions that the simulations run.
 """
 
 import functools
@@ -24,7 +23,8 @@ def step_matrix(name: str, damped: bool = False) -> Any:
     """Matrix A of (x, v) -> A (x, v) for x'' = -omega^2 x - 2 zeta omega x'.
 
     Args:
-        name: name of an integrator of `course.rigid_body`.
+        name: name of an integrator of `course.rigid_body`. `implicit_midpoint` iterates on
+            numbers and can't be run with symbols: its matrix is the one derived by hand.
         damped: False sets zeta = 0.
 
     Returns:
@@ -32,28 +32,18 @@ def step_matrix(name: str, damped: bool = False) -> Any:
     """
     import sympy
 
-    from course.rigid_body.integrators import INTEGRATORS
-    from course.rigid_body.problems import oscillator_acceleration
+    from course.rigid_body import oscillator
 
     h, omega, zeta = symbols()
-    rates = sympy.Matrix([[0, 1], [-(omega**2), -2 * zeta * omega if damped else 0]])
+    zeta = zeta if damped else sympy.Integer(0)
     if name == "implicit_midpoint":
-        half = h * rates / 2
-        return ((sympy.eye(2) - half).inv() * (sympy.eye(2) + half)).applyfunc(sympy.cancel)
-    params = (omega, zeta if damped else sympy.Integer(0))
-    columns = []
-    for x, v in ((1, 0), (0, 1)):
-        q, w = INTEGRATORS[name].step(
-            np.array([sympy.Integer(x)], dtype=object),
-            np.array([sympy.Integer(v)], dtype=object),
-            oscillator_acceleration,
-            h,
-            params,
-        )
-        columns.append(
-            [sympy.expand(sympy.nsimplify(sympy.expand(c[0]), rational=True)) for c in (q, w)]
-        )
-    return sympy.Matrix(columns).T
+        (a, b), (c, d) = oscillator.step_matrix(name, omega * h, zeta)
+        return sympy.Matrix([[a, b / omega], [omega * c, d]]).applyfunc(sympy.cancel)
+    step = oscillator.stepper(name, h, zeta, omega)
+    columns = [step(np.array(unit, dtype=object)) for unit in sympy.eye(2).tolist()]
+    return sympy.Matrix(columns).T.applyfunc(
+        lambda entry: sympy.expand(sympy.nsimplify(sympy.expand(entry), rational=True))
+    )
 
 
 def numeric_matrix(name: str, omega_h: float, zeta: float = 0.0) -> np.ndarray:
@@ -67,25 +57,21 @@ def numeric_matrix(name: str, omega_h: float, zeta: float = 0.0) -> np.ndarray:
     Returns:
         Array of shape (2, 2).
     """
-    from course.rigid_body.integrators import INTEGRATORS
-    from course.rigid_body.problems import oscillator_acceleration
+    from course.measure import stability
+    from course.rigid_body import oscillator
 
-    step = INTEGRATORS[name].step
-    params = np.array([1.0, zeta])
-    columns = [
-        np.concatenate(step(np.array([x]), np.array([v]), oscillator_acceleration, omega_h, params))
-        for x, v in ((1.0, 0.0), (0.0, 1.0))
-    ]
-    return np.array(columns).T
+    return stability.amplification(oscillator.stepper(name, omega_h, zeta), 2)
 
 
 def spectral_radius(name: str, omega_h: float, zeta: float = 0.0) -> float:
     """Largest modulus of the eigenvalues of one step."""
-    return float(np.abs(np.linalg.eigvals(numeric_matrix(name, omega_h, zeta))).max())
+    from course.measure import stability
+
+    return stability.spectral_radius(numeric_matrix(name, omega_h, zeta))
 
 
 def measured_limit(name: str, zeta: float = 0.0, low: float = 0.0, high: float = 8.0) -> float:
-    """Largest stable omega * h by bisection on the spectral radius, to nine digits.
+    """Largest stable omega * h by bisection on the spectral radius, to eleven digits.
 
     Args:
         name: name of an integrator.
@@ -93,10 +79,8 @@ def measured_limit(name: str, zeta: float = 0.0, low: float = 0.0, high: float =
         low: a product at which it is stable, or 0.
         high: a product at which it is not.
     """
-    for _ in range(40):
-        middle = 0.5 * (low + high)
-        if spectral_radius(name, middle, zeta) <= 1.0 + 1e-10:
-            low = middle
-        else:
-            high = middle
-    return low
+    from course.measure import stability
+
+    return stability.limit(
+        lambda omega_h: spectral_radius(name, omega_h, zeta) <= 1.0 + 1e-10, low, high, rel=1e-12
+    )
