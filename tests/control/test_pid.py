@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from course.charts import control as charts
 from course.charts.control import LOOP, Loop, WindingPID
 from course.drills import PID, Joint, closed_loop
-from course.oracles import mujoco
+from course.oracles.mujoco import kit as mujoco_kit
 from course.oracles.mujoco.joint import MotorJoint
 from drills.grade import grade
 
@@ -260,7 +260,7 @@ def test_mujocos_joint_refuses_its_own_wrong_numbers():
     for changes in ({"friction": -0.1}, {"substeps": 0}, {"integrator": "Heun"}):
         with pytest.raises(ValueError, match=next(iter(changes))):
             MotorJoint(0.05, 0.1, 0.005, **changes)
-    assert "implicitfast" in mujoco.INTEGRATORS
+    assert "implicitfast" in mujoco_kit.MUJOCO_INTEGRATORS
 
 
 def test_closed_loop_hands_over_noise_and_jam():

@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from course.measure import stability
-from course.oracles import mujoco
+from course.oracles.mujoco import box as mujoco_box
+from course.oracles.mujoco import free as mujoco_free
+from course.oracles.mujoco import kit as mujoco_kit
+from course.oracles.mujoco import oscillator as mujoco_oscillator
 from course.rigid_body import oscillator, problems
 
 ORDER = {"Euler": 1, "RK4": 4, "implicit": 1, "implicitfast": 1, "discrete": 1}
@@ -46,11 +49,11 @@ def _angle(a, b):
 # --- conventions ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("integrator", mujoco.INTEGRATORS)
+@pytest.mark.parametrize("integrator", mujoco_kit.MUJOCO_INTEGRATORS)
 def test_free_joint_spins_in_the_body_frame_and_moves_in_the_world_frame(integrator):
     start = _turn([0.5 * math.pi, 0.0, 0.0])
     spin, velocity = np.array([0.0, 0.0, 2.0]), np.array([0.3, -0.2, 0.1])
-    runner = mujoco.free_body(
+    runner = mujoco_free.free_body(
         [1.0, 1.0, 1.0], [0, 0, 0, *start], [*velocity, *spin], 1e-3, integrator
     )
     q, v = runner.run(500)
@@ -61,7 +64,7 @@ def test_free_joint_spins_in_the_body_frame_and_moves_in_the_world_frame(integra
 
 
 def test_gravity_points_down_z():
-    runner = mujoco.free_body(
+    runner = mujoco_free.free_body(
         [1, 1, 1], [0, 0, 5, 1, 0, 0, 0], np.zeros(6), 1e-3, "RK4", gravity=9.81
     )
     q, _ = runner.run(1000)
@@ -70,10 +73,12 @@ def test_gravity_points_down_z():
 
 def test_planar_angle_is_counter_clockwise():
     """Positive theta lifts the right lower corner, so the left one lands first, and turns back."""
-    runner = mujoco.box_drop((0.1, 0.1), 1.0, [0, 0.2, 0.3], [0, -1, 0], 1e-3, "Euler", friction=0)
+    runner = mujoco_box.box_drop(
+        (0.1, 0.1), 1.0, [0, 0.2, 0.3], [0, -1, 0], 1e-3, "Euler", friction=0
+    )
     _, v = runner.run(300)
     down = 0.1 * (math.cos(0.3) + math.sin(0.3))
-    assert runner.trajectory(300).q[1].min() < down + 1e-3
+    assert runner.samples(300).q[1].min() < down + 1e-3
     assert v[2] != 0.0
     # Lowest corner of a box turned by +0.3 is the left one only if theta is counter-clockwise ...
     corners = np.array([[-0.1, -0.1], [0.1, -0.1]]).T
@@ -81,25 +86,25 @@ def test_planar_angle_is_counter_clockwise():
     heights = (np.array([[c, -s], [s, c]]) @ corners)[1]
     assert heights[0] < heights[1]
     # ... and the push from the ground at its left turns it clockwise.
-    first = next(x for x in runner.trajectory(300).v[2] if x != 0.0)
+    first = next(x for x in runner.samples(300).v[2] if x != 0.0)
     assert first < 0.0
 
 
 def test_trajectory_and_run_agree():
-    runner = mujoco.pendulum(1.0, 1.0, 0.0, 1e-3, "RK4")
-    path = runner.trajectory(100, every=20)
+    runner = mujoco_oscillator.pendulum(1.0, 1.0, 0.0, 1e-3, "RK4")
+    path = runner.samples(100, every=20)
     q, v = runner.run(100)
     assert path.times == pytest.approx(np.arange(6) * 0.02)
     assert path.q.shape == path.v.shape == (1, 6)
     assert path.q[0, 0] == 1.0
     assert (path.q[0, -1], path.v[0, -1]) == (q[0], v[0])
     assert runner.run(0)[0] == 1.0
-    assert (runner.evaluations(100), mujoco.EVALUATIONS_PER_STEP["Euler"]) == (400, 1)
+    assert (runner.evaluations(100), mujoco_kit.EVALUATIONS_PER_STEP["Euler"]) == (400, 1)
 
 
 def test_a_second_run_is_the_first():
     """Nothing is left over from the last run, the contact solver's warm start included."""
-    runner = mujoco.box_drop((0.1, 0.1), 1.0, [0, 0.099, 0.1], [1, 0, 2], 1e-3, "Euler")
+    runner = mujoco_box.box_drop((0.1, 0.1), 1.0, [0, 0.099, 0.1], [1, 0, 2], 1e-3, "Euler")
     first = runner.run(150)
     runner.run(33)
     second = runner.run(150)
@@ -110,7 +115,7 @@ def test_a_second_run_is_the_first():
 # --- closed forms ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("integrator", mujoco.INTEGRATORS)
+@pytest.mark.parametrize("integrator", mujoco_kit.MUJOCO_INTEGRATORS)
 def test_oscillator(integrator):
     mass, stiffness, damping, end = 2.0, 50.0, 1.2, 2.0
     decay = 0.5 * damping / mass
@@ -123,13 +128,15 @@ def test_oscillator(integrator):
 
     errors = []
     for n in 25 * 2 ** np.arange(6):
-        runner = mujoco.oscillator(mass, stiffness, damping, 0.3, 0.7, end / n, integrator)
+        runner = mujoco_oscillator.oscillator(
+            mass, stiffness, damping, 0.3, 0.7, end / n, integrator
+        )
         errors.append(abs(runner.run(int(n))[0][0] - truth(end)))
     assert _order(errors) == pytest.approx(ORDER[integrator], abs=0.15)
     assert errors[-1] < (1e-8 if integrator == "RK4" else 2e-2)
 
 
-@pytest.mark.parametrize("integrator", mujoco.INTEGRATORS)
+@pytest.mark.parametrize("integrator", mujoco_kit.MUJOCO_INTEGRATORS)
 def test_symmetric_body(integrator):
     """Torque-free: q(t) = exp(L t / I1) q0 exp((1 - I3 / I1) w3 t e3)."""
     i1, i3, end = 1.0, 0.4, 1.5
@@ -142,7 +149,7 @@ def test_symmetric_body(integrator):
     )
     errors = []
     for n in 20 * 2 ** np.arange(6):
-        runner = mujoco.free_body(
+        runner = mujoco_free.free_body(
             [i1, i1, i3], [0, 0, 0, *start], [0, 0, 0, *spin], end / n, integrator
         )
         errors.append(_angle(runner.run(int(n))[0][3:], truth))
@@ -150,7 +157,7 @@ def test_symmetric_body(integrator):
 
 
 @pytest.mark.parametrize("joint", ["free", "ball"])
-@pytest.mark.parametrize("integrator", mujoco.INTEGRATORS)
+@pytest.mark.parametrize("integrator", mujoco_kit.MUJOCO_INTEGRATORS)
 def test_order_on_the_asymmetric_tumble(integrator, joint):
     problem, end = problems.tumble(), 5.0
     q0, v0 = problem.system.q0, problem.system.v0
@@ -158,7 +165,7 @@ def test_order_on_the_asymmetric_tumble(integrator, joint):
         q0, v0 = np.concatenate([np.zeros(3), q0]), np.concatenate([np.zeros(3), v0])
     errors = []
     for n in 100 * 2 ** np.arange(4):
-        runner = mujoco.free_body((1.0, 2.0, 3.0), q0, v0, end / n, integrator)
+        runner = mujoco_free.free_body((1.0, 2.0, 3.0), q0, v0, end / n, integrator)
         errors.append(problem.error(runner.run(int(n))[0][-4:], end))
     # Since version 4 RK4 carries the Munthe-Kaas correction; before, it had order 2 here.
     assert _order(errors) == pytest.approx(ORDER[integrator], abs=0.15)
@@ -170,8 +177,8 @@ def test_who_keeps_the_energy_of_a_tumble():
     q0 = np.concatenate([np.zeros(3), problem.system.q0])
     v0 = np.concatenate([np.zeros(3), problem.system.v0])
     change = {}
-    for integrator in mujoco.INTEGRATORS:
-        spin = mujoco.free_body(inertia, q0, v0, 5e-3, integrator).run(4000)[1][3:]
+    for integrator in mujoco_kit.MUJOCO_INTEGRATORS:
+        spin = mujoco_free.free_body(inertia, q0, v0, 5e-3, integrator).run(4000)[1][3:]
         start = problem.system.v0
         change[integrator] = float(inertia @ spin**2 / (inertia @ start**2) - 1.0)
     assert abs(change["RK4"]) < 1e-9
@@ -183,9 +190,11 @@ def test_who_keeps_the_energy_of_a_tumble():
 def test_pendulum_is_the_ideal_one():
     problem = problems.pendulum()
     gravity = problem.system.params[0]  # length 1
-    runner = mujoco.pendulum(1.0, problem.system.q0[0], 0.0, 1e-3, "RK4", gravity=gravity)
+    runner = mujoco_oscillator.pendulum(
+        1.0, problem.system.q0[0], 0.0, 1e-3, "RK4", gravity=gravity
+    )
     assert problem.error(runner.run(round(problem.duration / 1e-3))[0]) < 1e-10
-    longer = mujoco.pendulum(4.0, 0.01, 0.0, 1e-3, "RK4")
+    longer = mujoco_oscillator.pendulum(4.0, 0.01, 0.0, 1e-3, "RK4")
     period = 2.0 * math.pi * math.sqrt(4.0 / 9.81) * (1.0 + 0.01**2 / 16.0)
     assert longer.run(round(0.25 * period / 1e-3))[0][0] == pytest.approx(0.0, abs=1e-5)
 
@@ -193,7 +202,7 @@ def test_pendulum_is_the_ideal_one():
 def test_double_pendulum_is_two_point_masses():
     problem = problems.double_pendulum()
     phi = problem.system.q0
-    runner = mujoco.double_pendulum(
+    runner = mujoco_oscillator.double_pendulum(
         (1.0, 1.0),
         (1.0, 1.0),
         (phi[0], phi[1] - phi[0]),
@@ -209,8 +218,10 @@ def test_double_pendulum_is_two_point_masses():
 def test_double_pendulum_with_unequal_masses_keeps_its_energy():
     """The substitute bodies have the right moments: the point masses' energy is kept."""
     m1, m2, l1, l2, g = 0.4, 3.0, 0.7, 1.3, 9.81
-    runner = mujoco.double_pendulum((m1, m2), (l1, l2), (1.0, 0.5), (0.3, -0.2), 2e-4, "RK4")
-    path = runner.trajectory(5000, every=500)
+    runner = mujoco_oscillator.double_pendulum(
+        (m1, m2), (l1, l2), (1.0, 0.5), (0.3, -0.2), 2e-4, "RK4"
+    )
+    path = runner.samples(5000, every=500)
     a, b = path.q[0], path.q[0] + path.q[1]
     va, vb = path.v[0], path.v[0] + path.v[1]
     kinetic = 0.5 * (m1 + m2) * (l1 * va) ** 2 + 0.5 * m2 * (l2 * vb) ** 2
@@ -222,8 +233,8 @@ def test_double_pendulum_with_unequal_masses_keeps_its_energy():
 def test_heavy_top_nutates_as_the_closed_form():
     inertia, weight, tilt, spin = (0.02, 0.004), 1.0, 0.5, 80.0
     problem = problems.heavy_top(inertia, weight, tilt, spin)
-    runner = mujoco.heavy_top(inertia, weight, problem.system.q0, [0, 0, spin], 2.5e-4, "RK4")
-    path = runner.trajectory(4000, every=400)
+    runner = mujoco_free.heavy_top(inertia, weight, problem.system.q0, [0, 0, spin], 2.5e-4, "RK4")
+    path = runner.samples(4000, every=400)
     height = 1.0 - 2.0 * (path.q[1] ** 2 + path.q[2] ** 2)
     truth = [problems.top_height_truth(t, inertia, weight, tilt, spin) for t in path.times]
     assert height == pytest.approx(np.array(truth), abs=1e-7)
@@ -237,7 +248,9 @@ def test_heavy_top_nutates_as_the_closed_form():
 @pytest.mark.parametrize("integrator", ["Euler", "implicit", "implicitfast", "RK4"])
 def test_stiff_spring_limit(integrator, zeta):
     def is_stable(x):
-        return stability.is_stable_by_matrix(mujoco.oscillator_step(integrator, x, zeta), 2)
+        return stability.is_stable_by_matrix(
+            mujoco_oscillator.oscillator_step(integrator, x, zeta), 2
+        )
 
     if integrator == "RK4":
         theory = oscillator.limit("rk4", zeta)
@@ -245,14 +258,14 @@ def test_stiff_spring_limit(integrator, zeta):
         theory = oscillator.implicit_damping_limit(zeta)
     assert stability.limit(is_stable, 0.1, 20.0) == pytest.approx(theory, rel=5e-3)
     for factor, stable in ((0.995, True), (1.005, False)):
-        step = mujoco.oscillator_step(integrator, factor * theory, zeta)
+        step = mujoco_oscillator.oscillator_step(integrator, factor * theory, zeta)
         assert stability.is_stable_by_iteration(step, 2, steps=1500) is stable
 
 
 @pytest.mark.parametrize("zeta", [0.3, 1.2])
 def test_explicit_damper_lowers_the_limit(zeta):
     def is_stable(x):
-        step = mujoco.oscillator_step("Euler", x, zeta, implicit_damping=False)
+        step = mujoco_oscillator.oscillator_step("Euler", x, zeta, implicit_damping=False)
         return stability.is_stable_by_matrix(step, 2)
 
     theory = oscillator.limit("semi_implicit_euler", zeta)
@@ -262,14 +275,14 @@ def test_explicit_damper_lowers_the_limit(zeta):
 @pytest.mark.parametrize("zeta", [0.0, 0.5])
 def test_discrete_has_no_limit(zeta):
     for x in (1.0, 3.0, 100.0, 1e4):
-        step = mujoco.oscillator_step("discrete", x, zeta)
+        step = mujoco_oscillator.oscillator_step("discrete", x, zeta)
         assert stability.is_stable_by_iteration(step, 2, steps=200)
 
 
 def test_divergence_is_returned_and_leaves_no_file(tmp_path, monkeypatch, caplog):
     monkeypatch.chdir(tmp_path)
-    with caplog.at_level(logging.INFO, logger="course.oracles.mujoco"):
-        q, _ = mujoco.oscillator(1.0, 1.0, 0.0, 1.0, 0.0, 3.0, "Euler").run(2000)
+    with caplog.at_level(logging.INFO, logger="course.oracles.mujoco.kit"):
+        q, _ = mujoco_oscillator.oscillator(1.0, 1.0, 0.0, 1.0, 0.0, 3.0, "Euler").run(2000)
     assert not np.all(np.isfinite(q)) or np.abs(q[0]) > 1e100
     assert list(tmp_path.iterdir()) == []
 
@@ -280,17 +293,17 @@ def test_divergence_is_returned_and_leaves_no_file(tmp_path, monkeypatch, caplog
 @pytest.mark.parametrize("wanted", [0.0, 0.3, 0.5, 0.7, 0.9, 1.0])
 @pytest.mark.parametrize("integrator", EXPLICIT_CONTACT)
 def test_restitution_by_impulse(integrator, wanted):
-    exact, worst = mujoco.measured_restitution(wanted, 1e-3, integrator, gravity=0.0)
+    exact, worst = mujoco_box.measured_restitution(wanted, 1e-3, integrator, gravity=0.0)
     assert exact == pytest.approx(wanted, abs=3e-4)
     assert worst < 3e-4
-    _, with_gravity = mujoco.measured_restitution(wanted, 1e-3, integrator)
+    _, with_gravity = mujoco_box.measured_restitution(wanted, 1e-3, integrator)
     assert with_gravity < 0.01
 
 
-@pytest.mark.parametrize("integrator", mujoco.INTEGRATORS)
+@pytest.mark.parametrize("integrator", mujoco_kit.MUJOCO_INTEGRATORS)
 def test_restitution_by_spring_gets_better_with_a_longer_contact(integrator):
     errors = [
-        mujoco.measured_restitution(
+        mujoco_box.measured_restitution(
             0.5, 1e-4, integrator, contact="spring", contact_steps=n, gravity=0.0, phases=6
         )[1]
         for n in (20, 80)
@@ -309,7 +322,7 @@ def test_spring_restitution_formula():
                 break
             rate -= h * force
             depth += h * rate
-        assert mujoco.spring_restitution(zeta) == pytest.approx(-rate, abs=1e-3)
+        assert mujoco_box.spring_restitution(zeta) == pytest.approx(-rate, abs=1e-3)
 
 
 def _corner_impact(integrator, mu, slide, **options):
@@ -317,7 +330,7 @@ def _corner_impact(integrator, mu, slide, **options):
     mass, inertia, angle, e = 2.0, 0.05, 0.4, 0.6
     c, s = math.cos(angle), math.sin(angle)
     rx, rz = -0.1 * c + 0.2 * s, -0.1 * s - 0.2 * c  # the left lower corner
-    runner = mujoco.box_drop(
+    runner = mujoco_box.box_drop(
         (0.1, 0.2),
         mass,
         [0, -rz + 0.0105, angle],
@@ -361,7 +374,7 @@ def test_friction_lifts_a_sliding_corner():
 def test_sliding_box_stops_where_coulomb_says(integrator):
     mu, speed, hops = 0.4, 1.5, {}
     for steps in (1.0, 10.0):
-        path = mujoco.box_drop(
+        path = mujoco_box.box_drop(
             (0.2, 0.05),
             1.0,
             [0, 0.05 - 1e-6, 0],
@@ -371,7 +384,7 @@ def test_sliding_box_stops_where_coulomb_says(integrator):
             restitution=0.0,
             friction=mu,
             friction_steps=steps,
-        ).trajectory(1000)
+        ).samples(1000)
         assert path.q[0, -1] == pytest.approx(speed**2 / (2 * mu * 9.81), rel=0.01)
         assert abs(path.v[0, -1]) < 1e-3
         hops[steps] = path.q[1].max() - 0.05
@@ -382,7 +395,7 @@ def test_sliding_box_stops_where_coulomb_says(integrator):
 def test_sticking_impact_sticks_with_the_hardest_friction():
     left = {}
     for steps in (1.0, 10.0):
-        runner = mujoco.box_drop(
+        runner = mujoco_box.box_drop(
             (0.2, 0.05),
             1.0,
             [0, 0.0605, 0],
@@ -410,14 +423,14 @@ def test_batches_are_the_single_run(threads):
     n = 6
     q0 = np.array([np.zeros(n), np.full(n, 0.4), rng.uniform(-1.0, 1.0, n)])
     v0 = rng.normal(size=(3, n))
-    boxes = mujoco.batch_boxes(
+    boxes = mujoco_box.batch_boxes(
         (0.1, 0.1), 1.0, q0, v0, 1e-3, "Euler", threads=threads, restitution=0.6
     )
     assert (boxes.size, boxes.threads) == (n, threads)
     for _ in range(2):  # the second time from the same start
         q, v = boxes.run(400)
     for i in range(n):
-        one = mujoco.box_drop(
+        one = mujoco_box.box_drop(
             (0.1, 0.1), 1.0, q0[:, i], v0[:, i], 1e-3, "Euler", restitution=0.6
         ).run(400)
         assert np.array_equal(q[:, i], one[0])
@@ -428,51 +441,51 @@ def test_batch_of_free_bodies():
     q0 = np.zeros((7, 3))
     q0[3] = 1.0
     v0 = np.random.default_rng(1).normal(size=(6, 3))
-    q, v = mujoco.batch_free_bodies((1, 2, 3), q0, v0, 1e-2, "RK4").run(50)
-    one = mujoco.free_body((1, 2, 3), q0[:, 2], v0[:, 2], 1e-2, "RK4").run(50)
+    q, v = mujoco_free.batch_free_bodies((1, 2, 3), q0, v0, 1e-2, "RK4").run(50)
+    one = mujoco_free.free_body((1, 2, 3), q0[:, 2], v0[:, 2], 1e-2, "RK4").run(50)
     assert np.array_equal(q[:, 2], one[0])
     assert np.array_equal(v[:, 2], one[1])
     with pytest.raises(ValueError, match=r"q0.shape, v0.shape"):
-        mujoco.batch_free_bodies((1, 2, 3), q0, v0[:, :2], 1e-2, "RK4")
+        mujoco_free.batch_free_bodies((1, 2, 3), q0, v0[:, :2], 1e-2, "RK4")
 
 
 # --- doors ----------------------------------------------------------------------------------------
 
 
 def test_the_library_is_imported_inside():
-    code = "import sys, course.oracles.mujoco; sys.exit('mujoco' in sys.modules)"
+    code = "import sys, course.oracles.mujoco.box; sys.exit('mujoco' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 def test_a_missing_library_gives_one_sentence(monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(ImportError, match="pip install"):
-        mujoco.pendulum(1.0, 0.1, 0.0, 1e-3, "Euler")
+        mujoco_oscillator.pendulum(1.0, 0.1, 0.0, 1e-3, "Euler")
 
 
 def test_bad_input():
     with pytest.raises(ValueError, match="integrator is 'Verlet', allowed is one of"):
-        mujoco.pendulum(1.0, 0.1, 0.0, 1e-3, "Verlet")
+        mujoco_oscillator.pendulum(1.0, 0.1, 0.0, 1e-3, "Verlet")
     with pytest.raises(ValueError, match=r"dt is 0.0, allowed is a positive"):
-        mujoco.pendulum(1.0, 0.1, 0.0, 0.0, "Euler")
+        mujoco_oscillator.pendulum(1.0, 0.1, 0.0, 0.0, "Euler")
     with pytest.raises(ValueError, match=r"length is -1.0"):
-        mujoco.pendulum(-1.0, 0.1, 0.0, 1e-3, "Euler")
+        mujoco_oscillator.pendulum(-1.0, 0.1, 0.0, 1e-3, "Euler")
     with pytest.raises(ValueError, match="inertia"):
-        mujoco.free_body((1.0, 1.0, 3.0), np.ones(7), np.zeros(6), 1e-3, "Euler")
+        mujoco_free.free_body((1.0, 1.0, 3.0), np.ones(7), np.zeros(6), 1e-3, "Euler")
     with pytest.raises(ValueError, match=r"q0.shape is \(6,\), allowed is \(7,\)"):
-        mujoco.free_body((1.0, 2.0, 3.0), np.ones(6), np.zeros(6), 1e-3, "Euler")
+        mujoco_free.free_body((1.0, 2.0, 3.0), np.ones(6), np.zeros(6), 1e-3, "Euler")
     with pytest.raises(ValueError, match=r"inertia is .*, allowed is I1 above"):
-        mujoco.heavy_top((0.01, 0.03), 1.0, [1, 0, 0, 0], [0, 0, 1], 1e-3, "Euler")
+        mujoco_free.heavy_top((0.01, 0.03), 1.0, [1, 0, 0, 0], [0, 0, 1], 1e-3, "Euler")
     box = ((0.1, 0.1), 1.0, [0, 1, 0], [0, 0, 0], 1e-3)
     with pytest.raises(ValueError, match=r"restitution is 1.2, allowed is a number from 0 to 1"):
-        mujoco.box_drop(*box, "Euler", restitution=1.2)
+        mujoco_box.box_drop(*box, "Euler", restitution=1.2)
     with pytest.raises(ValueError, match="'spring'"):
-        mujoco.box_drop(*box, "RK4")
+        mujoco_box.box_drop(*box, "RK4")
     with pytest.raises(ValueError, match="contact is 'glue'"):
-        mujoco.box_drop(*box, "Euler", contact="glue")
+        mujoco_box.box_drop(*box, "Euler", contact="glue")
     with pytest.raises(ValueError, match="friction_steps"):
-        mujoco.box_drop(*box, "Euler", friction_steps=0.5)
+        mujoco_box.box_drop(*box, "Euler", friction_steps=0.5)
     with pytest.raises(ValueError, match=r"contact_steps is .*, allowed is a larger"):
-        mujoco.box_drop(*box, "discrete", contact="spring", restitution=1.0)
+        mujoco_box.box_drop(*box, "discrete", contact="spring", restitution=1.0)
     with pytest.raises(ValueError, match="steps is -1"):
-        mujoco.pendulum(1.0, 0.1, 0.0, 1e-3, "Euler").run(-1)
+        mujoco_oscillator.pendulum(1.0, 0.1, 0.0, 1e-3, "Euler").run(-1)

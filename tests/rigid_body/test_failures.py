@@ -7,7 +7,7 @@ import pytest
 
 from course.charts.rigid_body import drift, failures, impacts
 from course.measure import stability
-from course.oracles import mujoco as oracle
+from course.oracles.mujoco import oscillator as mujoco_oscillator
 from course.rigid_body import oscillator
 from course.rigid_body.integrators import INTEGRATORS
 
@@ -42,7 +42,7 @@ def test_mujocos_limits(name, integrator, damping, zeta):
     theory = failures.mujoco_theory(integrator, zeta, damping)
 
     def step_at(x):
-        return oracle.oscillator_step(integrator, x, zeta, implicit_damping=damping)
+        return mujoco_oscillator.oscillator_step(integrator, x, zeta, implicit_damping=damping)
 
     measured = failures.measured_limit(step_at)
     if math.isinf(theory):

@@ -12,7 +12,10 @@ from hypothesis import strategies as st
 
 from course import notebooks
 from course.measure import stability
-from course.oracles import mujoco
+from course.oracles.mujoco import box as mujoco_box
+from course.oracles.mujoco import free as mujoco_free
+from course.oracles.mujoco import kit as mujoco_kit
+from course.oracles.mujoco import oscillator as mujoco_oscillator
 from course.rigid_body import planar, problems, quaternion
 from drills.cards import Card, cards
 from drills.grade import is_starter
@@ -132,11 +135,11 @@ def test_verlet_has_the_positions_of_mujoco_euler_started_half_a_step_earlier():
     q, v = np.array([0.4]), np.array([-1.1])
     path, _ = verlet(q, v, lambda x: -(omega**2) * x, dt, steps)
     earlier = v[0] + 0.5 * dt * omega**2 * q[0]
-    runner = mujoco.oscillator(1.0, omega**2, 0.0, q[0], earlier, dt, "Euler")
+    runner = mujoco_oscillator.oscillator(1.0, omega**2, 0.0, q[0], earlier, dt, "Euler")
     ours = np.array([state[0][0] for state in path])
-    assert runner.trajectory(steps).q[0] == pytest.approx(ours, abs=1e-11)
+    assert runner.samples(steps).q[0] == pytest.approx(ours, abs=1e-11)
     # Started with the velocity as it is, MuJoCo is visibly elsewhere.
-    other = mujoco.oscillator(1.0, omega**2, 0.0, q[0], v[0], dt, "Euler").trajectory(steps)
+    other = mujoco_oscillator.oscillator(1.0, omega**2, 0.0, q[0], v[0], dt, "Euler").samples(steps)
     assert np.max(np.abs(other.q[0] - ours)) > 1e-3
 
 
@@ -206,7 +209,7 @@ def test_orientation_does_not_lose_a_small_turn():
 def test_orientation_is_where_mujoco_puts_a_ball_of_equal_moments(integrator):
     """Equal moments have no gyroscopic torque: the body rate is constant, one step is exact."""
     start, omega = quaternion.exp(np.array([1.0, 0.4, -0.3])), np.array([2.0, -5.0, 1.0])
-    runner = mujoco.free_body(np.ones(3), start, omega, 0.05, integrator)
+    runner = mujoco_free.free_body(np.ones(3), start, omega, 0.05, integrator)
     q, v = runner.run(1)
     assert v == pytest.approx(omega, abs=1e-12)
     new = solutions.update_orientation(start, omega, 0.05)
@@ -329,7 +332,7 @@ def test_bounce_is_what_mujoco_comes_to_with_smaller_steps():
     y, v = solutions.bounce_step(1.0, 0.0, 0.8, 0.5)
     off = {}
     for dt in (1e-3, 1e-4, 1e-5):
-        runner = mujoco.box_drop(
+        runner = mujoco_box.box_drop(
             (0.1, 0.1), 1.0, (0, 1.1, 0), (0, 0, 0), dt, "Euler", restitution=0.5, friction=0.0
         )
         q, qd = runner.run(round(0.8 / dt))
@@ -445,12 +448,12 @@ def test_stable_step_is_mujocos_limit():
         '<mujoco><option integrator="Euler" gravity="0 0 0"><flag autoreset="disable"/></option>'
         f"<worldbody>{body}</worldbody></mujoco>"
     )
-    runner = mujoco.Runner(xml, [0.1, -0.05, 0.02], np.zeros(3), "Euler")
+    runner = mujoco_kit.Runner(xml, [0.1, -0.05, 0.02], np.zeros(3), "Euler")
     runner.dt = 0.998 * limit
-    assert np.max(np.abs(runner.trajectory(3000).q)) < 10.0
+    assert np.max(np.abs(runner.samples(3000).q)) < 10.0
     runner.dt = 1.002 * limit
     with np.errstate(over="ignore", invalid="ignore"):
-        grown = np.abs(runner.trajectory(3000).q)
+        grown = np.abs(runner.samples(3000).q)
     assert not np.max(grown) < 1e6
 
 
@@ -458,7 +461,9 @@ def test_stable_step_is_mujocos_limit():
 def test_stable_step_of_one_spring_is_where_mujoco_begins_to_grow(stiffness, mass):
     omega = math.sqrt(stiffness / mass)
     found = stability.limit(
-        lambda x: stability.is_stable_by_matrix(mujoco.oscillator_step("Euler", x), 2), 1.0, 3.0
+        lambda x: stability.is_stable_by_matrix(mujoco_oscillator.oscillator_step("Euler", x), 2),
+        1.0,
+        3.0,
     )
     step = solutions.largest_stable_step(np.array([[stiffness]]), np.array([[mass]]))
     assert step * omega == pytest.approx(found, rel=2e-4)
@@ -501,7 +506,7 @@ def test_tumble_is_of_fourth_order_against_jacobis_functions():
 def test_tumble_is_mujocos_free_body():
     system = problems.tumble().system
     q, omega = solutions.tumble(system.q0, system.v0, system.params, 2e-3, 1000)
-    runner = mujoco.free_body(system.params, system.q0, system.v0, 2e-3, "RK4")
+    runner = mujoco_free.free_body(system.params, system.q0, system.v0, 2e-3, "RK4")
     theirs = runner.run(1000)
     assert quaternion.angle_between(q, theirs[0]) < 1e-8
     assert omega == pytest.approx(theirs[1], abs=1e-8)

@@ -9,7 +9,10 @@ import numpy as np
 from course.charts import chart, save
 from course.check import one_of
 from course.measure.work_precision import Method, Result, WorkPrecision, measure
-from course.oracles import mujoco as oracle
+from course.oracles.mujoco import box as mujoco_box
+from course.oracles.mujoco import free as mujoco_free
+from course.oracles.mujoco import kit as mujoco_kit
+from course.oracles.mujoco import oscillator as mujoco_oscillator
 from course.rigid_body import planar, problems
 from course.rigid_body.integrators import (
     INTEGRATORS,
@@ -35,7 +38,7 @@ class Question:
     text: str
     tolerance: float
     why: str
-    ask_mujoco: Callable[[float, str], oracle.Runner]
+    ask_mujoco: Callable[[float, str], mujoco_kit.Runner]
     positions: Callable[[Array], Array] = lambda q: q
 
 
@@ -46,7 +49,7 @@ def _top_question(problem: Problem) -> Question:
         "Where does the top point after 2 s?",
         1e-2,
         "10 mrad, 5 mm at the tip of a 0.5 m top",
-        lambda dt, name: oracle.heavy_top((i1, i3), weight, system.q0, system.v0, dt, name),
+        lambda dt, name: mujoco_free.heavy_top((i1, i3), weight, system.q0, system.v0, dt, name),
     )
 
 
@@ -61,7 +64,7 @@ def questions() -> dict[str, tuple[Problem, Question]]:
             "Where is the mass after 2.3 periods?",
             1e-3,
             "1 mm of an amplitude of 1 m",
-            lambda dt, name: oracle.oscillator(
+            lambda dt, name: mujoco_oscillator.oscillator(
                 1.0, omega**2, 2.0 * zeta * omega, 1.0, 0.0, dt, name
             ),
         ),
@@ -69,7 +72,7 @@ def questions() -> dict[str, tuple[Problem, Question]]:
             "Where is the pendulum after 2 s?",
             1e-3,
             "1 mrad: 1 mm on an arm of 1 m",
-            lambda dt, name: oracle.pendulum(
+            lambda dt, name: mujoco_oscillator.pendulum(
                 1.0, float(pendulum.q0[0]), 0.0, dt, name, gravity=STANDARD_GRAVITY
             ),
         ),
@@ -77,7 +80,7 @@ def questions() -> dict[str, tuple[Problem, Question]]:
             "How is the free body turned after 20 s?",
             1e-3,
             "1 mrad: what a star tracker of a small satellite resolves, with a margin",
-            lambda dt, name: oracle.free_body(
+            lambda dt, name: mujoco_free.free_body(
                 free.params,
                 np.concatenate([np.zeros(3), free.q0]),
                 np.concatenate([np.zeros(3), free.v0]),
@@ -91,7 +94,7 @@ def questions() -> dict[str, tuple[Problem, Question]]:
             "Where is the double pendulum after 3 s?",
             1e-3,
             "1 mrad: 1 mm on an arm of 1 m",
-            lambda dt, name: oracle.double_pendulum(
+            lambda dt, name: mujoco_oscillator.double_pendulum(
                 (1.0, 1.0),
                 (1.0, 1.0),
                 (double.q0[0], double.q0[1] - double.q0[0]),
@@ -247,7 +250,7 @@ def box_work_precision(repeats: int = 5, counts: tuple[int, ...] = _BOX_STEPS) -
 
     def mujocos(name: str, contact: str) -> Method:
         runners = {
-            n: oracle.box_drop(
+            n: mujoco_box.box_drop(
                 (0.5 * BOX_SIZE[0], 0.5 * BOX_SIZE[1]),
                 1.0,
                 BOX_START[:3],

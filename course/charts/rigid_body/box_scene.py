@@ -9,7 +9,7 @@ import numpy as np
 from course.charts import chart
 from course.check import refused
 from course.measure.scene import LeftOut, Modelled, Scene, Tolerance
-from course.oracles import mujoco as oracle
+from course.oracles.mujoco import box as mujoco_box
 from course.oracles.mujoco.box import add_air, spatial_box
 from course.rigid_body import planar
 from course.rigid_body.problems import STANDARD_GRAVITY
@@ -56,13 +56,13 @@ def ours(start: np.ndarray = START, dt: float = 1e-3, **changes: float) -> float
 
 
 def _mujocos_plane(air: bool = False, **options: Any) -> float:
-    runner = oracle.box_drop(
+    runner = mujoco_box.box_drop(
         (0.5 * SIZE[0], 0.5 * SIZE[2]), MASS, START[:3], START[3:], FINE, "Euler",
         restitution=RESTITUTION, friction=FRICTION, gravity=STANDARD_GRAVITY, **options,
     )  # fmt: skip
     if air:
         add_air(runner)
-    path = runner.trajectory(round(DURATION / FINE), every=25)
+    path = runner.samples(round(DURATION / FINE), every=25)
     return apex(path.q[1])
 
 
@@ -81,7 +81,7 @@ def _mujocos_space(tilt: float, depth: float) -> float:
         (SIZE[0], depth, SIZE[2]), MASS, START, tilt, FINE,
         restitution=RESTITUTION, friction=FRICTION, gravity=STANDARD_GRAVITY,
     )  # fmt: skip
-    path = runner.trajectory(round(DURATION / FINE), every=25)
+    path = runner.samples(round(DURATION / FINE), every=25)
     return apex(path.q[2])
 
 
@@ -90,7 +90,7 @@ def _costs() -> tuple[float, float, float]:
     steps, dt = 700, 1e-3
     parameters = planar.box_parameters(MASS, SIZE[0], SIZE[2], restitution=RESTITUTION,
                                        friction=FRICTION)  # fmt: skip
-    flat = oracle.box_drop(
+    flat = mujoco_box.box_drop(
         (0.5 * SIZE[0], 0.5 * SIZE[2]), MASS, START[:3], START[3:], dt, "Euler",
         restitution=RESTITUTION, friction=FRICTION, gravity=STANDARD_GRAVITY,
     )  # fmt: skip

@@ -14,7 +14,8 @@ from course.charts import chart, save
 from course.measure import stability
 from course.measure.stability import Map
 from course.measure.work_precision import PALETTE
-from course.oracles import mujoco as oracle
+from course.oracles.mujoco import kit as mujoco_kit
+from course.oracles.mujoco import oscillator as mujoco_oscillator
 from course.rigid_body import oscillator, problems
 from course.rigid_body.integrators import INTEGRATORS, Array
 
@@ -149,7 +150,7 @@ def limits(
             for zeta in zetas:
                 measured = measured_limit(
                     functools.partial(
-                        oracle.oscillator_step,
+                        mujoco_oscillator.oscillator_step,
                         integrator,
                         damping_ratio=zeta,
                         implicit_damping=damping,
@@ -353,7 +354,9 @@ def stiff_spring(omega_dt: Sequence[float] | Array, integrator: str) -> list[Mod
         omega_dt: steps times natural frequency.
         integrator: MuJoCo's name.
     """
-    return [mode(oracle.oscillator_step(integrator, float(x)), float(x)) for x in omega_dt]
+    return [
+        mode(mujoco_oscillator.oscillator_step(integrator, float(x)), float(x)) for x in omega_dt
+    ]
 
 
 @chart
@@ -362,10 +365,11 @@ def mujoco_stiff_spring() -> str:
     import matplotlib.pyplot as plt
 
     x = np.geomspace(0.01, 1e3, 121)
-    names = oracle.INTEGRATORS
+    names = mujoco_kit.MUJOCO_INTEGRATORS
     modes = {name: stiff_spring(x, name) for name in names}
     found = {
-        name: measured_limit(functools.partial(oracle.oscillator_step, name)) for name in names
+        name: measured_limit(functools.partial(mujoco_oscillator.oscillator_step, name))
+        for name in names
     }
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=(13, 4.8), layout="constrained")
     for name, colour, width in zip(names, PALETTE, (7.0, 2.0, 4.5, 2.0, 2.0), strict=False):

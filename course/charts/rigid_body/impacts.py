@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 from course.charts import chart, save
 from course.measure.stability import limit
 from course.measure.work_precision import PALETTE
-from course.oracles import mujoco as oracle
+from course.oracles.mujoco import box as mujoco_box
+from course.oracles.mujoco import kit as mujoco_kit
 from course.rigid_body import events, planar, problems
 from course.rigid_body.integrators import Array, explicit_euler
 
@@ -175,7 +176,7 @@ def swept_misses(ratio: float, samples: int, rng: np.random.Generator) -> float:
 
 def mujoco_wall(
     thickness: float, radius: float, speed: float, dt: float, one_step: bool
-) -> oracle.Runner:
+) -> mujoco_kit.Runner:
     """A ball on a slide that flies at a wall, in MuJoCo.
 
     Args:
@@ -194,7 +195,7 @@ def mujoco_wall(
         '<body><joint type="slide" axis="1 0 0"/>'
         f'<geom type="sphere" size="{radius:.17g}" mass="1" {contact}/></body></worldbody></mujoco>'
     )
-    return oracle.Runner(xml, [-thickness - 2.0 * radius], [speed], "Euler")
+    return mujoco_kit.Runner(xml, [-thickness - 2.0 * radius], [speed], "Euler")
 
 
 def mujoco_through(
@@ -435,15 +436,15 @@ def mujoco_box_at_rest(
 
     Args:
         integrator: MuJoCo's name of it.
-        contact: "impulse" or "spring", see `course.oracles.mujoco.box_drop`.
+        contact: "impulse" or "spring", see `course.oracles.mujoco.box.box_drop`.
         duration: recorded time [s].
         dt: step [s].
     """
-    runner = oracle.box_drop(
+    runner = mujoco_box.box_drop(
         (0.5 * _BOX[0], 0.5 * _BOX[1]), 1.0, [0.0, 0.3, 0.3], [0.0, 0.0, 0.0], dt, integrator,
         restitution=0.7, friction=0.5, gravity=problems.STANDARD_GRAVITY, contact=contact,
     )  # fmt: skip
-    path = runner.trajectory(round((5.0 + duration) / dt))
+    path = runner.samples(round((5.0 + duration) / dt))
     after = path.times > 5.0
     q, v = path.q[:, after], path.v[:, after]
     impacts = 0

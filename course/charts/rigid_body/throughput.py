@@ -11,7 +11,8 @@ import numpy as np
 from course.charts import chart, save
 from course.check import refused
 from course.measure.work_precision import PALETTE, machine
-from course.oracles import mujoco as oracle
+from course.oracles.mujoco import box as mujoco_box
+from course.oracles.mujoco import free as mujoco_free
 from course.rigid_body import planar, problems, quaternion
 from course.rigid_body.integrators import Array
 from course.rigid_body.problems import STANDARD_GRAVITY
@@ -131,7 +132,7 @@ def box_contenders(samples: int = 24) -> list[Contender]:
         if dt > 0.05:
             return np.inf
         steps = round(horizon / dt)
-        runner = oracle.batch_boxes(
+        runner = mujoco_box.batch_boxes(
             half, 1.0, start[:3], start[3:], horizon / steps, "Euler",
             restitution=restitution, friction=0.0, gravity=STANDARD_GRAVITY,
         )  # fmt: skip
@@ -148,7 +149,7 @@ def box_contenders(samples: int = 24) -> list[Contender]:
     def mujocos(dt: float) -> Callable[[int], Callable[[int], Any]]:
         def prepare(n: int) -> Callable[[int], Any]:
             states = box_states(n) if n < MIXED_FROM else mixed_states(n)
-            runner = oracle.batch_boxes(
+            runner = mujoco_box.batch_boxes(
                 half, 1.0, states[:3], states[3:], dt, "Euler",
                 restitution=restitution, friction=0.5, gravity=STANDARD_GRAVITY,
             )  # fmt: skip
@@ -190,7 +191,7 @@ def body_contenders(samples: int = 24) -> list[Contender]:
     def mujoco_error(name: str) -> Callable[[float], float]:
         def error(dt: float) -> float:
             steps = round(DURATION / dt)
-            q, _ = oracle.batch_free_bodies(
+            q, _ = mujoco_free.batch_free_bodies(
                 INERTIA, q0, v0, DURATION / steps, name, gravity=STANDARD_GRAVITY
             ).run(steps)
             return attitude(q)
@@ -207,7 +208,9 @@ def body_contenders(samples: int = 24) -> list[Contender]:
     def mujocos(name: str, dt: float) -> Callable[[int], Callable[[int], Any]]:
         def prepare(n: int) -> Callable[[int], Any]:
             q, v = body_states(n)
-            runner = oracle.batch_free_bodies(INERTIA, q, v, dt, name, gravity=STANDARD_GRAVITY)
+            runner = mujoco_free.batch_free_bodies(
+                INERTIA, q, v, dt, name, gravity=STANDARD_GRAVITY
+            )
 
             def run(steps: int) -> None:
                 runner.reset()

@@ -8,7 +8,7 @@ as a constraint does.
 from __future__ import annotations
 
 from course.check import count, finite, positive
-from course.oracles.mujoco import _mujoco, _xml
+from course.oracles.mujoco.kit import library, scene_xml
 
 _STIFF = "0.9999 0.9999 0.001"  # the largest impedance that MuJoCo takes, at any depth
 
@@ -45,7 +45,7 @@ class MotorJoint:
             load: constant torque that acts beside the motor's [N m].
             substeps: MuJoCo steps in a sample.
             friction: dry friction [N m]: as much torque as it takes to start, and lost on the way.
-            integrator: one of `course.oracles.mujoco.INTEGRATORS`.
+            integrator: one of `MUJOCO_INTEGRATORS`.
 
         Raises:
             ValueError: for an argument out of its range.
@@ -55,7 +55,7 @@ class MotorJoint:
         finite("load", load, unit="N m")
         positive("inertia", inertia, unit="kg m^2")
         count("substeps", substeps, 1)
-        mujoco = _mujoco()
+        mujoco = library()
         self.dt, self.substeps = positive("dt", dt, unit="s"), substeps
         step = dt / substeps
         stiff = f'solref="{2.0 * step:.17g} 1" solimp="{_STIFF}"'
@@ -69,7 +69,7 @@ class MotorJoint:
             '<actuator><motor joint="hinge"/></actuator>'
             f'<equality><joint joint1="hinge" active="false" {stiff}/></equality>'
         )
-        xml = _xml(body, step, integrator, 0.0, springs=True, touching=True, extra=extra)
+        xml = scene_xml(body, step, integrator, 0.0, springs=True, touching=True, extra=extra)
         self.model = mujoco.MjModel.from_xml_string(xml)
         # Every scene of chapter 1 has motors off; this one is about its motor.
         self.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)

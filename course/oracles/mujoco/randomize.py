@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import refused
-from course.oracles.mujoco import _mujoco
+from course.oracles.mujoco.kit import library
 
 # What mj_setConst computes from masses and inertias; no other array of a model depends on them,
 # but for the damping of a position actuator that was given as a ratio (the compiler resolves it).
@@ -100,7 +100,7 @@ def recompiled(
     Returns:
         `mujoco.MjModel`.
     """
-    mujoco = _mujoco()
+    mujoco = library()
     spec = mujoco.MjSpec.from_string(xml)
     spec.compile()  # numbers the elements
     factors = np.asarray(factors, dtype=float)
@@ -167,7 +167,7 @@ def sliding_friction(
     Raises:
         ValueError: if the sled comes to rest.
     """
-    mujoco = _mujoco()
+    mujoco = library()
     model = copy.copy(model)
     model.dof_damping[:] = 0.0
     data = mujoco.MjData(model)
@@ -196,7 +196,7 @@ def contact_friction(model: Any, geom: str, other: str = "floor") -> float:
     Raises:
         ValueError: if they don't touch, or differ from point to point.
     """
-    mujoco = _mujoco()
+    mujoco = library()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     pair = {model.geom(geom).id, model.geom(other).id}
@@ -221,7 +221,7 @@ def swing_period(model: Any, joint: str, angle: float, swings: int = 3) -> float
     Raises:
         ValueError: if it does not swing that often within 100 s.
     """
-    mujoco = _mujoco()
+    mujoco = library()
     data = mujoco.MjData(model)
     q = model.joint(joint).qposadr[0]
     data.qpos[q] = angle
@@ -247,7 +247,7 @@ def actuator_delay(actions: ArrayLike, steps: int) -> NDArray[np.float64]:
     Returns:
         Force in each step, shape (n,) [N].
     """
-    mujoco = _mujoco()
+    mujoco = library()
     h = 0.01
     delay = f'nsample="{steps}" delay="{steps * h}"' if steps else ""
     model = mujoco.MjModel.from_xml_string(

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from course.check import count, one_of
-from course.oracles.mujoco import _ALWAYS_OFF, _CONTACT_OFF, INTEGRATORS, _mujoco
+from course.oracles.mujoco.kit import ALWAYS_OFF, CONTACT_OFF, MUJOCO_INTEGRATORS, library
 from course.vector_env.arrays import Ids, Moved
 from course.vector_env.reach import (
     CONTROL_STEP,
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-_OFF = " ".join(f'{flag}="disable"' for flag in (*_ALWAYS_OFF, *_CONTACT_OFF, "gravity", "spring"))
+_OFF = " ".join(f'{flag}="disable"' for flag in (*ALWAYS_OFF, *CONTACT_OFF, "gravity", "spring"))
 # The numbers in it are only there to compile; `_fields` has the arm's. Without contacts MuJoCo
 # works in next to no memory; by default it takes megabytes for each of a thousand environments.
 _XML = (
@@ -44,9 +44,9 @@ _XML = (
 
 def _model(integrator: str, substeps: int) -> Any:
     count("substeps", substeps, 1)
-    one_of("integrator", integrator, INTEGRATORS)
+    one_of("integrator", integrator, MUJOCO_INTEGRATORS)
     text = _XML.format(step=CONTROL_STEP / substeps, integrator=integrator)
-    return _mujoco().MjModel.from_xml_string(text)
+    return library().MjModel.from_xml_string(text)
 
 
 def _fields(arm: Arm) -> dict[str, Array]:
@@ -81,7 +81,7 @@ class MujocoArmReach(SingleReach):
             substeps: MuJoCo's steps in a control step.
         """
         super().__init__(arm, max_steps=max_steps)
-        mujoco = _mujoco()
+        mujoco = library()
         self.substeps = substeps
         self.model = _model(integrator, substeps)
         self.data = mujoco.MjData(self.model)
@@ -139,7 +139,7 @@ class MujocoArmReachVector(ReachVector):
         """
         super().__init__(num_envs, arms, max_steps, autoreset_mode)
         count("threads", threads)
-        mujoco = _mujoco()
+        mujoco = library()
         from mujoco import batch
 
         model = _model(integrator, substeps)

@@ -139,7 +139,7 @@ def _energy(attempt: Attempt) -> None:
 def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """Height of a ball 1.5 s after its drop, with five steps or with thousands."""
     from course.measure.work_precision import Method, Result, measure
-    from course.oracles import mujoco
+    from course.oracles.mujoco import box as mujoco_box
     from course.rigid_body import problems
     from solutions.rigid_body import bounce_step
 
@@ -147,7 +147,7 @@ def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     steps = {time / n: n for n in (15, 50, 150, 500, 1500, 5000)}
     size = 0.1
     runners = {
-        dt: mujoco.box_drop(
+        dt: mujoco_box.box_drop(
             (size, size),
             1.0,
             (0.0, 1.0 + size, 0.0),

@@ -132,7 +132,7 @@ def _refused(attempt: Attempt) -> None:
 def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """What extrapolation buys: Verlet's three runs against a single finer one."""
     from course.measure.work_precision import Method, Result, measure
-    from course.oracles import mujoco
+    from course.oracles.mujoco import oscillator as mujoco_oscillator
     from course.rigid_body import problems, simulate
 
     problem = problems.pendulum()
@@ -157,7 +157,7 @@ def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
         return Result(angle(finest[dt]), finest[dt])
 
     runners = {
-        dt: mujoco.pendulum(
+        dt: mujoco_oscillator.pendulum(
             1.0, float(system.q0[0]), 0.0, time / n, "Euler", gravity=problems.STANDARD_GRAVITY
         )
         for dt, n in finest.items()

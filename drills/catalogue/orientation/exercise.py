@@ -161,7 +161,7 @@ def _many_steps(attempt: Attempt) -> None:
 def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """Attitude of a tumbling body after 5 s; every update is told the rate half way."""
     from course.measure.work_precision import Method, Result, measure
-    from course.oracles import mujoco
+    from course.oracles.mujoco import free as mujoco_free
     from course.rigid_body import problems, quaternion
 
     time = 5.0
@@ -170,7 +170,7 @@ def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     steps = {time / n: n for n in (25, 50, 100, 200, 400)}
     # MuJoCo is asked the whole question: it has to find the rates as well.
     runners = {
-        dt: mujoco.free_body(problem.system.params, start, problem.system.v0, dt, "Euler")
+        dt: mujoco_free.free_body(problem.system.params, start, problem.system.v0, dt, "Euler")
         for dt in steps
     }
     rates = {

@@ -117,7 +117,7 @@ def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """The limit of a row of masses: computed, or found by trying steps in MuJoCo."""
     from course.measure import stability
     from course.measure.work_precision import Method, Result, max_norm, measure
-    from course.oracles import mujoco
+    from course.oracles.mujoco import kit as mujoco_kit
     from solutions.rigid_body import largest_stable_step
 
     n, spring, weight = 5, 1e4, 0.5
@@ -135,7 +135,7 @@ def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
         f'<mujoco><option integrator="Euler" gravity="0 0 0">{flags}</option>'
         f"<worldbody>{body}</worldbody></mujoco>"
     )
-    runner = mujoco.Runner(xml, np.zeros(n), np.zeros(n), "Euler")
+    runner = mujoco_kit.Runner(xml, np.zeros(n), np.zeros(n), "Euler")
     # A chain that is held at one end: the frequencies of its fixed-free modes.
     omega = 2.0 * math.sqrt(spring / weight) * math.sin((2 * n - 1) / (2 * n + 1) * 0.5 * math.pi)
 

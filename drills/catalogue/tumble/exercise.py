@@ -139,14 +139,16 @@ def _conserved(attempt: Attempt, case: Case, call: str, q: Array, omega: Array) 
 def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """Attitude of the chapter's tumbling body after 4 s."""
     from course.measure.work_precision import Method, Result, measure
-    from course.oracles import mujoco
+    from course.oracles.mujoco import free as mujoco_free
     from course.rigid_body import problems, quaternion, simulate
 
     time = 4.0
     problem = problems.tumble(duration=time)
     system = problem.system
     steps = {time / n: n for n in (25, 50, 100, 200, 400)}
-    runners = {dt: mujoco.free_body(system.params, system.q0, system.v0, dt, "RK4") for dt in steps}
+    runners = {
+        dt: mujoco_free.free_body(system.params, system.q0, system.v0, dt, "RK4") for dt in steps
+    }
 
     def driven(child: Place) -> Callable[[float], Result]:
         def run(dt: float) -> Result:

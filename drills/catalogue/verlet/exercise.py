@@ -187,7 +187,7 @@ def _time(attempt: Attempt) -> None:
 def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     """Error of a pendulum's angle after 2 s against evaluations and time."""
     from course.measure.work_precision import Method, Result, measure
-    from course.oracles import mujoco
+    from course.oracles.mujoco import oscillator as mujoco_oscillator
     from course.rigid_body import problems, simulate
 
     problem = problems.pendulum()
@@ -213,7 +213,7 @@ def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
 
     def library(name: str) -> Method:
         runners = {
-            dt: mujoco.pendulum(
+            dt: mujoco_oscillator.pendulum(
                 1.0, float(system.q0[0]), 0.0, dt, name, gravity=problems.STANDARD_GRAVITY
             )
             for dt in steps
