@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol, Self
@@ -29,6 +28,7 @@ from drills.values import (
 Array = NDArray[np.float64]
 
 SHOWN = 160  # characters of a value in the feedback
+SLOW = 0.05  # s: what takes longer is timed once, as the way to the child no longer counts
 
 
 class Place(Protocol):
@@ -127,6 +127,7 @@ class Attempt:
         reference: the worked answer in this process, with the same calls as `learner`.
         card: what is graded.
         report: what was found so far.
+        shown: the slip that the answers show, whichever check has failed; or "".
     """
 
     def __init__(self, card: Card, child: Place, report: Report, given: str = "") -> None:
@@ -140,6 +141,7 @@ class Attempt:
         """
         self.card = card
         self.report = report
+        self.shown = ""
         self.rng = np.random.default_rng(report.seed)
         self.learner = Learner(child, self)
         self.reference = InProcess(card.solution_text(), given)
@@ -299,34 +301,43 @@ class Attempt:
         self.report.costs.append(Cost(what, unit, yours, reference))
 
     def time_call(
-        self,
-        *args: Any,
-        here: tuple[Any, ...] | None = None,
-        repeat: int = 300,
-        what: str = "time per call",
+        self, *args: Any, here: tuple[Any, ...] | None = None, what: str = "time per call"
     ) -> None:
-        """Time one call of the function, there and here in turn, by this side's clock.
+        """Time one call of the function.
 
         Args:
             args: of the call.
-            here: arguments of the reference, where a handle needs its counterpart.
-            repeat: calls in a row; fewer where they would take longer than 0.2 s.
+            here: arguments of the worked answer, where a handle needs its counterpart.
             what: what is timed.
         """
-        child, entry = self.learner.child, self.card.entry
-        single = math.inf  # one call, with the way there and back
-        for _ in range(4):
-            child.call(entry, *args, repeat=1)
-            single = min(single, child.elapsed)
-        many = max(1, min(repeat, int(0.2 / max(single, 1e-6))))
-        yours, ours = [], []
-        for _ in range(3):
-            child.call(entry, *args, repeat=many + 1)
-            yours.append((child.elapsed - single) / many)
-            self.reference.call(entry, *(here or args), repeat=many)
-            ours.append(self.reference.elapsed / many)
-        middle = max(statistics.median(yours), 0.0)
-        self.cost(what, "s", yours=middle, reference=statistics.median(ours))
+
+        def sampler(place: Any, args: tuple[Any, ...]) -> Callable[[int], float]:
+            def run(n: int) -> float:
+                place.call(self.card.entry, *args, repeat=n)
+                return float(place.elapsed)
+
+            return run
+
+        self.time(what, sampler(self.learner.child, args), sampler(self.reference, here or args))
+
+    def time(self, what: str, yours: Callable[[int], float], ours: Callable[[int], float]) -> None:
+        """Time a piece of work there and here in turn, without the way between the processes.
+
+        Args:
+            what: what is timed.
+            yours: n -> what the submission takes for n of them, in one request [s].
+            ours: the same for the worked answer.
+        """
+        from course.measure.timing import interleaved
+
+        single = min(yours(1) for _ in range(4))  # with the way there and back
+        if single > SLOW:
+            self.cost(what, "s", yours=single, reference=ours(1))
+            return
+        there, here = interleaved(
+            [lambda n: max(yours(n + 1) - single, 0.0), ours], repeats=3, patience=0.0, warm=True
+        )
+        self.cost(what, "s", yours=there.median, reference=here.median)
 
     def inputs_changed(self, call: str) -> None:
         """Record that a call changed one of its arguments."""

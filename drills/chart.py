@@ -1,21 +1,121 @@
-"""A submission on its exercise's work-precision chart, beside the reference and a library."""
+"""A submission on its exercise's work-precision chart, beside the worked answer and a library."""
 
 from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from course.measure.work_precision import WorkPrecision
 from drills import exercise as exercises
-from drills.attempt import Attempt
+from drills.attempt import Attempt, Place
 from drills.cards import card
 from drills.grade import start_child
 from drills.report import Report
 
+if TYPE_CHECKING:
+    from course.measure.work_precision import WorkPrecision
+
+Run = Callable[[float], tuple[Any, float]]
+
 
 class NoChart(ValueError):
     """The exercise has no chart."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a chart compares, prepared so far that only what is timed is left.
+
+    A run takes a setting and gives an answer and what it cost in counts.
+
+    Attributes:
+        settings: mostly step sizes; a larger one means less work.
+        ask: the run of an answer, from the place where it is and the setting.
+        truth: the right answer.
+        check: the same from a second source.
+        ours: runs beside it, by name.
+        libraries: runs of other libraries, by name.
+        own_settings: of the runs that have others.
+        error: of an answer against the truth; None for the largest component.
+    """
+
+    settings: Sequence[float]
+    ask: Callable[[Place, float], tuple[Any, float]]
+    truth: Any
+    check: Any
+    ours: Mapping[str, Run] = field(default_factory=dict)
+    libraries: Mapping[str, Run] = field(default_factory=dict)
+    own_settings: Mapping[str, Sequence[float]] = field(default_factory=dict)
+    error: Callable[[Any, Any], float] | None = None
+
+
+def chart_of(
+    question: str,
+    planned: Callable[[Attempt], Plan],
+    *,
+    tolerance: float,
+    error_unit: str,
+    failed_above: float,
+    unit: str = "force evaluations",
+    repeats: int = 3,
+) -> Callable[[Attempt, Place], WorkPrecision]:
+    """The chart of an exercise: both answers through a pipe, other methods and libraries beside.
+
+    Args:
+        question: the title.
+        planned: prepares what is compared.
+        tolerance: error that the question allows.
+        error_unit: of the error.
+        failed_above: error of an answer that is none.
+        unit: of the counts.
+        repeats: how often each is run.
+    """
+
+    def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
+        from course.measure.work_precision import Method, Result, max_norm, measure
+
+        plan = planned(attempt)
+
+        def method(name: str, run: Run, style: str) -> Method:
+            settings = plan.own_settings.get(name, plan.settings)
+            return Method(name, lambda s: Result(*run(s)), settings, style, unit)
+
+        def asked(place: Place) -> Run:
+            return lambda setting: plan.ask(place, setting)
+
+        return measure(
+            [
+                method("yours", asked(attempt.learner.child), "yours"),
+                method("worked answer", asked(worked), "ours"),
+                *(method(name, run, "ours") for name, run in plan.ours.items()),
+                *(method(name, run, "oracle") for name, run in plan.libraries.items()),
+            ],
+            plan.truth,
+            plan.error or max_norm,
+            reference_check=plan.check,
+            tolerance=tolerance,
+            failed_above=failed_above,
+            repeats=repeats,
+            question=question,
+            error_unit=error_unit,
+        )
+
+    return chart
+
+
+def angle_between(answer: Any, truth: Any) -> float:
+    """Angle between two orientations [rad], infinite where the answer is no orientation."""
+    import numpy as np
+
+    from course.rigid_body import quaternion
+
+    length = np.linalg.norm(answer)
+    if not np.isfinite(length) or length == 0.0:
+        return float("inf")
+    return float(quaternion.angle_between(answer / length, truth))
 
 
 def chart(name: str, source: str, filename: str = "submission.py", seed: int = 0) -> WorkPrecision:

@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -32,6 +32,7 @@ class Slip:
         edits: pairs (old, new) that turn the worked answer into the slip; each old text stands
             in it exactly once.
         source: the whole wrong answer instead, where an edit does not say it.
+        after: text that comes behind the edited one.
         ends: the reason that shows this slip by itself, for one that never answers.
     """
 
@@ -39,6 +40,7 @@ class Slip:
     sentence: str
     edits: tuple[tuple[str, str], ...] = ()
     source: str = ""
+    after: str = ""
     ends: Reason | None = None
 
     def text(self, solution: str) -> str:
@@ -56,9 +58,72 @@ class Slip:
                     f"slip {self.name}: {old!r} stands {text.count(old)} times in the solution"
                 )
             text = text.replace(old, new)
+        text += self.after
         if text == solution:
             raise ValueError(f"slip {self.name} does not differ from the solution")
         return text
+
+
+def slips(**table: Sequence[str]) -> tuple[Slip, ...]:
+    """Slips as a table, by their names.
+
+    Args:
+        **table: for each name a text of the worked answer, what stands there instead, perhaps more
+            such pairs, and last what the learner is told. A whole wrong answer and what is told
+            where an edit does not say it.
+
+    Raises:
+        ValueError: for a row of fewer than two or of an even number of texts beyond that.
+    """
+    made = []
+    for name, (*texts, told) in table.items():
+        if not texts or (len(texts) > 1 and len(texts) % 2):
+            raise ValueError(f"slip {name}: texts must be pairs or one answer, got {len(texts)}")
+        if len(texts) == 1:
+            made.append(Slip(name, told, source=texts[0]))
+        else:
+            made.append(Slip(name, told, tuple(zip(texts[::2], texts[1::2], strict=True))))
+    return tuple(made)
+
+
+def coarse_slips(entry: str, shown: str) -> tuple[Slip, ...]:
+    """The worked answer in single precision and rounded, which `drills.judge.coarse` names.
+
+    Args:
+        entry: the function's name.
+        shown: what the digits that are gone would have shown, a sentence.
+    """
+    return tuple(
+        Slip(
+            name,
+            told,
+            ((f"def {entry}(", "def exact("),),
+            after=f"""
+
+def {entry}(*args):
+    import numpy as np
+
+    answer = exact(*args)
+    parts = answer if isinstance(answer, tuple) else (answer,)
+    short = tuple({short} for part in parts)
+    return short if isinstance(answer, tuple) else short[0]
+""",
+        )
+        for name, short, told in (
+            (
+                "single_precision",
+                "np.asarray(part, dtype=np.float32)",
+                "The answer is right to single precision only: somewhere it became float32, of "
+                f"seven digits. {shown} Keep float64.",
+            ),
+            (
+                "rounded",
+                "np.round(part, 6)",
+                "The answer is rounded to a few decimals. Round when you print, never what you "
+                "return: the next computation needs the digits.",
+            ),
+        )
+    )
 
 
 @dataclass(frozen=True)

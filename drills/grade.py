@@ -228,7 +228,7 @@ def _conclude(attempt: Attempt, graded: Exercise) -> None:
         raise AssertionError(f"the judge of {report.drill} checked nothing")
     if not report.passed:
         shown = next((check.slip for check in failures if check.slip), "")
-        slip = shown or _matched_slip(attempt, graded)
+        slip = shown or attempt.shown or _matched_slip(attempt, graded)
         if slip:
             report.slip = slip
             report.diagnosis = next(s.sentence for s in graded.slips if s.name == slip)

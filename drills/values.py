@@ -7,7 +7,6 @@ The order is fixed: type, shape, finite, then the error, and an answer passes on
 from __future__ import annotations
 
 import math
-import types
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -162,8 +161,8 @@ def _described(value: Any, limit: int) -> str:
     if isinstance(value, list | tuple):
         inside = ", ".join(describe(item, limit) for item in value[:17])
         return f"[{inside}]" if isinstance(value, list) else f"({inside})"
-    if isinstance(value, types.FunctionType):
-        return value.__name__
+    if callable(value):
+        return str(getattr(value, "__name__", type_name(value)))
     return "an object" if isinstance(value, Handle | Local) else type_name(value)
 
 

@@ -2,51 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from drills.attempt import Attempt, Place
-from drills.exercise import Exercise, Slip
-from drills.judge import Case, repeat_calls
+import numpy as np
+
+from drills.attempt import Attempt
+from drills.chart import Plan, chart_of
+from drills.exercise import Exercise, Slip, coarse_slips, slips
+from drills.judge import Answer, Case, coarse, judge_of, off
 from drills.reasons import Reason
-from drills.values import Mismatch, as_float64, describe_call
 
-if TYPE_CHECKING:
-    from course.measure.work_precision import WorkPrecision
-
-GIVEN = Path(__file__).with_name("given.py").read_text(encoding="utf-8")
 CLOSED_FORM = "the motion has a closed form; rounding of some dozens of flights stays below 1e-9"
 
 
-def judge(attempt: Attempt) -> None:
-    """Single steps in random order, then the energy of an elastic ball."""
-    cases = _cases(attempt)
-    made: list[tuple[tuple[Any, ...], Any]] = []
-    for index in attempt.rng.permutation(len(cases)):
-        case = cases[index]
-        call = describe_call(attempt.card.entry, case.args)
-        got = attempt.call(*case.args)
-        made.append((case.args, got))
-        parts = attempt.parts(got, ("y", "v"), call=call)
-        if parts is None:
-            continue
-        y, v = attempt.expected(*case.args)
-        check: dict[str, Any] = {"tolerance": 1e-9, "why": CLOSED_FORM, "call": call}
-        slip = "euler_flight" if case.label == "falling" and _by_euler(case, parts[0], y) else ""
-        attempt.compare(f"{case.label}: height", parts[0], y, unit="m", slip=slip, **check)
-        attempt.compare(f"{case.label}: velocity", parts[1], v, unit="m/s", **check)
-    if any(c.reason not in (Reason.RIGHT, Reason.WRONG_VALUE) for c in attempt.report.checks):
-        return
-    _energy(attempt)
-    if not attempt.failed:
-        repeat_calls(attempt, made)
-    if not attempt.failed:
-        attempt.time_call(*cases[0].args, repeat=3000)
-
-
-def _cases(attempt: Attempt) -> list[Case]:
-    rng = attempt.rng
+def cases(rng: np.random.Generator) -> list[Case]:
+    """Steps that end in flight, on the floor, after one impact or after many."""
+    from solutions.rigid_body import bounce_step
 
     def between(low: float, high: float) -> float:
         return float(rng.uniform(low, high))
@@ -56,7 +28,7 @@ def _cases(attempt: Attempt) -> list[Case]:
         while True:
             y, v, dt, e = (between(*r) for r in ranges[:4])
             gravity = between(*ranges[4]) if len(ranges) > 4 else 9.81
-            ends = [attempt.expected(y, v, dt * (1.0 + s), e, gravity)[1] for s in (-1e-6, 1e-6)]
+            ends = [bounce_step(y, v, dt * (1.0 + s), e, gravity)[1] for s in (-1e-6, 1e-6)]
             if abs(ends[1] - ends[0]) < 1e-3:
                 return Case((y, v, dt, e, gravity), label)
 
@@ -91,17 +63,19 @@ def _small(speed: float, restitution: float, flights: float) -> Case:
     return Case((0.0, speed, flights * 2.0 * speed / 9.81, restitution, 9.81), "small hops")
 
 
-def _by_euler(case: Case, got: Any, y: float) -> bool:
-    """Whether a height in free flight is off by what either Euler method makes of a parabola."""
-    dt, gravity = case.args[2], case.args[4]
-    try:
-        off = abs(float(as_float64(got, ())) - y)
-    except Mismatch:
-        return False
-    return abs(off - 0.5 * gravity * dt * dt) <= 1e-9
+def told(answers: Sequence[Answer]) -> str:
+    """A height in free flight that is off by what either Euler method makes of a parabola."""
+    for a in answers:
+        _, _, dt, _, gravity = (*a.case.args, 9.81)[:5]
+        if a.case.label == "falling" and not a.right[0]:
+            drop = 0.5 * gravity * dt * dt
+            if min(off(a.parts[0], a.truth[0] + drop), off(a.parts[0], a.truth[0] - drop)) <= 1e-9:
+                return "euler_flight"
+    return coarse(answers)
 
 
-def _energy(attempt: Attempt) -> None:
+def energy(attempt: Attempt, answers: Sequence[Answer]) -> None:
+    """The energy of an elastic ball after many steps."""
     start = float(attempt.rng.uniform(0.3, 1.0))
     y, v = start, 0.0
     for _ in range(80):
@@ -121,8 +95,8 @@ def _energy(attempt: Attempt) -> None:
                 why=CLOSED_FORM,
             )
             return
-    energy = 0.5 * v * v + 9.81 * y
-    ratio = energy / (9.81 * start)
+    kept = 0.5 * v * v + 9.81 * y
+    ratio = kept / (9.81 * start)
     attempt.require(
         "energy of an elastic ball",
         abs(ratio - 1.0) <= 1e-9,
@@ -136,60 +110,39 @@ def _energy(attempt: Attempt) -> None:
     )
 
 
-def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
+def dropped(attempt: Attempt) -> Plan:
     """Height of a ball 1.5 s after its drop, with five steps or with thousands."""
-    from course.measure.work_precision import Method, Result, measure
-    from course.oracles.mujoco import box as mujoco_box
+    from course.oracles.mujoco import box
     from course.rigid_body import problems
-    from solutions.rigid_body import bounce_step
 
-    time, e, g = 1.5, 0.7, 9.81
+    time, e, g, size = 1.5, 0.7, 9.81, 0.1
     steps = {time / n: n for n in (15, 50, 150, 500, 1500, 5000)}
-    size = 0.1
+    start = (size, size), 1.0, (0.0, 1.0 + size, 0.0), (0.0, 0.0, 0.0)
     runners = {
-        dt: mujoco_box.box_drop(
-            (size, size),
-            1.0,
-            (0.0, 1.0 + size, 0.0),
-            (0.0, 0.0, 0.0),
-            dt,
-            "Euler",
-            restitution=e,
-            friction=0.0,
-            gravity=g,
-        )
+        dt: box.box_drop(*start, dt, "Euler", restitution=e, friction=0.0, gravity=g)
         for dt in steps
     }
 
-    def driven(child: Place) -> Callable[[float], Result]:
-        return lambda dt: Result(child.given("drive", 1.0, dt, e, g, steps[dt]), steps[dt])
-
-    def late(dt: float) -> Result:
+    def late(dt: float) -> tuple[list[float], float]:
         y, v = 1.0, 0.0
         for _ in range(steps[dt]):
             y, v = y + v * dt - 0.5 * g * dt * dt, v - g * dt
             if y < 0.0:
                 y, v = 0.0, -e * v
-        return Result([y], steps[dt])
+        return [y], steps[dt]
 
-    def library(dt: float) -> Result:
-        return Result(runners[dt].run(steps[dt])[0][1:2] - size, steps[dt])
-
-    unit, all_steps = "steps", list(steps)
-    return measure(
-        [
-            Method("yours", driven(attempt.learner.child), all_steps, style="yours", unit=unit),
-            Method("worked answer", driven(worked), all_steps, unit=unit),
-            Method("impact at the end of the step", late, all_steps, unit=unit),
-            Method("MuJoCo Euler, one-step contact", library, all_steps, "oracle", unit),
-        ],
-        [bounce_step(1.0, 0.0, time, e, g)[0]],
-        reference_check=[problems.bounce_height(time, 1.0, e, g)],
-        tolerance=1e-3,
-        failed_above=5.0,
-        repeats=3,
-        question="Height of a bouncing ball after 1.5 s",
-        error_unit="m",
+    return Plan(
+        settings=list(steps),
+        ask=lambda place, dt: (place.given("drive", 1.0, dt, e, g, steps[dt]), steps[dt]),
+        truth=[attempt.expected(1.0, 0.0, time, e, g)[0]],
+        check=[problems.bounce_height(time, 1.0, e, g)],
+        ours={"impact at the end of the step": late},
+        libraries={
+            "MuJoCo Euler, one-step contact": lambda dt: (
+                runners[dt].run(steps[dt])[0][1:2] - size,
+                steps[dt],
+            )
+        },
     )
 
 
@@ -222,111 +175,95 @@ _END = """def bounce_step(y, v, dt, restitution, gravity=9.81):
     return y, v
 """
 
+SLIPS = slips(
+    euler_flight=(
+        _END.format(flight="y + (v - gravity * dt) * dt", floor="0.0", speed="-restitution * v"),
+        "The flight itself is stepped with Euler's method and is off by g dt^2 / 2 in "
+        "height. Gravity is constant, so the parabola is exact: y + v dt - g dt^2 / 2.",
+    ),
+    impact_at_the_end=(
+        _END.format(flight=_PARABOLA, floor="0.0", speed="-restitution * v"),
+        "The ball is found below the floor at the end of the step, put on it and turned "
+        "round there. That moves the impact to the end of the step: a first-order error each "
+        "time, and energy out of nothing (the ball was lifted by m g d).",
+    ),
+    restitution_on_the_position=(
+        _END.format(flight=_PARABOLA, floor="-restitution * y", speed="-restitution * v"),
+        "The height below the floor is mirrored and multiplied by the restitution. It is the "
+        "speed at the impact that restitution multiplies, and gravity acts on the way up as "
+        "on the way down.",
+    ),
+    only_one_impact=(
+        "    if gone * (1.0 - restitution) >= up:\n",
+        "    return up * left - 0.5 * gravity * left * left, up - gravity * left\n"
+        "    if gone * (1.0 - restitution) >= up:\n",
+        "Only the first impact of the step is resolved. A long step, or a ball near rest, "
+        "has more of them: your ball flies on through the floor.",
+    ),
+    rest_of_the_step_lost=(
+        "    if gone * (1.0 - restitution) >= up:\n",
+        "    return 0.0, up\n    if gone * (1.0 - restitution) >= up:\n",
+        "After the impact the ball waits on the floor for the end of the step. What is left "
+        "of dt must be flown too.",
+    ),
+    restitution_of_energy=(
+        "up = restitution * impact",
+        "up = math.sqrt(restitution) * impact",
+        "The energy is multiplied by the restitution, so the speed by its square root. "
+        "Restitution is the ratio of the speeds; the energy keeps its square.",
+    ),
+    restitution_once=(
+        _LOOP.format(
+            speed="impact if y == 0.0 and v > 0.0 else restitution * impact",
+            rest="if v <= 0.0:\n            return 0.0, 0.0",
+        ),
+        "Every flight after the first impact is as high as the one before: the restitution "
+        "acts at each impact, not only at the first.",
+    ),
+    start_velocity_ignored=(
+        "impact = math.sqrt(v * v + 2.0 * gravity * y)",
+        "impact = math.sqrt(2.0 * gravity * y)",
+        "The speed of the impact is sqrt(2 g y), as if the ball had been dropped from rest. "
+        "Its velocity at the start belongs to it: sqrt(v^2 + 2 g y).",
+    ),
+    energy_gained=(
+        "up = restitution * impact",
+        "up = restitution * (gravity * dt - v)",
+        "The ball is turned round with more speed than the impact had: the speed at the "
+        "*end* of the step, gained below the floor, is used in a flight from the impact on.",
+    ),
+    rests_too_early=(
+        _LOOP.format(speed="restitution * impact", rest="if v < 0.8:\n            return 0.0, 0.0"),
+        "The ball is put to rest although it still bounces: a threshold on its speed cuts "
+        "off bounces that are due. How long they last is a finite sum: 2 u / (g (1 - e)).",
+    ),
+)
+
+ENDLESS = Slip(
+    "endless_bounces",
+    "It did not come to an end. A loop over the impacts never does for a ball that comes to rest: "
+    "its bounces are infinitely many, each shorter than the one before, in the finite time "
+    "2 u / (g (1 - e)). Beyond it, the ball lies still.",
+    source=_ENDLESS,
+    ends=Reason.TIMED_OUT,
+)
+
 EXERCISE = Exercise(
-    judge=judge,
-    given=GIVEN,
+    judge=judge_of(cases, 1e-9, CLOSED_FORM, names=("height", "velocity"), told=told, last=energy),
+    given=Path(__file__).with_name("given.py").read_text(encoding="utf-8"),
     examples=(
         "bounce_step(1.0, 0.0, 0.2, 0.5)",
         "bounce_step(1.0, 0.0, 0.6, 0.5)",
         "bounce_step(1.0, 0.0, 2.0, 0.5)",
         "bounce_step(0.0, 0.0, 0.01, 0.5)",
     ),
-    chart=chart,
-    slips=(
-        Slip(
-            "euler_flight",
-            "The flight itself is stepped with Euler's method and is off by g dt^2 / 2 in height. "
-            "Gravity is constant, so the parabola is exact: y + v dt - g dt^2 / 2.",
-            source=_END.format(
-                flight="y + (v - gravity * dt) * dt", floor="0.0", speed="-restitution * v"
-            ),
-        ),
-        Slip(
-            "impact_at_the_end",
-            "The ball is found below the floor at the end of the step, put on it and turned round "
-            "there. That moves the impact to the end of the step: a first-order error each time, "
-            "and energy out of nothing (the ball was lifted by m g d).",
-            source=_END.format(flight=_PARABOLA, floor="0.0", speed="-restitution * v"),
-        ),
-        Slip(
-            "endless_bounces",
-            "It did not come to an end. A loop over the impacts never does for a ball that comes "
-            "to rest: its bounces are infinitely many, each shorter than the one before, in the "
-            "finite time 2 u / (g (1 - e)). Beyond it, the ball lies still.",
-            source=_ENDLESS,
-            ends=Reason.TIMED_OUT,
-        ),
-        Slip(
-            "restitution_on_the_position",
-            "The height below the floor is mirrored and multiplied by the restitution. It is the "
-            "speed at the impact that restitution multiplies, and gravity acts on the way up as on "
-            "the way down.",
-            source=_END.format(
-                flight=_PARABOLA, floor="-restitution * y", speed="-restitution * v"
-            ),
-        ),
-        Slip(
-            "only_one_impact",
-            "Only the first impact of the step is resolved. A long step, or a ball near rest, has "
-            "more of them: your ball flies on through the floor.",
-            edits=(
-                (
-                    "    if gone * (1.0 - restitution) >= up:\n",
-                    "    return up * left - 0.5 * gravity * left * left, up - gravity * left\n"
-                    "    if gone * (1.0 - restitution) >= up:\n",
-                ),
-            ),
-        ),
-        Slip(
-            "rest_of_the_step_lost",
-            "After the impact the ball waits on the floor for the end of the step. What is left of "
-            "dt must be flown too.",
-            edits=(
-                (
-                    "    if gone * (1.0 - restitution) >= up:\n",
-                    "    return 0.0, up\n    if gone * (1.0 - restitution) >= up:\n",
-                ),
-            ),
-        ),
-        Slip(
-            "restitution_of_energy",
-            "The energy is multiplied by the restitution, so the speed by its square root. "
-            "Restitution is the ratio of the speeds; the energy keeps its square.",
-            edits=(("up = restitution * impact", "up = math.sqrt(restitution) * impact"),),
-        ),
-        Slip(
-            "restitution_once",
-            "Every flight after the first impact is as high as the one before: the restitution "
-            "acts at each impact, not only at the first.",
-            source=_LOOP.format(
-                speed="impact if y == 0.0 and v > 0.0 else restitution * impact",
-                rest="if v <= 0.0:\n            return 0.0, 0.0",
-            ),
-        ),
-        Slip(
-            "start_velocity_ignored",
-            "The speed of the impact is sqrt(2 g y), as if the ball had been dropped from rest. "
-            "Its velocity at the start belongs to it: sqrt(v^2 + 2 g y).",
-            edits=(
-                (
-                    "impact = math.sqrt(v * v + 2.0 * gravity * y)",
-                    "impact = math.sqrt(2.0 * gravity * y)",
-                ),
-            ),
-        ),
-        Slip(
-            "energy_gained",
-            "The ball is turned round with more speed than the impact had: the speed at the *end* "
-            "of the step, gained below the floor, is used in a flight from the impact on.",
-            edits=(("up = restitution * impact", "up = restitution * (gravity * dt - v)"),),
-        ),
-        Slip(
-            "rests_too_early",
-            "The ball is put to rest although it still bounces: a threshold on its speed cuts off "
-            "bounces that are due. How long they last is a finite sum: 2 u / (g (1 - e)).",
-            source=_LOOP.format(
-                speed="restitution * impact", rest="if v < 0.8:\n            return 0.0, 0.0"
-            ),
-        ),
+    chart=chart_of(
+        "Height of a bouncing ball after 1.5 s",
+        dropped,
+        unit="steps",
+        tolerance=1e-3,
+        error_unit="m",
+        failed_above=5.0,
     ),
+    slips=(*SLIPS, ENDLESS, *coarse_slips("bounce_step", "A ball near rest is then at rest.")),
 )

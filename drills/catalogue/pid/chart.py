@@ -2,65 +2,48 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drills.attempt import Attempt, Place
+from drills.attempt import Attempt
+from drills.chart import Plan
 from drills.values import as_float64
-
-if TYPE_CHECKING:
-    from course.measure.work_precision import WorkPrecision
 
 Array = NDArray[np.float64]
 
 WIDE = 1e4  # N m: limits that are never reached
+SETPOINT = 0.5  # rad
 
 
-def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
+def sampled(attempt: Attempt) -> Plan:
     """The same loop, sampled ever faster, against the loop in continuous time."""
     from course.drills import PID, closed_loop
-    from course.measure.work_precision import Method, Result, measure
     from course.oracles.mujoco.joint import MotorJoint
 
-    inertia, damping, setpoint, tau, every, end = 0.05, 0.1, 0.5, 0.02, 0.04, 1.2
-    speed = 8.0
+    inertia, damping, tau, every, looks, speed = 0.05, 0.1, 0.02, 0.04, 30, 8.0
     gains = 3.0 * speed**2 * inertia, speed**3 * inertia, 3.0 * speed * inertia - damping
-    apart = (2, 4, 8, 16, 32)  # samples between two looks
-    steps = {every / n: n for n in apart}
-    looks = round(end / every)
+    steps = {every / n: n for n in (2, 4, 8, 16, 32)}  # samples between two looks
+    loop = gains, tau, inertia, damping, SETPOINT, every, looks
 
-    def driven(child: Place) -> Any:
-        def run(dt: float) -> Result:
-            n, arguments = steps[dt], (gains, dt, WIDE, tau, inertia, damping, setpoint)
-            angles = as_float64(child.given("drive", *arguments, looks * steps[dt]), None)
-            return Result(angles[::n], looks * n)
+    def ask(place: Any, dt: float) -> tuple[Array, float]:
+        arguments, count = (gains, dt, WIDE, tau, inertia, damping, SETPOINT), looks * steps[dt]
+        angles = as_float64(place.given("drive", *arguments, count), None)
+        return angles[:: steps[dt]], count
 
-        return run
-
-    def library(dt: float) -> Result:
-        n = steps[dt]
-        controller = PID(*gains, dt, -WIDE, WIDE, tau)
+    def library(dt: float) -> tuple[Array, float]:
+        controller, count = PID(*gains, dt, -WIDE, WIDE, tau), looks * steps[dt]
         joint = MotorJoint(inertia, damping, dt)
-        angles, _ = closed_loop(controller, joint, np.full(looks * n, setpoint))
-        return Result(angles[::n], looks * n)
+        angles, _ = closed_loop(controller, joint, np.full(count, SETPOINT))
+        return angles[:: steps[dt]], count
 
-    truth = _continuous(gains, tau, inertia, damping, setpoint, every, looks)
-    unit, all_steps = "updates", list(steps)
-    return measure(
-        [
-            Method("yours", driven(attempt.learner.child), all_steps, "yours", unit),
-            Method("worked answer", driven(worked), all_steps, unit=unit),
-            Method("worked answer, MuJoCo's joint", library, all_steps, "oracle", unit),
-        ],
-        truth,
-        reference_check=_continuous(gains, tau, inertia, damping, setpoint, every, looks, 2),
-        tolerance=0.01 * setpoint,
-        failed_above=setpoint,
-        repeats=3,
-        question="Angle of a joint under PID control, against the loop in continuous time",
-        error_unit="rad",
+    return Plan(
+        settings=list(steps),
+        ask=ask,
+        truth=_continuous(*loop),
+        check=_continuous(*loop, 2),
+        libraries={"worked answer, MuJoCo's joint": library},
     )
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,8 +17,9 @@ from numpy.typing import NDArray
 
 from drills.attempt import Attempt
 from drills.cards import definitions
-from drills.catalogue.pid.chart import WIDE, chart
+from drills.catalogue.pid.chart import SETPOINT, WIDE, sampled
 from drills.catalogue.pid.slips import SLIPS
+from drills.chart import chart_of
 from drills.exercise import Exercise
 from drills.sandbox import Handle, Limits
 from drills.values import as_float64, describe
@@ -615,17 +617,19 @@ def _jam(attempt: Attempt, side: float) -> None:
 
 
 def _time(attempt: Attempt) -> None:
-    """Time of one update, here and there, by this side's clock."""
-    count = 2000
+    """Time of one update."""
     arguments = Numbers(2.0, 3.0, 0.4, 0.01, -2.0, 2.0, 0.03).arguments()
-    child, reference = attempt.learner.child, attempt.reference
-    theirs, ours = child.new(ENTRY, *arguments), reference.new(ENTRY, *arguments)
-    child.given("updates", theirs, 1)
-    single = child.elapsed
-    child.given("updates", theirs, count)
-    yours = max(child.elapsed - single, 0.0) / count
-    reference.given("updates", ours, count)
-    attempt.cost("time per update", "s", yours=yours, reference=reference.elapsed / count)
+
+    def sampler(place: Any) -> Callable[[int], float]:
+        controller = place.new(ENTRY, *arguments)
+
+        def run(n: int) -> float:
+            place.given("updates", controller, n)
+            return float(place.elapsed)
+
+        return run
+
+    attempt.time("time per update", sampler(attempt.learner.child), sampler(attempt.reference))
 
 
 def _near(got: Array, other: Array) -> bool:
@@ -649,6 +653,13 @@ EXERCISE = Exercise(
         "PID(2.0, 3.0, 0.0, 0.01, -5.0, 5.0, 0.05).update(1.0, 0.25)",
         "PID(2.0, 3.0, 0.4, 0.01, -5.0, 4.0, 0.05).update(9.0, 0.0)",
     ),
-    chart=chart,
+    chart=chart_of(
+        "Angle of a joint under PID control, against the loop in continuous time",
+        sampled,
+        unit="updates",
+        tolerance=0.01 * SETPOINT,
+        error_unit="rad",
+        failed_above=SETPOINT,
+    ),
     slips=SLIPS,
 )

@@ -84,19 +84,23 @@ def _judge(attempt: Attempt) -> None:
 
 
 def _time(bench: Bench) -> None:
-    """Time of one randomisation, without the way between the processes."""
-    attempt, count = bench.attempt, 200
-    child, rng = attempt.learner.child, bench.generator(1)
-    child.given("timed", bench.randomizer, bench.data, rng, 1)
-    single = child.elapsed
-    child.given("timed", bench.randomizer, bench.data, rng, count + 1)
-    yours = max(child.elapsed - single, 0.0) / count
-    here = attempt.reference
-    model = here.given_new("build", bench.setting.xml, 1.0)
-    data, own = here.given_new("fresh", model), here.given_new("generator", 1)
-    randomizer = here.new(ENTRY, model)
-    here.given("timed", randomizer, data, own, count)
-    attempt.cost("time per randomisation", "s", yours=yours, reference=here.elapsed / count)
+    """Time of one randomisation."""
+
+    def sampler(place: Any) -> Callable[[int], float]:
+        model = place.given_new("build", bench.setting.xml, 1.0)
+        data, rng = place.given_new("fresh", model), place.given_new("generator", 1)
+        randomizer = place.new(ENTRY, model)
+
+        def run(n: int) -> float:
+            place.given("timed", randomizer, data, rng, n)
+            return float(place.elapsed)
+
+        return run
+
+    attempt = bench.attempt
+    attempt.time(
+        "time per randomisation", sampler(attempt.learner.child), sampler(attempt.reference)
+    )
 
 
 def chart(attempt: Attempt, worked: Place) -> WorkPrecision:

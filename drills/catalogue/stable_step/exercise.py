@@ -3,46 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drills.attempt import Attempt, Place
-from drills.exercise import Exercise, Slip
-from drills.judge import Case, repeat_calls
-from drills.values import describe_call
-
-if TYPE_CHECKING:
-    from course.measure.work_precision import WorkPrecision
+from drills.attempt import Attempt
+from drills.chart import Plan, chart_of
+from drills.exercise import Exercise, coarse_slips, slips
+from drills.judge import Answer, Case, coarse, judge_of
 
 Array = NDArray[np.float64]
-
-
-def judge(attempt: Attempt) -> None:
-    """Values, each to 1e-9 of itself; then whether a simulation agrees."""
-    cases = _cases(attempt.rng)
-    made: list[tuple[tuple[Any, ...], Any]] = []
-    for index in attempt.rng.permutation(len(cases)):
-        case = cases[index]
-        made.append((case.args, attempt.call(*case.args)))
-        right = float(attempt.expected(*case.args))
-        attempt.compare(
-            case.label,
-            made[-1][1],
-            right,
-            tolerance=1e-9 * right,
-            unit="s",
-            why="1e-9 of the limit: eigenvalues of these matrices are known to 1e-12",
-            call=describe_call(attempt.card.entry, case.args),
-        )
-    if not attempt.failed:
-        _simulated(attempt)
-    if not attempt.failed:
-        repeat_calls(attempt, made)
-    if not attempt.failed:
-        attempt.time_call(*cases[0].args, repeat=100)
 
 
 def _chain(springs: Array) -> Array:
@@ -57,7 +28,9 @@ def _chain(springs: Array) -> Array:
     return K
 
 
-def _cases(rng: np.random.Generator) -> list[Case]:
+def cases(rng: np.random.Generator) -> list[Case]:
+    """Rows of masses, coupled masses, and mechanisms with a soft or a free part."""
+
     def chain(n: int, label: str) -> Case:
         springs, masses = rng.uniform(50.0, 5000.0, n + 1), rng.uniform(0.2, 3.0, n)
         return Case((_chain(springs), np.diag(masses)), label)
@@ -86,8 +59,10 @@ def _cases(rng: np.random.Generator) -> list[Case]:
     ]
 
 
-def _simulated(attempt: Attempt) -> None:
+def simulated(attempt: Attempt, answers: Sequence[Answer]) -> None:
     """A run just below and one just above the submission's own answer."""
+    if attempt.failed:
+        return
     springs, masses = attempt.rng.uniform(100.0, 900.0, 5), attempt.rng.uniform(0.5, 2.0, 4)
     K, M = _chain(springs), np.diag(masses)
     limit = attempt.numbers("a simulation agrees", attempt.call(K, M), ())
@@ -113,12 +88,11 @@ def _simulated(attempt: Attempt) -> None:
     )
 
 
-def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
+def row_of_masses(attempt: Attempt) -> Plan:
     """The limit of a row of masses: computed, or found by trying steps in MuJoCo."""
     from course.measure import stability
-    from course.measure.work_precision import Method, Result, max_norm, measure
-    from course.oracles.mujoco import kit as mujoco_kit
-    from solutions.rigid_body import largest_stable_step
+    from course.measure.work_precision import max_norm
+    from course.oracles.mujoco import kit
 
     n, spring, weight = 5, 1e4, 0.5
     # Slide joints in a row: a coordinate is the stretch of a spring, a joint carries all beyond it.
@@ -135,17 +109,11 @@ def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
         f'<mujoco><option integrator="Euler" gravity="0 0 0">{flags}</option>'
         f"<worldbody>{body}</worldbody></mujoco>"
     )
-    runner = mujoco_kit.Runner(xml, np.zeros(n), np.zeros(n), "Euler")
+    runner = kit.Runner(xml, np.zeros(n), np.zeros(n), "Euler")
     # A chain that is held at one end: the frequencies of its fixed-free modes.
     omega = 2.0 * math.sqrt(spring / weight) * math.sin((2 * n - 1) / (2 * n + 1) * 0.5 * math.pi)
 
-    def computed(child: Place) -> Callable[[float], Result]:
-        def run(_: float) -> Result:
-            return Result([float(np.asarray(child.call(attempt.card.entry, K, M)))], 1)
-
-        return run
-
-    def bisected(width: float) -> Result:
+    def bisected(width: float) -> tuple[list[float], float]:
         tried = 0
 
         def one_step(state: Array) -> Array:
@@ -158,27 +126,17 @@ def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
             runner.dt = dt
             return stability.is_stable_by_matrix(one_step, 2 * n)
 
-        return Result([stability.limit(stable, 1.0 / omega, 3.0 / omega, width)], tried)
+        return [stability.limit(stable, 1.0 / omega, 3.0 / omega, width)], tried
 
-    def error(answer: Array, truth: Array) -> float:
+    return Plan(
+        settings=[1.0],
+        ask=lambda place, _: ([float(np.asarray(place.call("largest_stable_step", K, M)))], 1),
+        truth=[2.0 / omega],
+        check=[attempt.expected(K, M)],
+        libraries={"MuJoCo Euler, bisected": bisected},
+        own_settings={"MuJoCo Euler, bisected": [1e-1, 1e-2, 1e-3, 1e-4]},
         # An error of exactly zero is luck: nothing is known better than its rounding.
-        return max(max_norm(answer, truth), 1e-16 * float(truth[0]))
-
-    unit, widths = "steps tried", [1e-1, 1e-2, 1e-3, 1e-4]
-    return measure(
-        [
-            Method("yours", computed(attempt.learner.child), [1.0], style="yours", unit=unit),
-            Method("worked answer", computed(worked), [1.0], unit=unit),
-            Method("MuJoCo Euler, bisected", bisected, widths, "oracle", unit),
-        ],
-        [2.0 / omega],
-        error,
-        reference_check=[largest_stable_step(K, M)],
-        tolerance=1e-4,
-        failed_above=1.0,
-        repeats=3,
-        question="Largest stable step of five masses in a row",
-        error_unit="s",
+        error=lambda answer, truth: max(max_norm(answer, truth), 1e-16 * float(truth[0])),
     )
 
 
@@ -191,69 +149,79 @@ def largest_stable_step(stiffness, mass):
 """
 _RETURN = "return 2.0 / math.sqrt(squares[-1]) if squares[-1] > 0.0 else math.inf"
 
+SLIPS = slips(
+    stiffest_spring=(
+        _PLAIN.format(answer="2.0 / np.sqrt(np.max(np.diag(K) / np.diag(M)))"),
+        "You took the largest k / m on the diagonal. That is a lower bound of omega_max^2: "
+        "coupling can double it, and a step chosen in this way explodes.",
+    ),
+    mass_forgotten=(
+        _PLAIN.format(answer="2.0 / np.sqrt(np.linalg.eigvalsh(K)[-1])"),
+        "The eigenvalues of K alone have the unit N/m, not 1/s^2: the masses are missing.",
+    ),
+    coupled_masses_ignored=(
+        _PLAIN.format(
+            answer="2.0 / np.sqrt(np.max(np.linalg.eigvals(K / np.diag(M)[:, None]).real))"
+        ),
+        "Only the diagonal of the mass matrix is used. In the joint coordinates of an arm "
+        "the masses are coupled, and the off-diagonal terms move the highest frequency.",
+    ),
+    symmetric_solver_on_unsymmetric_matrix=(
+        _PLAIN.format(answer="2.0 / np.sqrt(np.linalg.eigvalsh(np.linalg.solve(M, K))[-1])"),
+        "inv(M) K is not symmetric although K and M are, and eigvalsh silently reads only "
+        "its lower half. Nothing warns you; use eigvals, or Cholesky to keep the symmetry.",
+    ),
+    norm_for_eigenvalue=(
+        _PLAIN.format(answer="2.0 / np.sqrt(np.linalg.norm(np.linalg.solve(M, K), 2))"),
+        "The norm of inv(M) K is not its largest eigenvalue: that holds for symmetric "
+        "matrices only, and inv(M) K is not one. The norm is larger, so your step is safe "
+        "but short.",
+    ),
+    one_over_omega=(
+        _RETURN,
+        "return 1.0 / math.sqrt(squares[-1])",
+        "Half of the limit: the step matrix of a mode has trace 2 - (omega dt)^2, which "
+        "stays above -2 until omega dt = 2, not 1.",
+    ),
+    period=(
+        _RETURN,
+        "return 2.0 * math.pi / math.sqrt(squares[-1])",
+        "That is the period of the fastest mode, 2 pi / omega. The limit is 2 / omega: about "
+        "three steps a period.",
+    ),
+    square_root_missing=(
+        _RETURN,
+        "return 2.0 / squares[-1]",
+        "The eigenvalues of K x = omega^2 M x are the *squares* of the frequencies.",
+    ),
+    limit_of_rk4=(
+        _RETURN,
+        "return math.sqrt(8.0 / squares[-1])",
+        "2 sqrt(2) / omega is the limit of RK4. For semi-implicit Euler it is 2 / omega.",
+    ),
+)
+
 EXERCISE = Exercise(
-    judge=judge,
+    judge=judge_of(
+        cases,
+        lambda case, truth: 1e-9 * float(truth[0]),
+        "1e-9 of the limit: eigenvalues of these matrices are known to 1e-12",
+        told=coarse,
+        last=simulated,
+    ),
     examples=(
         "largest_stable_step(np.array([[1e5]]), np.array([[1.0]]))",
         "largest_stable_step(np.array([[200.0, -100.0], [-100.0, 200.0]]), np.eye(2))",
         "largest_stable_step(np.diag([900.0, 100.0]), np.array([[3.0, 1.0], [1.0, 1.0]]))",
     ),
-    chart=chart,
-    slips=(
-        Slip(
-            "stiffest_spring",
-            "You took the largest k / m on the diagonal. That is a lower bound of omega_max^2: "
-            "coupling can double it, and a step chosen in this way explodes.",
-            source=_PLAIN.format(answer="2.0 / np.sqrt(np.max(np.diag(K) / np.diag(M)))"),
-        ),
-        Slip(
-            "mass_forgotten",
-            "The eigenvalues of K alone have the unit N/m, not 1/s^2: the masses are missing.",
-            source=_PLAIN.format(answer="2.0 / np.sqrt(np.linalg.eigvalsh(K)[-1])"),
-        ),
-        Slip(
-            "coupled_masses_ignored",
-            "Only the diagonal of the mass matrix is used. In the joint coordinates of an arm the "
-            "masses are coupled, and the off-diagonal terms move the highest frequency.",
-            source=_PLAIN.format(
-                answer="2.0 / np.sqrt(np.max(np.linalg.eigvals(K / np.diag(M)[:, None]).real))"
-            ),
-        ),
-        Slip(
-            "symmetric_solver_on_unsymmetric_matrix",
-            "inv(M) K is not symmetric although K and M are, and eigvalsh silently reads only its "
-            "lower half. Nothing warns you; use eigvals, or Cholesky to keep the symmetry.",
-            source=_PLAIN.format(
-                answer="2.0 / np.sqrt(np.linalg.eigvalsh(np.linalg.solve(M, K))[-1])"
-            ),
-        ),
-        Slip(
-            "norm_for_eigenvalue",
-            "The norm of inv(M) K is not its largest eigenvalue: that holds for symmetric matrices "
-            "only, and inv(M) K is not one. The norm is larger, so your step is safe but short.",
-            source=_PLAIN.format(answer="2.0 / np.sqrt(np.linalg.norm(np.linalg.solve(M, K), 2))"),
-        ),
-        Slip(
-            "one_over_omega",
-            "Half of the limit: the step matrix of a mode has trace 2 - (omega dt)^2, which stays "
-            "above -2 until omega dt = 2, not 1.",
-            edits=((_RETURN, "return 1.0 / math.sqrt(squares[-1])"),),
-        ),
-        Slip(
-            "period",
-            "That is the period of the fastest mode, 2 pi / omega. The limit is 2 / omega: "
-            "about three steps a period.",
-            edits=((_RETURN, "return 2.0 * math.pi / math.sqrt(squares[-1])"),),
-        ),
-        Slip(
-            "square_root_missing",
-            "The eigenvalues of K x = omega^2 M x are the *squares* of the frequencies.",
-            edits=((_RETURN, "return 2.0 / squares[-1]"),),
-        ),
-        Slip(
-            "limit_of_rk4",
-            "2 sqrt(2) / omega is the limit of RK4. For semi-implicit Euler it is 2 / omega.",
-            edits=((_RETURN, "return math.sqrt(8.0 / squares[-1])"),),
-        ),
+    chart=chart_of(
+        "Largest stable step of five masses in a row",
+        row_of_masses,
+        unit="steps tried",
+        tolerance=1e-4,
+        error_unit="s",
+        failed_above=1.0,
     ),
+    slips=SLIPS
+    + coarse_slips("largest_stable_step", "What should be just below the limit may be above it."),
 )

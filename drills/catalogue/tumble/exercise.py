@@ -3,65 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drills.attempt import Attempt, Place
-from drills.exercise import Exercise, Slip
-from drills.judge import Case, repeat_calls
-from drills.values import Mismatch, as_float64, describe_call
-
-if TYPE_CHECKING:
-    from course.measure.work_precision import WorkPrecision
+from drills.attempt import Attempt
+from drills.chart import Plan, angle_between, chart_of
+from drills.exercise import Exercise, slips
+from drills.judge import Case, either_sign, judge_of
+from drills.values import Mismatch, as_float64
 
 Array = NDArray[np.float64]
 ACCURATE = "RK4 errs by less than 1e-7 in these runs; the bug changes the first digits"
 
 
-def judge(attempt: Attempt) -> None:
-    """Every case by its conserved quantities first: they say what is wrong, values only that."""
-    cases = _cases(attempt.rng)
-    made: list[tuple[tuple[Any, ...], Any]] = []
-    for index in attempt.rng.permutation(len(cases)):
-        case = cases[index]
-        call = describe_call(attempt.card.entry, case.args)
-        got = attempt.call(*case.args)
-        made.append((case.args, got))
-        parts = attempt.parts(got, ("q", "omega"), call=call)
-        if parts is None:
-            continue
-        try:
-            q, omega = as_float64(parts[0], (4,)), as_float64(parts[1], (3,))
-        except Mismatch:
-            pass  # `compare` below says what is wrong with it
-        else:
-            with np.errstate(all="ignore"):  # what came back may be as large as it likes
-                _conserved(attempt, case, call, q, omega)
-        right = attempt.expected(*case.args)
-        with np.errstate(all="ignore"):
-            opposite = _opposite(parts[0], right[0])
-        sign = -1.0 if opposite else 1.0
-        check: dict[str, Any] = {"tolerance": 1e-6, "why": ACCURATE, "call": call}
-        attempt.compare(f"{case.label}: orientation", parts[0], sign * right[0], unit="1", **check)
-        attempt.compare(f"{case.label}: rates", parts[1], right[1], unit="rad/s", **check)
-    if not attempt.failed:
-        repeat_calls(attempt, made)
-    if not attempt.failed:
-        attempt.time_call(*cases[0].args[:4], 5, repeat=20, what="time per 5 steps")
+def cases(rng: np.random.Generator) -> list[Case]:
+    """Bodies on which a bug shows, and bodies on which it does not."""
 
-
-def _opposite(got: Any, right: Array) -> bool:
-    """Whether -q came back, which is the same orientation."""
-    try:
-        return bool(as_float64(got, (4,)) @ right < 0.0)
-    except Mismatch:
-        return False
-
-
-def _cases(rng: np.random.Generator) -> list[Case]:
     def start() -> Array:
         q = rng.normal(size=4)
         return np.asarray(q / np.linalg.norm(q))
@@ -95,6 +55,16 @@ def _cases(rng: np.random.Generator) -> list[Case]:
 def _to_world(q: Array, vector: Array) -> Array:
     w, u = q[0], q[1:]
     return np.asarray(vector + 2.0 * np.cross(u, np.cross(u, vector) + w * vector))
+
+
+def conserved(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
+    """What a free body keeps: it says what is wrong, a value only that something is."""
+    try:
+        q, omega = as_float64(parts[0], (4,)), as_float64(parts[1], (3,))
+    except Mismatch:
+        return  # the comparison of the values says what is wrong with it
+    with np.errstate(all="ignore"):  # what came back may be as large as it likes
+        _conserved(attempt, case, call, q, omega)
 
 
 def _conserved(attempt: Attempt, case: Case, call: str, q: Array, omega: Array) -> None:
@@ -136,125 +106,112 @@ def _conserved(attempt: Attempt, case: Case, call: str, q: Array, omega: Array) 
     )
 
 
-def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
+def tumbling(attempt: Attempt) -> Plan:
     """Attitude of the chapter's tumbling body after 4 s."""
-    from course.measure.work_precision import Method, Result, measure
-    from course.oracles.mujoco import free as mujoco_free
-    from course.rigid_body import problems, quaternion, simulate
+    from course.oracles.mujoco import free
+    from course.rigid_body import problems, simulate
 
     time = 4.0
     problem = problems.tumble(duration=time)
     system = problem.system
     steps = {time / n: n for n in (25, 50, 100, 200, 400)}
-    runners = {
-        dt: mujoco_free.free_body(system.params, system.q0, system.v0, dt, "RK4") for dt in steps
-    }
+    start = system.q0, system.v0, system.params
+    runners = {dt: free.free_body(system.params, system.q0, system.v0, dt, "RK4") for dt in steps}
 
-    def driven(child: Place) -> Callable[[float], Result]:
-        def run(dt: float) -> Result:
-            start = system.q0, system.v0, system.params
-            q, _ = child.call(attempt.card.entry, *start, dt, steps[dt])
-            return Result(np.asarray(q, dtype=float), 4 * steps[dt])
+    def ask(place: Any, dt: float) -> tuple[Array, float]:
+        return np.asarray(place.call("tumble", *start, dt, steps[dt])[0], float), 4 * steps[dt]
 
-        return run
+    def compiled(dt: float) -> tuple[Array, float]:
+        return simulate(system, "rk4", dt, steps[dt], every=steps[dt]).q[-1], 4 * steps[dt]
 
-    def course(name: str) -> Method:
-        def run(dt: float) -> Result:
-            end = simulate(system, name, dt, steps[dt], every=steps[dt])
-            return Result(end.q[-1], 4 * steps[dt])
+    def library(dt: float) -> tuple[Array, float]:
+        return runners[dt].run(steps[dt])[0], runners[dt].evaluations(steps[dt])
 
-        return Method(f"compiled {name}", run, list(steps))
-
-    def library(dt: float) -> Result:
-        return Result(runners[dt].run(steps[dt])[0], runners[dt].evaluations(steps[dt]))
-
-    def angle(answer: Array, truth: Array) -> float:
-        length = np.linalg.norm(answer)
-        if not np.isfinite(length) or length == 0.0:
-            return math.inf
-        return float(quaternion.angle_between(answer / length, truth))
-
-    return measure(
-        [
-            Method("yours", driven(attempt.learner.child), list(steps), style="yours"),
-            Method("worked answer", driven(worked), list(steps)),
-            course("rk4"),
-            Method("MuJoCo RK4", library, list(steps), style="oracle"),
-        ],
-        problem.truth(time)[0],
-        angle,
-        reference_check=problems.tight_reference(system, time)[0],
-        tolerance=1e-3,
-        failed_above=4.0,
-        repeats=3,
-        question="Attitude of a tumbling body after 4 s",
-        error_unit="rad",
+    return Plan(
+        settings=list(steps),
+        ask=ask,
+        truth=problem.truth(time)[0],
+        check=problems.tight_reference(system, time)[0],
+        ours={"compiled rk4": compiled},
+        libraries={"MuJoCo RK4": library},
+        error=angle_between,
     )
+
+
+def five_steps(attempt: Attempt, cases: Sequence[Case]) -> None:
+    """Time of a few steps."""
+    attempt.time_call(*cases[0].args[:4], 5, what="time per 5 steps")
 
 
 _SIGN = ("-np.cross(omega, inertia * omega)", "np.cross(omega, inertia * omega)")
 _LEFT = (
-    ("w * i + y * k - z * j", "w * i - y * k + z * j"),
-    ("w * j + z * i - x * k", "w * j - z * i + x * k"),
-    ("w * k + x * j - y * i", "w * k - x * j + y * i"),
+    *("w * i + y * k - z * j", "w * i - y * k + z * j"),
+    *("w * j + z * i - x * k", "w * j - z * i + x * k"),
+    *("w * k + x * j - y * i", "w * k - x * j + y * i"),
+)
+
+SLIPS = slips(
+    bug_still_there=(
+        *_SIGN,
+        "The bug is still there: the gyroscopic term has the wrong sign. Energy and |L| "
+        "cannot see it, because omega x (I omega) is at right angles to omega and to I "
+        "omega.",
+    ),
+    wrong_suspect=(
+        *_SIGN,
+        *_LEFT,
+        "You changed the side of the quaternion's product, which was right, and the bug is "
+        "still there. Spin about a principal axis from a tilted start: that was right "
+        "before, and there only the quaternion works.",
+    ),
+    one_bug_for_another=(
+        *_LEFT,
+        "The sign of the gyroscopic term is right now, but the quaternion's product is on "
+        "the wrong side: the rate is the body's, so it stands to the right of q.",
+    ),
+    gyroscopic_term_removed=(
+        "omega_rate = -np.cross(omega, inertia * omega) / inertia",
+        "omega_rate = np.zeros(3)",
+        "The gyroscopic term is gone. Then omega stays constant in the body, which only a "
+        "spin about a principal axis does: the energy is kept and L is not.",
+    ),
+    inertia_not_divided=(
+        "-np.cross(omega, inertia * omega) / inertia",
+        "-np.cross(omega, inertia * omega)",
+        "omega x (I omega) is a torque; it must be divided by the moments to be an angular "
+        "acceleration. Without it not even the energy is kept.",
+    ),
+    time_runs_backwards=(
+        *_SIGN,
+        "q_rate = 0.5 * np.array(",
+        "q_rate = -0.5 * np.array(",
+        "Instead of the gyroscopic term you turned the quaternion's rate round. Both "
+        "together are the motion of another body: one seen in a mirror of time.",
+    ),
 )
 
 EXERCISE = Exercise(
-    judge=judge,
+    judge=judge_of(
+        cases,
+        1e-6,
+        ACCURATE,
+        names=("orientation", "rates"),
+        nearest=either_sign,
+        first=conserved,
+        timed=five_steps,
+    ),
     examples=(
         "tumble(np.array([1.0, 0, 0, 0]), np.array([0, 0, 2.0]), np.array([1.0, 2.0, 2.5]), 0.01, "
         "50)",
         "tumble(np.array([0.6, 0.8, 0, 0]), np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 2.5]), "
         "0.01, 50)",
     ),
-    chart=chart,
-    slips=(
-        Slip(
-            "bug_still_there",
-            "The bug is still there: the gyroscopic term has the wrong sign. Energy and |L| cannot "
-            "see it, because omega x (I omega) is at right angles to omega and to I omega.",
-            edits=(_SIGN,),
-        ),
-        Slip(
-            "wrong_suspect",
-            "You changed the side of the quaternion's product, which was right, and the bug is "
-            "still there. Spin about a principal axis from a tilted start: that was right before, "
-            "and there only the quaternion works.",
-            edits=(_SIGN, *_LEFT),
-        ),
-        Slip(
-            "one_bug_for_another",
-            "The sign of the gyroscopic term is right now, but the quaternion's product is on the "
-            "wrong side: the rate is the body's, so it stands to the right of q.",
-            edits=_LEFT,
-        ),
-        Slip(
-            "gyroscopic_term_removed",
-            "The gyroscopic term is gone. Then omega stays constant in the body, which only "
-            "a spin about a principal axis does: the energy is kept and L is not.",
-            edits=(
-                (
-                    "omega_rate = -np.cross(omega, inertia * omega) / inertia",
-                    "omega_rate = np.zeros(3)",
-                ),
-            ),
-        ),
-        Slip(
-            "inertia_not_divided",
-            "omega x (I omega) is a torque; it must be divided by the moments to be an angular "
-            "acceleration. Without it not even the energy is kept.",
-            edits=(
-                (
-                    "-np.cross(omega, inertia * omega) / inertia",
-                    "-np.cross(omega, inertia * omega)",
-                ),
-            ),
-        ),
-        Slip(
-            "time_runs_backwards",
-            "Instead of the gyroscopic term you turned the quaternion's rate round. Both together "
-            "are the motion of another body: one seen in a mirror of time.",
-            edits=(_SIGN, ("q_rate = 0.5 * np.array(", "q_rate = -0.5 * np.array(")),
-        ),
+    chart=chart_of(
+        "Attitude of a tumbling body after 4 s",
+        tumbling,
+        tolerance=1e-3,
+        error_unit="rad",
+        failed_above=4.0,
     ),
+    slips=SLIPS,
 )

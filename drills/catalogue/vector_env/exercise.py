@@ -3,21 +3,18 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from drills.attempt import Attempt, Place
-from drills.exercise import Exercise, Slip
+from drills.attempt import Attempt
+from drills.chart import Plan, chart_of
+from drills.exercise import Exercise, slips
 from drills.inprocess import Local
 from drills.reasons import Reason
 from drills.sandbox import Handle
 from drills.values import describe
-
-if TYPE_CHECKING:
-    from course.measure.work_precision import WorkPrecision
 
 ENTRY = "VectorizedEnv"
 ROUNDING = 1e-12
@@ -227,38 +224,28 @@ def _time(attempt: Attempt) -> None:
     )
 
 
-def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
+def walked(attempt: Attempt) -> Plan:
     """Mean reward of the walk without actions, which is 0, from more and more environments."""
-    from course.measure.work_precision import Method, Result, measure
     from course.oracles.gymnasium import sync_vector_env, wrapped
 
-    steps, sizes, unit = 20, [4.0, 16.0, 64.0, 256.0], "environment steps"
+    steps = 20
     walk: Any = attempt.reference.evaluate("given.Walk")
 
-    def driven(child: Place) -> Callable[[float], Result]:
-        return lambda n: Result(
-            [child.given("drive", int(n), np.zeros((steps, int(n), 2)))], steps * n
-        )
+    def ask(place: Any, n: float) -> tuple[Any, float]:
+        return [place.given("drive", int(n), np.zeros((steps, int(n), 2)))], steps * n
 
-    def library(n: float) -> Result:
+    def library(n: float) -> tuple[Any, float]:
         envs = sync_vector_env(wrapped(lambda: walk(5, 4), 3, 2), int(n))
         envs.reset(seed=0)
         actions = np.zeros((int(n), 2))
-        return Result([np.mean([envs.step(actions)[1] for _ in range(steps)])], steps * n)
+        return [np.mean([envs.step(actions)[1] for _ in range(steps)])], steps * n
 
-    return measure(
-        [
-            Method("yours", driven(attempt.learner.child), sizes, style="yours", unit=unit),
-            Method("worked answer", driven(worked), sizes, unit=unit),
-            Method("Gymnasium SyncVectorEnv", library, sizes, style="oracle", unit=unit),
-        ],
-        [0.0],
-        reference_check=[0.0],
-        tolerance=0.1,
-        failed_above=10.0,
-        repeats=3,
-        question=f"Mean reward of a random walk, {steps} steps of n environments",
-        error_unit="1",
+    return Plan(
+        settings=[4.0, 16.0, 64.0, 256.0],
+        ask=ask,
+        truth=[0.0],
+        check=[0.0],
+        libraries={"Gymnasium SyncVectorEnv": library},
     )
 
 
@@ -267,108 +254,93 @@ _OVER = """                first, reset_info = self._auto_reset(i)
                 observation = first
 """
 
+SLIPS = slips(
+    final_obs_lost=(
+        _OVER,
+        "                observation, info = self._auto_reset(i)\n",
+        "The last observation of a finished episode is nowhere: the reset took its place. "
+        "Where the clock ran out a learner needs it, to add the value of what would have "
+        "come.",
+    ),
+    final_obs_overwritten=(
+        _OVER,
+        _OVER.replace('"final_obs": observation', '"final_obs": first'),
+        "final_obs holds the first observation of the new episode. The environment writes "
+        "all its observations into one array: copy the last one before the reset.",
+    ),
+    terminated_merged_with_truncated=(
+        "            if terminated[i] or truncated[i]:\n",
+        "            terminated[i] = truncated[i] = terminated[i] or truncated[i]\n"
+        "            if terminated[i]:\n",
+        "Terminated and truncated are one flag here. A learner then counts an episode that "
+        "the clock cut off as one without a future, and values every state too low.",
+    ),
+    truncated_is_not_reset=(
+        "if terminated[i] or truncated[i]:",
+        "if terminated[i]:",
+        "An environment whose clock ran out is not reset: its episode goes on beyond its "
+        "end. It needs a reset as much as one that is terminated.",
+    ),
+    seed_shared_by_all=(
+        "None if seed is None else seed + i",
+        "seed",
+        "All environments get the same seed, so they are copies of one another: n times the "
+        "work for the experience of one. Environment i gets seed + i.",
+    ),
+    seeded_again_at_every_reset=(
+        "        observations, infos = [], []\n        for i, env",
+        "        self.seed = seed\n        observations, infos = [], []\n        for i, env",
+        "self.envs[i].reset()",
+        "self.envs[i].reset(seed=None if self.seed is None else self.seed + i)",
+        "The reset within step seeds again, so each environment plays the same episode for "
+        "ever. Seed it once; then it goes on with its generator.",
+    ),
+    reset_obs_not_returned=(
+        "                observation = first\n",
+        "",
+        "A finished environment's row holds the last observation of the old episode, and its "
+        "first one of the new episode is never seen. The next action would be chosen for a "
+        "state that is gone.",
+    ),
+    buffer_reused_between_steps=(
+        "        return np.stack(observations), rewards,",
+        "        if not hasattr(self, 'buffer'):\n"
+        "            self.buffer = np.stack(observations)\n"
+        "        self.buffer[:] = observations\n"
+        "        return self.buffer, rewards,",
+        "The observations of every step are the same array, so those of earlier steps change "
+        "while the caller keeps them. Return a new array each time.",
+    ),
+    one_environment_for_all=(
+        "[env_fn() for _ in range(num_envs)]",
+        "[env_fn()] * num_envs",
+        "All rows are one environment: the factory was called once. It is then stepped n "
+        "times in a step. Call env_fn once for each.",
+    ),
+    actions_not_counted=(
+        "if len(actions) != self.num_envs:",
+        "if self.num_envs < 0:",
+        "enumerate(self.envs):\n            observation, rewards[i]",
+        "enumerate(self.envs[: len(actions)]):\n            observation, rewards[i]",
+        "A wrong number of actions goes unnoticed: with too many the rest is dropped, and "
+        "with too few some environments are not stepped.",
+    ),
+)
+
 EXERCISE = Exercise(
     judge=judge,
-    chart=chart,
+    chart=chart_of(
+        "Mean reward of a random walk, 20 steps of n environments",
+        walked,
+        unit="environment steps",
+        tolerance=0.1,
+        error_unit="1",
+        failed_above=10.0,
+    ),
     given=Path(__file__).with_name("given.py").read_text(encoding="utf-8"),
     examples=(
         "VectorizedEnv(given.factory(5, 4), 2).reset(7)[0].shape",
         "VectorizedEnv(given.factory(5, 4), 3).reset(7)[1]",
     ),
-    slips=(
-        Slip(
-            "final_obs_lost",
-            "The last observation of a finished episode is nowhere: the reset took its place. "
-            "Where the clock ran out a learner needs it, to add the value of what would have come.",
-            edits=((_OVER, "                observation, info = self._auto_reset(i)\n"),),
-        ),
-        Slip(
-            "final_obs_overwritten",
-            "final_obs holds the first observation of the new episode. The environment writes all "
-            "its observations into one array: copy the last one before the reset.",
-            edits=((_OVER, _OVER.replace('"final_obs": observation', '"final_obs": first')),),
-        ),
-        Slip(
-            "terminated_merged_with_truncated",
-            "Terminated and truncated are one flag here. A learner then counts an episode that the "
-            "clock cut off as one without a future, and values every state too low.",
-            edits=(
-                (
-                    "            if terminated[i] or truncated[i]:\n",
-                    "            terminated[i] = truncated[i] = terminated[i] or truncated[i]\n"
-                    "            if terminated[i]:\n",
-                ),
-            ),
-        ),
-        Slip(
-            "truncated_is_not_reset",
-            "An environment whose clock ran out is not reset: its episode goes on beyond its end. "
-            "It needs a reset as much as one that is terminated.",
-            edits=(("if terminated[i] or truncated[i]:", "if terminated[i]:"),),
-        ),
-        Slip(
-            "seed_shared_by_all",
-            "All environments get the same seed, so they are copies of one another: n times the "
-            "work for the experience of one. Environment i gets seed + i.",
-            edits=(("None if seed is None else seed + i", "seed"),),
-        ),
-        Slip(
-            "seeded_again_at_every_reset",
-            "The reset within step seeds again, so each environment plays the same episode for "
-            "ever. Seed it once; then it goes on with its generator.",
-            edits=(
-                (
-                    "        observations, infos = [], []\n        for i, env",
-                    "        self.seed = seed\n"
-                    "        observations, infos = [], []\n        for i, env",
-                ),
-                (
-                    "self.envs[i].reset()",
-                    "self.envs[i].reset(seed=None if self.seed is None else self.seed + i)",
-                ),
-            ),
-        ),
-        Slip(
-            "reset_obs_not_returned",
-            "A finished environment's row holds the last observation of the old episode, and its "
-            "first one of the new episode is never seen. The next action would be chosen for a "
-            "state that is gone.",
-            edits=(("                observation = first\n", ""),),
-        ),
-        Slip(
-            "buffer_reused_between_steps",
-            "The observations of every step are the same array, so those of earlier steps change "
-            "while the caller keeps them. Return a new array each time.",
-            edits=(
-                (
-                    "        return np.stack(observations), rewards,",
-                    "        if not hasattr(self, 'buffer'):\n"
-                    "            self.buffer = np.stack(observations)\n"
-                    "        self.buffer[:] = observations\n"
-                    "        return self.buffer, rewards,",
-                ),
-            ),
-        ),
-        Slip(
-            "one_environment_for_all",
-            "All rows are one environment: the factory was called once. It is then stepped n times "
-            "in a step. Call env_fn once for each.",
-            edits=(("[env_fn() for _ in range(num_envs)]", "[env_fn()] * num_envs"),),
-        ),
-        Slip(
-            "actions_not_counted",
-            "A wrong number of actions goes unnoticed: with too many the rest is dropped, and with "
-            "too few some environments are not stepped.",
-            edits=(
-                (
-                    "        if len(actions) != self.num_envs:\n"
-                    '            raise ValueError(f"len(actions) is {len(actions)}, allowed is '
-                    '{self.num_envs}")\n',
-                    "",
-                ),
-                ("enumerate(self.envs):\n            observation, rewards[i]",
-                 "enumerate(self.envs[: len(actions)]):\n            observation, rewards[i]"),
-            ),
-        ),
-    ),
-)  # fmt: skip
+    slips=SLIPS,
+)

@@ -3,121 +3,101 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from drills.attempt import Attempt, Place
-from drills.exercise import Exercise, Slip
-from drills.judge import repeat_calls
-from drills.reasons import Reason
-from drills.values import describe_call
+from drills.attempt import Attempt
+from drills.chart import Plan, chart_of
+from drills.exercise import Exercise, coarse_slips, slips
+from drills.inprocess import InProcess
+from drills.judge import Answer, Case, coarse, judge_of
 from drills.values import numbers as numbers_of
-
-if TYPE_CHECKING:
-    from course.measure.work_precision import WorkPrecision
 
 Array = NDArray[np.float64]
 GIVEN = Path(__file__).with_name("given.py").read_text(encoding="utf-8")
-UNITS = {"positions": "m", "velocities": "m/s", "acceleration": "m/s^2"}
-ROUNDING = "a step is a few sums: 1e-11 leaves room for another order of adding up, and no more"
+FIELDS = InProcess("", GIVEN)
+NAMES = ("positions", "velocities", "acceleration")
 
 
-def judge(attempt: Attempt) -> None:
-    """Values of single steps, then what a run of many steps must show."""
-    made: list[tuple[tuple[Any, ...], Any]] = []
-    for kind, numbers, q, v, dt, label in _cases(attempt.rng):
-        made.append(_single_step(attempt, kind, numbers, q, v, dt, label))
-    # A property of numbers that are missing or not finite says nothing.
-    if any(c.reason not in (Reason.RIGHT, Reason.WRONG_VALUE) for c in attempt.report.checks):
-        return
-    _order(attempt)
-    _reversal(attempt)
-    if not attempt.failed:
-        repeat_calls(attempt, made)
-    if not attempt.failed:
-        _time(attempt)
+class Field:
+    """Accelerations that the grader answers, and counts: the child's own count could be forged."""
+
+    __name__ = "acceleration"
+
+    def __init__(self, kind: str, numbers: Sequence[float], shape: tuple[int, ...]) -> None:
+        self.kind, self.numbers, self.shape, self.asked = kind, list(numbers), shape, 0
+
+    def __deepcopy__(self, memo: Any) -> Field:
+        """A field of its own for the worked answer, whose calls do not count."""
+        return Field(self.kind, self.numbers, self.shape)
+
+    def __call__(self, place: Any) -> Array:
+        self.asked += 1
+        q = numbers_of(place, "the position")
+        if q.shape != self.shape:
+            raise ValueError(f"acceleration takes positions of shape {self.shape}, got {q.shape}")
+        return np.asarray(FIELDS.given("acceleration", self.kind, self.numbers, q))
 
 
-def _cases(rng: np.random.Generator) -> list[tuple[str, list[float], Any, Any, float, str]]:
-    cases: list[tuple[str, list[float], Any, Any, float, str]] = []
+def cases(rng: np.random.Generator) -> list[Case]:
+    """Springs of one to six coordinates, and steps in which one mistake shows alone."""
+
+    def step(label: str, kind: str, numbers: Sequence[float], dt: float, q: Any, v: Any) -> Case:
+        field = Field(kind, numbers, q.shape)
+        return Case((q, v, Field(kind, numbers, q.shape)(q), field, dt), label)
+
+    drawn = []
     for n in (1, 1, 2, 3, 6):
-        numbers = [float(rng.uniform(0.5, 30.0)), float(rng.uniform(-0.5, 3.0))]
+        numbers = float(rng.uniform(0.5, 30.0)), float(rng.uniform(-0.5, 3.0))
         dt = float(10.0 ** rng.uniform(-2.5, -0.8))
-        cases.append(("spring", numbers, rng.normal(size=n), rng.normal(size=n), dt, "springs"))
-    fall = [-9.81]
-    cases.append(("constant", fall, rng.normal(size=3), rng.normal(size=3), 0.1, "constant pull"))
-    cases.append(("spring", [9.0, 0.0], rng.normal(size=2), np.zeros(2), 0.05, "from rest"))
-    cases.append(("spring", [9.0, 0.0], np.zeros(2), rng.normal(size=2), 0.05, "no force yet"))
-    cases.append(
-        ("spring", [20.0, 1.0], rng.normal(size=2), rng.normal(size=2), -0.04, "backwards")
-    )
-    cases.append(("spring", [20.0, 1.0], rng.normal(size=2), rng.normal(size=2), 0.0, "no time"))
+        drawn.append(step("springs", "spring", numbers, dt, *rng.normal(size=(2, n))))
+    soft, stiff = (9.0, 0.0), (20.0, 1.0)
+    drawn += [
+        step("constant pull", "constant", (-9.81,), 0.1, *rng.normal(size=(2, 3))),
+        step("from rest", "spring", soft, 0.05, rng.normal(size=2), np.zeros(2)),
+        step("no force yet", "spring", soft, 0.05, np.zeros(2), rng.normal(size=2)),
+        step("backwards", "spring", stiff, -0.04, *rng.normal(size=(2, 2))),
+        step("no time", "spring", stiff, 0.0, *rng.normal(size=(2, 2))),
+    ]
     turn = rng.uniform(0.0, 2.0 * math.pi)
     place, across = (np.array([math.cos(b), math.sin(b)]) for b in (turn, turn + 0.5 * math.pi))
-    cases.append(("planet", [1.0], place, across, 0.1, "orbit"))
-    return [cases[i] for i in rng.permutation(len(cases))]
+    return [*drawn, step("orbit", "planet", (1.0,), 0.1, place, across)]
 
 
-def _single_step(
-    attempt: Attempt, kind: str, numbers: list[float], q: Any, v: Any, dt: float, label: str
-) -> tuple[tuple[Any, ...], Any]:
-    asked: list[Any] = []
+def told(answers: Sequence[Answer]) -> str:
+    """Right values at twice the price."""
+    asked = {a.case.args[3].asked for a in answers}
+    return "evaluated_twice" if asked == {2} else coarse(answers)
 
-    def acceleration(place: Any) -> Array:
-        """Answered by the grader, which also counts: the child's own count could be forged."""
-        asked.append(place)
-        return _pull(attempt, kind, numbers, place, q.shape)
 
-    args = q, v, _pull(attempt, kind, numbers, q, q.shape), acceleration, dt
-    call = describe_call(attempt.card.entry, args)
-    got = attempt.call(*args)
-    calls = len(asked)
-    parts = attempt.parts(got, tuple(UNITS), call=call)
-    if parts is None:
-        return args, got
-    for part, right, (what, unit) in zip(
-        parts, attempt.expected(*args), UNITS.items(), strict=True
-    ):
-        attempt.compare(
-            f"{label}: {what}", part, right, tolerance=1e-11, unit=unit, why=ROUNDING, call=call
+def whole_runs(attempt: Attempt, answers: Sequence[Answer]) -> None:
+    """How often the acceleration was asked for, then what a run of many steps must show."""
+    for a in answers:
+        calls = a.case.args[3].asked
+        attempt.require(
+            f"{a.case.label}: evaluations",
+            calls == 1,
+            sentence=f"The acceleration was asked for {calls} times in one step; once is enough.",
+            got=str(calls),
+            expected="1",
+            call=a.call,
         )
-    attempt.require(
-        f"{label}: evaluations",
-        calls == 1,
-        sentence=f"The acceleration was asked for {calls} times in one step; once is enough.",
-        got=str(calls),
-        expected="1",
-        call=call,
-        slip="evaluated_twice" if calls == 2 else "",
-    )
-    return args, got
-
-
-def _pull(
-    attempt: Attempt, kind: str, numbers: list[float], place: Any, shape: tuple[int, ...]
-) -> Array:
-    """The acceleration at a place; a `ValueError` where that is no place of this system."""
-    q = numbers_of(place, "the position")
-    if q.shape != shape:
-        raise ValueError(f"acceleration takes positions of shape {shape}, got {q.shape}")
-    return np.asarray(attempt.reference.given("acceleration", kind, numbers, q))
+    _order(attempt)
+    _reversal(attempt)
 
 
 def _run(
     attempt: Attempt, q: Array, v: Array, omega: float, dt: float, steps: int
 ) -> tuple[Array, Array] | None:
     """A run on a spring, or None after a failed check."""
-
-    def acceleration(place: Any) -> Array:
-        return _pull(attempt, "spring", [omega**2, 0.0], place, shape)
-
-    a, shape = -(omega**2) * q, q.shape
+    field = Field("spring", (omega**2, 0.0), q.shape)
+    a = field(q)
     for _ in range(steps):
-        parts = attempt.parts(attempt.call(q, v, a, acceleration, dt), tuple(UNITS))
+        parts = attempt.parts(attempt.call(q, v, a, field, dt), NAMES)
         if parts is None:
             return None
         new = [attempt.numbers("a step of a run", part, q.shape) for part in parts]
@@ -175,71 +155,50 @@ def _reversal(attempt: Attempt) -> None:
     )
 
 
-def _time(attempt: Attempt) -> None:
-    q, v = np.array([1.0, 0.5]), np.zeros(2)
-    theirs = attempt.learner.given_new("field", "spring", [4.0, 0.0])
-    ours = attempt.reference.given_new("field", "spring", [4.0, 0.0])
-    attempt.time_call(
-        *(q, v, -4.0 * q, theirs, 0.01), here=(q, v, -4.0 * q, ours, 0.01), what="time per step"
+def one_step(attempt: Attempt, cases: Sequence[Case]) -> None:
+    """Time of a step, with a field on either side of the pipe."""
+    start = np.array([1.0, 0.5]), np.zeros(2), np.array([-4.0, -2.0])
+    fields = (
+        place.given_new("field", "spring", [4.0, 0.0])
+        for place in (attempt.learner, attempt.reference)
     )
+    theirs, ours = ((*start, field, 0.01) for field in fields)
+    attempt.time_call(*theirs, here=ours, what="time per step")
 
 
-def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
+def pendulum(attempt: Attempt) -> Plan:
     """Error of a pendulum's angle after 2 s against evaluations and time."""
-    from course.measure.work_precision import Method, Result, measure
-    from course.oracles.mujoco import oscillator as mujoco_oscillator
+    from course.oracles.mujoco import oscillator
     from course.rigid_body import problems, simulate
 
     problem = problems.pendulum()
     system, time = problem.system, problem.duration
-    pull = float(system.params[0])
     steps = {time / n: n for n in (50, 100, 200, 400, 800, 1600)}
+    start = system.q0, system.v0, "pendulum", [float(system.params[0])]
 
-    def driven(child: Place) -> Callable[[float], Result]:
-        def run(dt: float) -> Result:
-            start = system.q0, system.v0, "pendulum", [pull]
-            end, calls = child.given("drive", *start, dt, steps[dt])
-            return Result(end, calls)
+    def compiled(name: str) -> Any:
+        # Verlet keeps its last evaluation and needs one before the first step.
+        more = name == "velocity_verlet"
+        return lambda dt: (
+            simulate(system, name, dt, steps[dt], every=steps[dt]).q[-1],
+            steps[dt] + more,
+        )
 
-        return run
-
-    def course(name: str) -> Method:
-        def run(dt: float) -> Result:
-            end = simulate(system, name, dt, steps[dt], every=steps[dt])
-            # Verlet keeps its last evaluation and needs one before the first step.
-            return Result(end.q[-1], steps[dt] + (name == "velocity_verlet"))
-
-        return Method(f"compiled {name}", run, list(steps))
-
-    def library(name: str) -> Method:
+    def library(name: str) -> Any:
+        length, angle = 1.0, float(system.q0[0])
         runners = {
-            dt: mujoco_oscillator.pendulum(
-                1.0, float(system.q0[0]), 0.0, dt, name, gravity=problems.STANDARD_GRAVITY
-            )
+            dt: oscillator.pendulum(length, angle, 0.0, dt, name, gravity=problems.STANDARD_GRAVITY)
             for dt in steps
         }
+        return lambda dt: (runners[dt].run(steps[dt])[0], runners[dt].evaluations(steps[dt]))
 
-        def run(dt: float) -> Result:
-            return Result(runners[dt].run(steps[dt])[0], runners[dt].evaluations(steps[dt]))
-
-        return Method(f"MuJoCo {name}", run, list(steps), style="oracle")
-
-    return measure(
-        [
-            Method("yours", driven(attempt.learner.child), list(steps), style="yours"),
-            Method("worked answer", driven(worked), list(steps)),
-            course("velocity_verlet"),
-            course("semi_implicit_euler"),
-            library("Euler"),
-            library("RK4"),
-        ],
-        problem.truth(time)[0],
-        reference_check=problems.tight_reference(system, time)[0],
-        tolerance=1e-3,
-        failed_above=10.0,
-        repeats=3,
-        question="A pendulum's angle after 2 s",
-        error_unit="rad",
+    return Plan(
+        settings=list(steps),
+        ask=lambda place, dt: place.given("drive", *start, dt, steps[dt]),
+        truth=problem.truth(time)[0],
+        check=problems.tight_reference(system, time)[0],
+        ours={f"compiled {n}": compiled(n) for n in ("velocity_verlet", "semi_implicit_euler")},
+        libraries={f"MuJoCo {name}": library(name) for name in ("Euler", "RK4")},
     )
 
 
@@ -247,70 +206,93 @@ _V_HALF = "    v_half = v + 0.5 * dt * a\n"
 _Q_NEW = "    q_new = q + dt * v_half\n"
 _V_NEW = "    v_new = v_half + 0.5 * dt * a_new\n"
 
+SLIPS = slips(
+    semi_implicit_euler=(
+        _V_HALF,
+        "    v_half = v + dt * a\n",
+        _V_NEW,
+        "    v_new = v_half\n",
+        "This is semi-implicit Euler: the velocity takes its whole step first. It costs the "
+        "same and is of first order only, because its velocity belongs half a step away.",
+    ),
+    semi_implicit_position_first=(
+        _Q_NEW,
+        "    q_new = q + dt * v\n",
+        _V_NEW,
+        "    v_new = v + dt * a_new\n",
+        "This is semi-implicit Euler the other way round: the position takes its whole step "
+        "first, then the velocity with the new acceleration. Still of first order: the "
+        "velocity belongs half a step away, now on the other side.",
+    ),
+    explicit_euler=(
+        _Q_NEW,
+        "    q_new = q + dt * v\n",
+        _V_NEW,
+        "    v_new = v + dt * a\n",
+        "This is explicit Euler: the position moves with the old velocity and the velocity "
+        "with the old acceleration. First order, and its energy grows at every step size.",
+    ),
+    old_acceleration_twice=(
+        _V_NEW,
+        "    v_new = v_half + 0.5 * dt * a\n",
+        "Both halves of the velocity's step use the old acceleration. The second half "
+        "belongs to the new position: use the acceleration that you have just computed "
+        "there.",
+    ),
+    half_missing_in_position=(
+        _Q_NEW,
+        "    q_new = q + dt * v + dt**2 * a\n",
+        "The position gets dt^2 * a; it must be half of that. A body that falls from rest "
+        "then falls twice as far in its first step.",
+    ),
+    half_missing_in_velocity=(
+        _V_NEW,
+        "    v_new = v + dt * (a + a_new)\n",
+        "The velocity gets dt times the sum of both accelerations; it must be their mean, so "
+        "half of the sum.",
+    ),
+    old_acceleration_returned=(
+        "return q_new, v_new, a_new",
+        "return q_new, v_new, a",
+        "Position and velocity are right, but the acceleration that you return is the old "
+        "one. The next step begins with it, so it must be that of the new position.",
+    ),
+    acceleration_at_old_position=(
+        "acceleration(q_new)",
+        "acceleration(q)",
+        "The new acceleration is evaluated at the old position. Move the position first, "
+        "then ask for the acceleration there.",
+    ),
+    evaluated_twice=(
+        _V_HALF,
+        "    v_half = v + 0.5 * dt * np.asarray(acceleration(q))\n",
+        "The values are right, at twice the price: the acceleration at the start of the step "
+        "is what came in as `a`. In a real simulator that evaluation is the whole cost.",
+    ),
+)
+
 EXERCISE = Exercise(
-    judge=judge,
+    judge=judge_of(
+        cases,
+        1e-11,
+        "a step is a few sums: 1e-11 leaves room for another order of adding up, and no more",
+        names=NAMES,
+        told=told,
+        last=whole_runs,
+        timed=one_step,
+    ),
     given=GIVEN,
     examples=(
         "verlet_step(np.array([1.0]), np.array([0.0]), np.array([-4.0]), lambda q: -4.0 * q, 0.1)",
         "verlet_step(np.array([0.0]), np.array([3.0]), np.array([-9.81]), lambda q: "
         "np.array([-9.81]), 0.2)",
     ),
-    chart=chart,
-    slips=(
-        Slip(
-            "semi_implicit_euler",
-            "This is semi-implicit Euler: the velocity takes its whole step first. It costs the "
-            "same and is of first order only, because its velocity belongs half a step away.",
-            edits=((_V_HALF, "    v_half = v + dt * a\n"), (_V_NEW, "    v_new = v_half\n")),
-        ),
-        Slip(
-            "semi_implicit_position_first",
-            "This is semi-implicit Euler the other way round: the position takes its whole step "
-            "first, then the velocity with the new acceleration. Still of first order: the "
-            "velocity belongs half a step away, now on the other side.",
-            edits=((_Q_NEW, "    q_new = q + dt * v\n"), (_V_NEW, "    v_new = v + dt * a_new\n")),
-        ),
-        Slip(
-            "explicit_euler",
-            "This is explicit Euler: the position moves with the old velocity and the velocity "
-            "with the old acceleration. First order, and its energy grows at every step size.",
-            edits=((_Q_NEW, "    q_new = q + dt * v\n"), (_V_NEW, "    v_new = v + dt * a\n")),
-        ),
-        Slip(
-            "old_acceleration_twice",
-            "Both halves of the velocity's step use the old acceleration. The second half belongs "
-            "to the new position: use the acceleration that you have just computed there.",
-            edits=((_V_NEW, "    v_new = v_half + 0.5 * dt * a\n"),),
-        ),
-        Slip(
-            "half_missing_in_position",
-            "The position gets dt^2 * a; it must be half of that. A body that falls from rest "
-            "then falls twice as far in its first step.",
-            edits=((_Q_NEW, "    q_new = q + dt * v + dt**2 * a\n"),),
-        ),
-        Slip(
-            "half_missing_in_velocity",
-            "The velocity gets dt times the sum of both accelerations; it must be their mean, "
-            "so half of the sum.",
-            edits=((_V_NEW, "    v_new = v + dt * (a + a_new)\n"),),
-        ),
-        Slip(
-            "old_acceleration_returned",
-            "Position and velocity are right, but the acceleration that you return is the old "
-            "one. The next step begins with it, so it must be that of the new position.",
-            edits=(("return q_new, v_new, a_new", "return q_new, v_new, a"),),
-        ),
-        Slip(
-            "acceleration_at_old_position",
-            "The new acceleration is evaluated at the old position. Move the position first, then "
-            "ask for the acceleration there.",
-            edits=(("acceleration(q_new)", "acceleration(q)"),),
-        ),
-        Slip(
-            "evaluated_twice",
-            "The values are right, at twice the price: the acceleration at the start of the "
-            "step is what came in as `a`. In a real simulator that evaluation is the whole cost.",
-            edits=((_V_HALF, "    v_half = v + 0.5 * dt * np.asarray(acceleration(q))\n"),),
-        ),
+    chart=chart_of(
+        "A pendulum's angle after 2 s",
+        pendulum,
+        tolerance=1e-3,
+        error_unit="rad",
+        failed_above=10.0,
     ),
+    slips=SLIPS + coarse_slips("verlet_step", "After a thousand steps they are in the picture."),
 )
