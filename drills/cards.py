@@ -21,9 +21,17 @@ CATALOGUE = Path(__file__).parent / "catalogue"
 class UnknownExercise(ValueError):
     """No exercise has that name; `nearest` are the names that look like it."""
 
-    def __init__(self, name: str, known: list[str]) -> None:
+    def __init__(self, name: str, known: dict[str, str]) -> None:
+        """Say what was meant.
+
+        Args:
+            name: that was typed.
+            known: names of exercises, by these names and by what an answer defines.
+        """
         self.name = name
-        self.nearest = difflib.get_close_matches(name, known, n=3, cutoff=0.5)
+        lower = {word.lower(): meant for word, meant in known.items()}
+        near = difflib.get_close_matches(name.lower(), lower, n=3, cutoff=0.5)
+        self.nearest = list(dict.fromkeys(lower[word] for word in near))
         meant = f"; did you mean {' or '.join(self.nearest)}?" if self.nearest else ""
         super().__init__(f"no exercise is called {name!r}{meant}")
 
@@ -150,7 +158,8 @@ def card(name: str) -> Card:
     for one in cards():
         if one.name == name:
             return one
-    raise UnknownExercise(name, [c.name for c in cards()])
+    known = {c.entry: c.name for c in cards()} | {c.name: c.name for c in cards()}
+    raise UnknownExercise(name, known)
 
 
 @functools.cache

@@ -195,9 +195,15 @@ def off(got: Any, wrong: Any) -> float:
 
 
 def either_sign(got: Any, truth: Array) -> Array:
-    """The value or its negative, whichever is nearer: q and -q are one orientation."""
-    with np.errstate(all="ignore"):  # what came back may be as large as it likes
-        return -truth if off(got, -truth) < off(got, truth) else truth
+    """The value or its negative, whichever is on the side of what came back.
+
+    A quaternion and its negative are one orientation.
+    """
+    try:
+        with np.errstate(all="ignore"):  # what came back may be as large as it likes
+            return -truth if as_float64(got, truth.shape) @ truth < 0.0 else truth
+    except Mismatch:
+        return truth
 
 
 def coarse(answers: Sequence[Answer]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from drills import grade as engine
 from drills.attempt import Attempt
 from drills.exercise import Slip
 from drills.grade import grade
-from drills.judge import Case, judge_function
+from drills.judge import Answer, Case, coarse, judge_of
 from drills.reasons import Reason
 from drills.report import Report
 
@@ -28,15 +29,11 @@ def _judged(monkeypatch: pytest.MonkeyPatch, judge: Any, source: str, **changes:
     return grade("fk3", source, seed=3)
 
 
-def _cases(attempt: Attempt) -> list[Case]:
-    return [
-        Case((attempt.rng.uniform(0.1, 1.0, 3), attempt.rng.uniform(-3.0, 3.0, 3)))
-        for _ in range(4)
-    ]
+def _cases(rng: np.random.Generator) -> list[Case]:
+    return [Case((rng.uniform(0.1, 1.0, 3), rng.uniform(-3.0, 3.0, 3))) for _ in range(4)]
 
 
-def _by_value(attempt: Attempt) -> None:
-    judge_function(attempt, _cases(attempt), tolerance=1e-9, unit="m", why="rounding")
+_by_value = judge_of(_cases, 1e-9, "rounding")
 
 
 def test_a_seed_replays_the_same_cases_and_no_seed_draws_others() -> None:
@@ -155,3 +152,48 @@ def test_the_arguments_must_be_those_asked_for(header: str, passes: bool) -> Non
     assert (report.reason is Reason.RIGHT) is passes, report.sentence
     if not passes:
         assert report.reason is Reason.WRONG_SIGNATURE
+
+
+def test_a_slip_is_named_from_all_answers_also_when_the_run_is_stopped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """`told` sees right and wrong answers; an exception between two does not hide the slip."""
+    seen: list[int] = []
+
+    def told(answers: Sequence[Answer]) -> str:
+        seen.append(len(answers))
+        return "half" if any(not all(answer.right) for answer in answers) else ""
+
+    judge = judge_of(_cases, 1e-9, "rounding", told=told)
+    source = RIGHT.replace("def fk3(", "def base(") + (
+        "\n\ndef fk3(lengths, thetas):\n    fk3.n = getattr(fk3, 'n', 0) + 1\n"
+        "    return base(lengths, thetas) / min(fk3.n, 2) {}\n"
+    )
+    slips = (Slip("half", "Half.", source="def fk3(lengths, thetas):\n    return 1\n"),)
+    report = _judged(monkeypatch, judge, source.format(""), slips=slips)
+    assert report.reason is Reason.WRONG_VALUE and report.slip == "half"
+    raising = source.format("if fk3.n < 4 else 1 / 0")
+    stopped = _judged(monkeypatch, judge, raising, slips=slips)
+    assert stopped.reason is Reason.RAISED and stopped.slip == "half"
+    assert seen[0] == 4 and seen[-1] == 3
+
+
+@pytest.mark.parametrize(
+    ("short", "named"),
+    [
+        (lambda x: x.astype(np.float32), "single_precision"),
+        (lambda x: x.round(5), "rounded"),
+        (lambda x: x.round(5) + 2e-5, ""),  # wrong by more than what rounding loses
+        (lambda x: x + 1e-7, ""),
+        (lambda x: np.zeros_like(x), ""),
+        (lambda x: x.tolist()[:-1], ""),
+    ],
+)
+def test_an_answer_that_lost_its_digits_is_told_from_a_wrong_one(short: Any, named: str) -> None:
+    truth = np.random.default_rng(2).uniform(-2.0, 2.0, (4, 2))
+
+    def answer(got: Any, right: bool) -> Answer:
+        return Answer(Case(()), got, "", (got,), (truth,), (right,))
+
+    assert coarse([answer(truth, True), answer(short(truth), False)]) == named
+    assert coarse([answer(short(truth), True)]) == ""

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 from drills import cards as catalogue
 from drills.cards import UnknownExercise, definitions
-from drills.exercise import Slip
+from drills.exercise import Slip, coarse_slips, slips
 from tests.test_project import BIG, imports
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -89,3 +92,51 @@ def test_a_slip_that_no_longer_fits_its_solution_says_so() -> None:
         Slip("s", "S.", edits=(("a", "b"),)).text("a = a")
     with pytest.raises(ValueError, match="does not differ"):
         Slip("s", "S.", edits=(("a", "a"),)).text("a")
+
+
+def test_a_table_of_slips_says_pairs_or_a_whole_answer() -> None:
+    one, two, whole = slips(
+        one=("a", "b", "A is b."), two=("a", "b", "c", "d", "Two."), whole=("x = 1", "Whole.")
+    )
+    assert (one.name, one.text("x = a"), one.sentence) == ("one", "x = b", "A is b.")
+    assert two.text("a + c") == "b + d" and whole.text("x = a") == "x = 1"
+    for row in (("told",), ("a", "b", "c", "told")):
+        with pytest.raises(ValueError, match="pairs"):
+            slips(bad=row)
+
+
+def test_coarse_slips_give_the_worked_answer_with_fewer_digits() -> None:
+    kinds: tuple[Any, Any] = np.float32, np.round
+    for single, many in (("0.123456789123", "0.123456789123, [2.0]"), ("1 / 3", "1 / 3, 0.5")):
+        for slip, value in zip(coarse_slips("f", "S."), kinds, strict=True):
+            for body in (single, many):
+                names: dict[str, Any] = {}
+                exec(slip.text(f"def f(x):\n    return {body}\n"), names)
+                got = names["f"](0)
+                first = got[0] if body is many else got
+                expected = np.round(eval(single), 6) if value is np.round else value(eval(single))
+                assert first == expected and isinstance(got, tuple) is (body is many)
+
+
+@pytest.mark.parametrize("path", JUDGES, ids=lambda path: path.parent.name)
+def test_a_prompt_states_how_exact_an_answer_must_be(path: Path) -> None:
+    assert re.search(r"\b1e-\d+", (path.parent / "prompt.md").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("one", catalogue.cards(), ids=lambda one: one.name)
+def test_an_exercise_has_one_name_and_its_entry_holds_it(one: catalogue.Card) -> None:
+    """Folder, command, card and progress: one name, whose words stand in the name graded."""
+    assert one.folder.name == one.name and one.signatures[0].name == one.entry
+    assert all(word in one.entry.lower() for word in one.name.split("_"))
+    with pytest.raises(UnknownExercise) as caught:
+        catalogue.card(one.entry + "x")
+    if one.entry != one.name:
+        with pytest.raises(UnknownExercise) as caught:
+            catalogue.card(one.entry)
+    assert caught.value.nearest[0] == one.name
+
+
+def test_a_range_that_is_refused_is_refused_in_the_prompt() -> None:
+    """Friction and mass may not begin at zero, damping and delay may: the prompt says both."""
+    prompt = catalogue.card("randomize").prompt()
+    assert "Friction and mass begin **above** zero, damping and delay at zero" in prompt
