@@ -207,24 +207,28 @@ def either_sign(got: Any, truth: Array) -> Array:
 
 
 def coarse(answers: Sequence[Answer]) -> str:
-    """The slip of the first answer that is right but for its digits, or ""."""
-    for answer in answers:
-        for part, truth, right in zip(answer.parts, answer.truth, answer.right, strict=True):
-            found = "" if right else _coarse(part, truth)
-            if found:
-                return found
-    return ""
+    """The slip of answers of which every wrong value is right but for its digits, or ""."""
+    found = {
+        _coarse(part, truth)
+        for answer in answers
+        for part, truth, right in zip(answer.parts, answer.truth, answer.right, strict=True)
+        if not right
+    } - {None}
+    return str(found.pop()) if len(found) == 1 else ""
 
 
-def _coarse(got: Any, expected: Array) -> str:
+def _coarse(got: Any, expected: Array) -> str | None:
+    """What made a value coarse; "" if something else is wrong with it; None if it can't be told."""
     try:
         values = as_float64(got, expected.shape)
     except Mismatch:
         return ""
     scale, error = max(1.0, float(np.abs(expected).max())), off(values, expected)
+    if not values.any():
+        return None if error <= 1e-5 * scale else ""
     if error <= 1e-5 * scale and np.array_equal(values, values.astype(np.float32)):
         return "single_precision"
     decimals = next((k for k in range(2, 11) if np.array_equal(values, values.round(k))), None)
-    if decimals is None or error > 0.501 * 10.0**-decimals or not values.any():
+    if decimals is None or error > 0.501 * 10.0**-decimals:
         return ""  # more than half a digit: another mistake, in numbers that happen to be short
     return "rounded"
