@@ -167,12 +167,12 @@ def test_a_slip_is_named_from_all_answers_also_when_the_run_is_stopped(
     judge = judge_of(_cases, 1e-9, "rounding", told=told)
     source = RIGHT.replace("def fk3(", "def base(") + (
         "\n\ndef fk3(lengths, thetas):\n    fk3.n = getattr(fk3, 'n', 0) + 1\n"
-        "    return base(lengths, thetas) / min(fk3.n, 2) {}\n"
+        "    return base(lengths, thetas) / min(fk3.n, 2)\n"
     )
     slips = (Slip("half", "Half.", source="def fk3(lengths, thetas):\n    return 1\n"),)
-    report = _judged(monkeypatch, judge, source.format(""), slips=slips)
+    report = _judged(monkeypatch, judge, source, slips=slips)
     assert report.reason is Reason.WRONG_VALUE and report.slip == "half"
-    raising = source.format("if fk3.n < 4 else 1 / 0")
+    raising = source.replace("min(fk3.n, 2)", "(2 if fk3.n < 4 else [].pop())")
     stopped = _judged(monkeypatch, judge, raising, slips=slips)
     assert stopped.reason is Reason.RAISED and stopped.slip == "half"
     assert seen[0] == 4 and seen[-1] == 3
