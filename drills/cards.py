@@ -237,10 +237,10 @@ def _read_card(folder: Path) -> Card:
     signatures = tuple(
         Signature(
             text=entry["text"],
-            arguments=tuple(Quantity(**q) for q in entry.get("arguments", ())),
-            returns=tuple(Quantity(**q) for q in entry.get("returns", ())),
+            arguments=tuple(Quantity(*row) for row in entry.get("arguments", ())),
+            returns=tuple(Quantity(*row) for row in entry.get("returns", ())),
         )
         for entry in data.pop("signatures")
     )
-    hints = tuple(Hint(**hint) for hint in data.pop("hints"))
+    hints = tuple(Hint(*row) for row in data.pop("hints"))
     return Card(name=folder.name, signatures=signatures, hints=hints, **data)
