@@ -178,66 +178,48 @@ _END = """def bounce_step(y, v, dt, restitution, gravity=9.81):
 SLIPS = slips(
     euler_flight=(
         _END.format(flight="y + (v - gravity * dt) * dt", floor="0.0", speed="-restitution * v"),
-        "The flight itself is stepped with Euler's method and is off by g dt^2 / 2 in "
-        "height. Gravity is constant, so the parabola is exact: y + v dt - g dt^2 / 2.",
-    ),
-    impact_at_the_end=(
-        _END.format(flight=_PARABOLA, floor="0.0", speed="-restitution * v"),
-        "The ball is found below the floor at the end of the step, put on it and turned "
-        "round there. That moves the impact to the end of the step: a first-order error each "
-        "time, and energy out of nothing (the ball was lifted by m g d).",
-    ),
+        "The flight itself is stepped with Euler's method and is off by g dt^2 / 2 in height. "
+        "Gravity is constant, so the parabola is exact: y + v dt - g dt^2 / 2."),
+    impact_at_the_end=(_END.format(flight=_PARABOLA, floor="0.0", speed="-restitution * v"),
+        "The ball is found below the floor at the end of the step, put on it and turned round "
+        "there. That moves the impact to the end of the step: a first-order error each time, and "
+        "energy out of nothing (the ball was lifted by m g d)."),
     restitution_on_the_position=(
         _END.format(flight=_PARABOLA, floor="-restitution * y", speed="-restitution * v"),
         "The height below the floor is mirrored and multiplied by the restitution. It is the "
-        "speed at the impact that restitution multiplies, and gravity acts on the way up as "
-        "on the way down.",
-    ),
-    only_one_impact=(
-        "    if gone * (1.0 - restitution) >= up:\n",
+        "speed at the impact that restitution multiplies, and gravity acts on the way up as on "
+        "the way down."),
+    only_one_impact=("    if gone * (1.0 - restitution) >= up:\n",
         "    return up * left - 0.5 * gravity * left * left, up - gravity * left\n"
         "    if gone * (1.0 - restitution) >= up:\n",
-        "Only the first impact of the step is resolved. A long step, or a ball near rest, "
-        "has more of them: your ball flies on through the floor.",
-    ),
-    rest_of_the_step_lost=(
-        "    if gone * (1.0 - restitution) >= up:\n",
+        "Only the first impact of the step is resolved. A long step, or a ball near rest, has "
+        "more of them: your ball flies on through the floor."),
+    rest_of_the_step_lost=("    if gone * (1.0 - restitution) >= up:\n",
         "    return 0.0, up\n    if gone * (1.0 - restitution) >= up:\n",
-        "After the impact the ball waits on the floor for the end of the step. What is left "
-        "of dt must be flown too.",
-    ),
-    restitution_of_energy=(
-        "up = restitution * impact",
-        "up = math.sqrt(restitution) * impact",
+        "After the impact the ball waits on the floor for the end of the step. What is left of "
+        "dt must be flown too."),
+    restitution_of_energy=("up = restitution * impact", "up = math.sqrt(restitution) * impact",
         "The energy is multiplied by the restitution, so the speed by its square root. "
-        "Restitution is the ratio of the speeds; the energy keeps its square.",
-    ),
+        "Restitution is the ratio of the speeds; the energy keeps its square."),
     restitution_once=(
         _LOOP.format(
-            speed="impact if y == 0.0 and v > 0.0 else restitution * impact",
-            rest="if v <= 0.0:\n            return 0.0, 0.0",
+        speed="impact if y == 0.0 and v > 0.0 else restitution * impact",
+        rest="if v <= 0.0:\n            return 0.0, 0.0",
         ),
-        "Every flight after the first impact is as high as the one before: the restitution "
-        "acts at each impact, not only at the first.",
-    ),
-    start_velocity_ignored=(
-        "impact = math.sqrt(v * v + 2.0 * gravity * y)",
+        "Every flight after the first impact is as high as the one before: the restitution acts "
+        "at each impact, not only at the first."),
+    start_velocity_ignored=("impact = math.sqrt(v * v + 2.0 * gravity * y)",
         "impact = math.sqrt(2.0 * gravity * y)",
-        "The speed of the impact is sqrt(2 g y), as if the ball had been dropped from rest. "
-        "Its velocity at the start belongs to it: sqrt(v^2 + 2 g y).",
-    ),
-    energy_gained=(
-        "up = restitution * impact",
-        "up = restitution * (gravity * dt - v)",
-        "The ball is turned round with more speed than the impact had: the speed at the "
-        "*end* of the step, gained below the floor, is used in a flight from the impact on.",
-    ),
+        "The speed of the impact is sqrt(2 g y), as if the ball had been dropped from rest. Its "
+        "velocity at the start belongs to it: sqrt(v^2 + 2 g y)."),
+    energy_gained=("up = restitution * impact", "up = restitution * (gravity * dt - v)",
+        "The ball is turned round with more speed than the impact had: the speed at the *end* of "
+        "the step, gained below the floor, is used in a flight from the impact on."),
     rests_too_early=(
         _LOOP.format(speed="restitution * impact", rest="if v < 0.8:\n            return 0.0, 0.0"),
-        "The ball is put to rest although it still bounces: a threshold on its speed cuts "
-        "off bounces that are due. How long they last is a finite sum: 2 u / (g (1 - e)).",
-    ),
-)
+        "The ball is put to rest although it still bounces: a threshold on its speed cuts off "
+        "bounces that are due. How long they last is a finite sum: 2 u / (g (1 - e))."),
+)  # fmt: skip
 
 ENDLESS = Slip(
     "endless_bounces",

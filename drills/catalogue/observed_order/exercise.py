@@ -131,55 +131,31 @@ _LIMIT = "fine + (fine - medium) / (growth - 1.0)"
 _CHECK = "    if not 0.0 < second < first < math.inf:\n"
 
 SLIPS = slips(
-    fine_taken_for_the_truth=(
-        "first = np.linalg.norm(medium - coarse)",
+    fine_taken_for_the_truth=("first = np.linalg.norm(medium - coarse)",
         "first = np.linalg.norm(fine - coarse)",
-        "The finest run is treated as the truth. Its own error is in both differences then: "
-        "at order 1 you get 1.58, at order 2 you get 2.32.",
-    ),
-    ratio_not_used=(
-        _ORDER,
-        "order = math.log2(growth)",
-        "The logarithm is to the base 2 whatever the ratio of the steps was.",
-    ),
-    natural_logarithm=(
-        _ORDER,
-        "order = math.log(growth)",
-        "The natural logarithm of the ratio of the differences is p log(r): divide by log(r).",
-    ),
-    largest_component=(
-        "np.linalg.norm(medium - coarse)",
-        "np.max(np.abs(medium - coarse))",
-        "np.linalg.norm(fine - medium)",
-        "np.max(np.abs(fine - medium))",
-        "The differences are measured by their largest component. That is a norm too, but "
-        "the task asks for the 2-norm; where the runs are not yet in the range of one power "
-        "of h, the two give different orders.",
-    ),
-    minus_one_missing=(
-        _LIMIT,
-        "fine + (fine - medium) / growth",
-        "The last difference is r^p - 1 times the error that is left, not r^p times: it is "
-        "the error of `medium` minus that of `fine`.",
-    ),
-    extrapolated_backwards=(
-        _LIMIT,
-        "fine - (fine - medium) / (growth - 1.0)",
+        "The finest run is treated as the truth. Its own error is in both differences then: at "
+        "order 1 you get 1.58, at order 2 you get 2.32."),
+    ratio_not_used=(_ORDER, "order = math.log2(growth)",
+        "The logarithm is to the base 2 whatever the ratio of the steps was."),
+    natural_logarithm=(_ORDER, "order = math.log(growth)",
+        "The natural logarithm of the ratio of the differences is p log(r): divide by log(r)."),
+    largest_component=("np.linalg.norm(medium - coarse)", "np.max(np.abs(medium - coarse))",
+        "np.linalg.norm(fine - medium)", "np.max(np.abs(fine - medium))",
+        "The differences are measured by their largest component. That is a norm too, but the "
+        "task asks for the 2-norm; where the runs are not yet in the range of one power of h, "
+        "the two give different orders."),
+    minus_one_missing=(_LIMIT, "fine + (fine - medium) / growth",
+        "The last difference is r^p - 1 times the error that is left, not r^p times: it is the "
+        "error of `medium` minus that of `fine`."),
+    extrapolated_backwards=(_LIMIT, "fine - (fine - medium) / (growth - 1.0)",
         "The correction has the wrong sign: the result goes on in the direction in which the "
-        "runs were going, from medium to fine and beyond.",
-    ),
-    not_extrapolated=(
-        _LIMIT,
-        "fine",
-        "The second value is the finest run itself, not what the three runs are heading for.",
-    ),
-    no_order_not_refused=(
-        _CHECK,
-        "    if not second > -1.0:\n",
-        "Runs that do not converge get a number all the same. Check that the second "
-        "difference is smaller than the first and not zero, else raise ValueError.",
-    ),
-)
+        "runs were going, from medium to fine and beyond."),
+    not_extrapolated=(_LIMIT, "fine",
+        "The second value is the finest run itself, not what the three runs are heading for."),
+    no_order_not_refused=(_CHECK, "    if not second > -1.0:\n",
+        "Runs that do not converge get a number all the same. Check that the second difference "
+        "is smaller than the first and not zero, else raise ValueError."),
+)  # fmt: skip
 
 EXERCISE = Exercise(
     judge=judge_of(

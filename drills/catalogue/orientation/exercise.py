@@ -152,62 +152,36 @@ def update_orientation(q, omega, dt):
 """
 
 SLIPS = slips(
-    multiplied_on_the_left=(
-        "w * i + x * c + y * k - z * j",
-        "w * i + x * c - y * k + z * j",
-        "w * j - x * k + y * c + z * i",
-        "w * j + x * k + y * c - z * i",
-        "w * k + x * j - y * i + z * c",
-        "w * k - x * j + y * i + z * c",
-        "The turn is multiplied on the left of q, which is right for a rate in the world "
-        "frame. This rate is the body's: q times turn. From the identity one does not see "
-        "it.",
-    ),
-    scalar_last=(
-        "    w, x, y, z = np.asarray",
-        "    x, y, z, w = np.asarray",
-        _RETURN,
+    multiplied_on_the_left=("w * i + x * c + y * k - z * j", "w * i + x * c - y * k + z * j",
+        "w * j - x * k + y * c + z * i", "w * j + x * k + y * c - z * i",
+        "w * k + x * j - y * i + z * c", "w * k - x * j + y * i + z * c",
+        "The turn is multiplied on the left of q, which is right for a rate in the world frame. "
+        "This rate is the body's: q times turn. From the identity one does not see it."),
+    scalar_last=("    w, x, y, z = np.asarray", "    x, y, z, w = np.asarray", _RETURN,
         "    return np.roll(turned, -1) / np.linalg.norm(turned)\n",
         "Your quaternions have the scalar last, (x, y, z, w). Here it comes first. Libraries "
-        "differ on this (MuJoCo: first; ROS and SciPy: last), so it is worth a test.",
-    ),
-    half_angle_missing=(
-        "half_turn = 0.5 * dt",
-        "half_turn = dt",
-        "The body turns twice as far as it should: a quaternion holds cosine and sine of "
-        "*half* the angle.",
-    ),
-    added=(
-        _ADDED.format(result="new"),
+        "differ on this (MuJoCo: first; ROS and SciPy: last), so it is worth a test."),
+    half_angle_missing=("half_turn = 0.5 * dt", "half_turn = dt",
+        "The body turns twice as far as it should: a quaternion holds cosine and sine of *half* "
+        "the angle."),
+    added=(_ADDED.format(result="new"),
         "The rate of the quaternion is added. That is right to first order only, and q gets "
-        "longer at every step: its length is multiplied by sqrt(1 + (|omega| dt / 2)^2).",
-    ),
-    added_and_rescaled=(
-        _ADDED.format(result="new / np.linalg.norm(new)"),
-        "The rate is added and the result scaled back to length one. That repairs the "
-        "length, not the angle, which is atan(|omega| dt / 2) where it should be |omega| dt "
-        "/ 2.",
-    ),
-    turned_backwards=(
-        "half_turn = 0.5 * dt",
-        "half_turn = -0.5 * dt",
-        "The body turns the wrong way: the sign of the rate (or the conjugate of the turn) "
-        "is that of the world seen from the body.",
-    ),
-    small_turns_dropped=(
-        "    c = np.cos(half_angle)\n",
+        "longer at every step: its length is multiplied by sqrt(1 + (|omega| dt / 2)^2)."),
+    added_and_rescaled=(_ADDED.format(result="new / np.linalg.norm(new)"),
+        "The rate is added and the result scaled back to length one. That repairs the length, "
+        "not the angle, which is atan(|omega| dt / 2) where it should be |omega| dt / 2."),
+    turned_backwards=("half_turn = 0.5 * dt", "half_turn = -0.5 * dt",
+        "The body turns the wrong way: the sign of the rate (or the conjugate of the turn) is "
+        "that of the world seen from the body."),
+    small_turns_dropped=("    c = np.cos(half_angle)\n",
         "    if half_angle < 1e-6:\n        return np.array(q, dtype=float)\n"
         "    c = np.cos(half_angle)\n",
-        "Small angles are treated as no turn at all. At a gyroscope's rate of 10 kHz the "
-        "Earth's rotation is 7e-9 rad a step, and it adds up to a full turn a day.",
-    ),
-    zero_over_zero=(
-        "np.sinc(half_angle / np.pi)",
-        "np.sin(half_angle) / half_angle",
+        "Small angles are treated as no turn at all. At a gyroscope's rate of 10 kHz the Earth's "
+        "rotation is 7e-9 rad a step, and it adds up to a full turn a day."),
+    zero_over_zero=("np.sinc(half_angle / np.pi)", "np.sin(half_angle) / half_angle",
         "A body that does not turn has no axis: dividing by its angle gives 0 / 0. Divide "
-        "nothing: sin(x) / x is np.sinc(x / pi), which is 1 at zero.",
-    ),
-)
+        "nothing: sin(x) / x is np.sinc(x / pi), which is 1 at zero."),
+)  # fmt: skip
 
 EXERCISE = Exercise(
     judge=judge_of(

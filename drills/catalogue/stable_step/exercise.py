@@ -150,56 +150,36 @@ def largest_stable_step(stiffness, mass):
 _RETURN = "return 2.0 / math.sqrt(squares[-1]) if squares[-1] > 0.0 else math.inf"
 
 SLIPS = slips(
-    stiffest_spring=(
-        _PLAIN.format(answer="2.0 / np.sqrt(np.max(np.diag(K) / np.diag(M)))"),
+    stiffest_spring=(_PLAIN.format(answer="2.0 / np.sqrt(np.max(np.diag(K) / np.diag(M)))"),
         "You took the largest k / m on the diagonal. That is a lower bound of omega_max^2: "
-        "coupling can double it, and a step chosen in this way explodes.",
-    ),
-    mass_forgotten=(
-        _PLAIN.format(answer="2.0 / np.sqrt(np.linalg.eigvalsh(K)[-1])"),
-        "The eigenvalues of K alone have the unit N/m, not 1/s^2: the masses are missing.",
-    ),
+        "coupling can double it, and a step chosen in this way explodes."),
+    mass_forgotten=(_PLAIN.format(answer="2.0 / np.sqrt(np.linalg.eigvalsh(K)[-1])"),
+        "The eigenvalues of K alone have the unit N/m, not 1/s^2: the masses are missing."),
     coupled_masses_ignored=(
         _PLAIN.format(
-            answer="2.0 / np.sqrt(np.max(np.linalg.eigvals(K / np.diag(M)[:, None]).real))"
+        answer="2.0 / np.sqrt(np.max(np.linalg.eigvals(K / np.diag(M)[:, None]).real))"
         ),
-        "Only the diagonal of the mass matrix is used. In the joint coordinates of an arm "
-        "the masses are coupled, and the off-diagonal terms move the highest frequency.",
-    ),
+        "Only the diagonal of the mass matrix is used. In the joint coordinates of an arm the "
+        "masses are coupled, and the off-diagonal terms move the highest frequency."),
     symmetric_solver_on_unsymmetric_matrix=(
         _PLAIN.format(answer="2.0 / np.sqrt(np.linalg.eigvalsh(np.linalg.solve(M, K))[-1])"),
-        "inv(M) K is not symmetric although K and M are, and eigvalsh silently reads only "
-        "its lower half. Nothing warns you; use eigvals, or Cholesky to keep the symmetry.",
-    ),
+        "inv(M) K is not symmetric although K and M are, and eigvalsh silently reads only its "
+        "lower half. Nothing warns you; use eigvals, or Cholesky to keep the symmetry."),
     norm_for_eigenvalue=(
         _PLAIN.format(answer="2.0 / np.sqrt(np.linalg.norm(np.linalg.solve(M, K), 2))"),
-        "The norm of inv(M) K is not its largest eigenvalue: that holds for symmetric "
-        "matrices only, and inv(M) K is not one. The norm is larger, so your step is safe "
-        "but short.",
-    ),
-    one_over_omega=(
-        _RETURN,
-        "return 1.0 / math.sqrt(squares[-1])",
-        "Half of the limit: the step matrix of a mode has trace 2 - (omega dt)^2, which "
-        "stays above -2 until omega dt = 2, not 1.",
-    ),
-    period=(
-        _RETURN,
-        "return 2.0 * math.pi / math.sqrt(squares[-1])",
+        "The norm of inv(M) K is not its largest eigenvalue: that holds for symmetric matrices "
+        "only, and inv(M) K is not one. The norm is larger, so your step is safe but short."),
+    one_over_omega=(_RETURN, "return 1.0 / math.sqrt(squares[-1])",
+        "Half of the limit: the step matrix of a mode has trace 2 - (omega dt)^2, which stays "
+        "above -2 until omega dt = 2, not 1."),
+    period=(_RETURN, "return 2.0 * math.pi / math.sqrt(squares[-1])",
         "That is the period of the fastest mode, 2 pi / omega. The limit is 2 / omega: about "
-        "three steps a period.",
-    ),
-    square_root_missing=(
-        _RETURN,
-        "return 2.0 / squares[-1]",
-        "The eigenvalues of K x = omega^2 M x are the *squares* of the frequencies.",
-    ),
-    limit_of_rk4=(
-        _RETURN,
-        "return math.sqrt(8.0 / squares[-1])",
-        "2 sqrt(2) / omega is the limit of RK4. For semi-implicit Euler it is 2 / omega.",
-    ),
-)
+        "three steps a period."),
+    square_root_missing=(_RETURN, "return 2.0 / squares[-1]",
+        "The eigenvalues of K x = omega^2 M x are the *squares* of the frequencies."),
+    limit_of_rk4=(_RETURN, "return math.sqrt(8.0 / squares[-1])",
+        "2 sqrt(2) / omega is the limit of RK4. For semi-implicit Euler it is 2 / omega."),
+)  # fmt: skip
 
 EXERCISE = Exercise(
     judge=judge_of(

@@ -151,44 +151,28 @@ _LEFT = (
 )
 
 SLIPS = slips(
-    bug_still_there=(
-        *_SIGN,
-        "The bug is still there: the gyroscopic term has the wrong sign. Energy and |L| "
-        "cannot see it, because omega x (I omega) is at right angles to omega and to I "
-        "omega.",
-    ),
-    wrong_suspect=(
-        *_SIGN,
-        *_LEFT,
-        "You changed the side of the quaternion's product, which was right, and the bug is "
-        "still there. Spin about a principal axis from a tilted start: that was right "
-        "before, and there only the quaternion works.",
-    ),
-    one_bug_for_another=(
-        *_LEFT,
-        "The sign of the gyroscopic term is right now, but the quaternion's product is on "
-        "the wrong side: the rate is the body's, so it stands to the right of q.",
-    ),
-    gyroscopic_term_removed=(
-        "omega_rate = -np.cross(omega, inertia * omega) / inertia",
+    bug_still_there=(*_SIGN,
+        "The bug is still there: the gyroscopic term has the wrong sign. Energy and |L| cannot "
+        "see it, because omega x (I omega) is at right angles to omega and to I omega."),
+    wrong_suspect=(*_SIGN, *_LEFT,
+        "You changed the side of the quaternion's product, which was right, and the bug is still "
+        "there. Spin about a principal axis from a tilted start: that was right before, and "
+        "there only the quaternion works."),
+    one_bug_for_another=(*_LEFT,
+        "The sign of the gyroscopic term is right now, but the quaternion's product is on the "
+        "wrong side: the rate is the body's, so it stands to the right of q."),
+    gyroscopic_term_removed=("omega_rate = -np.cross(omega, inertia * omega) / inertia",
         "omega_rate = np.zeros(3)",
-        "The gyroscopic term is gone. Then omega stays constant in the body, which only a "
-        "spin about a principal axis does: the energy is kept and L is not.",
-    ),
-    inertia_not_divided=(
-        "-np.cross(omega, inertia * omega) / inertia",
+        "The gyroscopic term is gone. Then omega stays constant in the body, which only a spin "
+        "about a principal axis does: the energy is kept and L is not."),
+    inertia_not_divided=("-np.cross(omega, inertia * omega) / inertia",
         "-np.cross(omega, inertia * omega)",
         "omega x (I omega) is a torque; it must be divided by the moments to be an angular "
-        "acceleration. Without it not even the energy is kept.",
-    ),
-    time_runs_backwards=(
-        *_SIGN,
-        "q_rate = 0.5 * np.array(",
-        "q_rate = -0.5 * np.array(",
-        "Instead of the gyroscopic term you turned the quaternion's rate round. Both "
-        "together are the motion of another body: one seen in a mirror of time.",
-    ),
-)
+        "acceleration. Without it not even the energy is kept."),
+    time_runs_backwards=(*_SIGN, "q_rate = 0.5 * np.array(", "q_rate = -0.5 * np.array(",
+        "Instead of the gyroscopic term you turned the quaternion's rate round. Both together "
+        "are the motion of another body: one seen in a mirror of time."),
+)  # fmt: skip
 
 EXERCISE = Exercise(
     judge=judge_of(

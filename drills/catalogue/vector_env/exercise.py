@@ -255,77 +255,49 @@ _OVER = """                first, reset_info = self._auto_reset(i)
 """
 
 SLIPS = slips(
-    final_obs_lost=(
-        _OVER,
-        "                observation, info = self._auto_reset(i)\n",
-        "The last observation of a finished episode is nowhere: the reset took its place. "
-        "Where the clock ran out a learner needs it, to add the value of what would have "
-        "come.",
-    ),
-    final_obs_overwritten=(
-        _OVER,
-        _OVER.replace('"final_obs": observation', '"final_obs": first'),
-        "final_obs holds the first observation of the new episode. The environment writes "
-        "all its observations into one array: copy the last one before the reset.",
-    ),
-    terminated_merged_with_truncated=(
-        "            if terminated[i] or truncated[i]:\n",
+    final_obs_lost=(_OVER, "                observation, info = self._auto_reset(i)\n",
+        "The last observation of a finished episode is nowhere: the reset took its place. Where "
+        "the clock ran out a learner needs it, to add the value of what would have come."),
+    final_obs_overwritten=(_OVER, _OVER.replace('"final_obs": observation', '"final_obs": first'),
+        "final_obs holds the first observation of the new episode. The environment writes all "
+        "its observations into one array: copy the last one before the reset."),
+    terminated_merged_with_truncated=("            if terminated[i] or truncated[i]:\n",
         "            terminated[i] = truncated[i] = terminated[i] or truncated[i]\n"
         "            if terminated[i]:\n",
-        "Terminated and truncated are one flag here. A learner then counts an episode that "
-        "the clock cut off as one without a future, and values every state too low.",
-    ),
-    truncated_is_not_reset=(
-        "if terminated[i] or truncated[i]:",
-        "if terminated[i]:",
-        "An environment whose clock ran out is not reset: its episode goes on beyond its "
-        "end. It needs a reset as much as one that is terminated.",
-    ),
-    seed_shared_by_all=(
-        "None if seed is None else seed + i",
-        "seed",
-        "All environments get the same seed, so they are copies of one another: n times the "
-        "work for the experience of one. Environment i gets seed + i.",
-    ),
-    seeded_again_at_every_reset=(
-        "        observations, infos = [], []\n        for i, env",
+        "Terminated and truncated are one flag here. A learner then counts an episode that the "
+        "clock cut off as one without a future, and values every state too low."),
+    truncated_is_not_reset=("if terminated[i] or truncated[i]:", "if terminated[i]:",
+        "An environment whose clock ran out is not reset: its episode goes on beyond its end. It "
+        "needs a reset as much as one that is terminated."),
+    seed_shared_by_all=("None if seed is None else seed + i", "seed",
+        "All environments get the same seed, so they are copies of one another: n times the work "
+        "for the experience of one. Environment i gets seed + i."),
+    seeded_again_at_every_reset=("        observations, infos = [], []\n        for i, env",
         "        self.seed = seed\n        observations, infos = [], []\n        for i, env",
         "self.envs[i].reset()",
         "self.envs[i].reset(seed=None if self.seed is None else self.seed + i)",
-        "The reset within step seeds again, so each environment plays the same episode for "
-        "ever. Seed it once; then it goes on with its generator.",
-    ),
-    reset_obs_not_returned=(
-        "                observation = first\n",
-        "",
+        "The reset within step seeds again, so each environment plays the same episode for ever. "
+        "Seed it once; then it goes on with its generator."),
+    reset_obs_not_returned=("                observation = first\n", "",
         "A finished environment's row holds the last observation of the old episode, and its "
-        "first one of the new episode is never seen. The next action would be chosen for a "
-        "state that is gone.",
-    ),
-    buffer_reused_between_steps=(
-        "        return np.stack(observations), rewards,",
+        "first one of the new episode is never seen. The next action would be chosen for a state "
+        "that is gone."),
+    buffer_reused_between_steps=("        return np.stack(observations), rewards,",
         "        if not hasattr(self, 'buffer'):\n"
         "            self.buffer = np.stack(observations)\n"
         "        self.buffer[:] = observations\n"
         "        return self.buffer, rewards,",
         "The observations of every step are the same array, so those of earlier steps change "
-        "while the caller keeps them. Return a new array each time.",
-    ),
-    one_environment_for_all=(
-        "[env_fn() for _ in range(num_envs)]",
-        "[env_fn()] * num_envs",
-        "All rows are one environment: the factory was called once. It is then stepped n "
-        "times in a step. Call env_fn once for each.",
-    ),
-    actions_not_counted=(
-        "if len(actions) != self.num_envs:",
-        "if self.num_envs < 0:",
+        "while the caller keeps them. Return a new array each time."),
+    one_environment_for_all=("[env_fn() for _ in range(num_envs)]", "[env_fn()] * num_envs",
+        "All rows are one environment: the factory was called once. It is then stepped n times "
+        "in a step. Call env_fn once for each."),
+    actions_not_counted=("if len(actions) != self.num_envs:", "if self.num_envs < 0:",
         "enumerate(self.envs):\n            observation, rewards[i]",
         "enumerate(self.envs[: len(actions)]):\n            observation, rewards[i]",
-        "A wrong number of actions goes unnoticed: with too many the rest is dropped, and "
-        "with too few some environments are not stepped.",
-    ),
-)
+        "A wrong number of actions goes unnoticed: with too many the rest is dropped, and with "
+        "too few some environments are not stepped."),
+)  # fmt: skip
 
 EXERCISE = Exercise(
     judge=judge,

@@ -207,69 +207,36 @@ _Q_NEW = "    q_new = q + dt * v_half\n"
 _V_NEW = "    v_new = v_half + 0.5 * dt * a_new\n"
 
 SLIPS = slips(
-    semi_implicit_euler=(
-        _V_HALF,
-        "    v_half = v + dt * a\n",
-        _V_NEW,
-        "    v_new = v_half\n",
-        "This is semi-implicit Euler: the velocity takes its whole step first. It costs the "
-        "same and is of first order only, because its velocity belongs half a step away.",
-    ),
-    semi_implicit_position_first=(
-        _Q_NEW,
-        "    q_new = q + dt * v\n",
-        _V_NEW,
+    semi_implicit_euler=(_V_HALF, "    v_half = v + dt * a\n", _V_NEW, "    v_new = v_half\n",
+        "This is semi-implicit Euler: the velocity takes its whole step first. It costs the same "
+        "and is of first order only, because its velocity belongs half a step away."),
+    semi_implicit_position_first=(_Q_NEW, "    q_new = q + dt * v\n", _V_NEW,
         "    v_new = v + dt * a_new\n",
         "This is semi-implicit Euler the other way round: the position takes its whole step "
-        "first, then the velocity with the new acceleration. Still of first order: the "
-        "velocity belongs half a step away, now on the other side.",
-    ),
-    explicit_euler=(
-        _Q_NEW,
-        "    q_new = q + dt * v\n",
-        _V_NEW,
-        "    v_new = v + dt * a\n",
-        "This is explicit Euler: the position moves with the old velocity and the velocity "
-        "with the old acceleration. First order, and its energy grows at every step size.",
-    ),
-    old_acceleration_twice=(
-        _V_NEW,
-        "    v_new = v_half + 0.5 * dt * a\n",
-        "Both halves of the velocity's step use the old acceleration. The second half "
-        "belongs to the new position: use the acceleration that you have just computed "
-        "there.",
-    ),
-    half_missing_in_position=(
-        _Q_NEW,
-        "    q_new = q + dt * v + dt**2 * a\n",
-        "The position gets dt^2 * a; it must be half of that. A body that falls from rest "
-        "then falls twice as far in its first step.",
-    ),
-    half_missing_in_velocity=(
-        _V_NEW,
-        "    v_new = v + dt * (a + a_new)\n",
+        "first, then the velocity with the new acceleration. Still of first order: the velocity "
+        "belongs half a step away, now on the other side."),
+    explicit_euler=(_Q_NEW, "    q_new = q + dt * v\n", _V_NEW, "    v_new = v + dt * a\n",
+        "This is explicit Euler: the position moves with the old velocity and the velocity with "
+        "the old acceleration. First order, and its energy grows at every step size."),
+    old_acceleration_twice=(_V_NEW, "    v_new = v_half + 0.5 * dt * a\n",
+        "Both halves of the velocity's step use the old acceleration. The second half belongs to "
+        "the new position: use the acceleration that you have just computed there."),
+    half_missing_in_position=(_Q_NEW, "    q_new = q + dt * v + dt**2 * a\n",
+        "The position gets dt^2 * a; it must be half of that. A body that falls from rest then "
+        "falls twice as far in its first step."),
+    half_missing_in_velocity=(_V_NEW, "    v_new = v + dt * (a + a_new)\n",
         "The velocity gets dt times the sum of both accelerations; it must be their mean, so "
-        "half of the sum.",
-    ),
-    old_acceleration_returned=(
-        "return q_new, v_new, a_new",
-        "return q_new, v_new, a",
-        "Position and velocity are right, but the acceleration that you return is the old "
-        "one. The next step begins with it, so it must be that of the new position.",
-    ),
-    acceleration_at_old_position=(
-        "acceleration(q_new)",
-        "acceleration(q)",
-        "The new acceleration is evaluated at the old position. Move the position first, "
-        "then ask for the acceleration there.",
-    ),
-    evaluated_twice=(
-        _V_HALF,
-        "    v_half = v + 0.5 * dt * np.asarray(acceleration(q))\n",
-        "The values are right, at twice the price: the acceleration at the start of the step "
-        "is what came in as `a`. In a real simulator that evaluation is the whole cost.",
-    ),
-)
+        "half of the sum."),
+    old_acceleration_returned=("return q_new, v_new, a_new", "return q_new, v_new, a",
+        "Position and velocity are right, but the acceleration that you return is the old one. "
+        "The next step begins with it, so it must be that of the new position."),
+    acceleration_at_old_position=("acceleration(q_new)", "acceleration(q)",
+        "The new acceleration is evaluated at the old position. Move the position first, then "
+        "ask for the acceleration there."),
+    evaluated_twice=(_V_HALF, "    v_half = v + 0.5 * dt * np.asarray(acceleration(q))\n",
+        "The values are right, at twice the price: the acceleration at the start of the step is "
+        "what came in as `a`. In a real simulator that evaluation is the whole cost."),
+)  # fmt: skip
 
 EXERCISE = Exercise(
     judge=judge_of(
