@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
@@ -28,6 +28,7 @@ from drills.sandbox import (
     SyntaxProblem,
     wire,
 )
+from tests.budget import examples
 from tests.drills.sandbox_children import PLAIN, child, loaded
 
 LINUX = sys.platform.startswith("linux")
@@ -69,14 +70,14 @@ def exactly_equal(a: Any, b: Any) -> bool:
     return a == b
 
 
-@settings(max_examples=150, deadline=None)
+@examples(100)
 @given(value=VALUES)
 def test_plain_values_come_back_exactly(echo: Child, value: Any) -> None:
     assert exactly_equal(echo.call("same", value), value)
     assert not echo.changed
 
 
-@settings(max_examples=80, deadline=None)
+@examples(50)
 @given(
     value=npst.arrays(
         dtype=npst.boolean_dtypes()

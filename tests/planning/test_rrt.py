@@ -6,15 +6,20 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from scipy import stats
 
 from course.drills import GOAL_BIAS, edge_is_free, rrt
 from drills import cards as catalogue
+from drills import exercise as exercises
 from drills.catalogue.rrt.replay import Run, faults, share_inside
 from drills.catalogue.rrt.worlds import refused, worlds
 from drills.geometry import TOLERANCE, clearances, missed_by_sampling, path_faults
+from drills.grade import attempt
+from drills.reasons import Reason
+from drills.verify import in_this_process
+from tests.budget import examples
 
 BOUNDS = np.array([[0.0, 0.0], [10.0, 10.0]])
 START, GOAL = np.array([1.0, 1.0]), np.array([9.0, 9.0])
@@ -46,7 +51,7 @@ def gap_sign(a, b, disc) -> int:
     return (gap > 0) - (gap < 0)
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(point, point, disc)
 @example((0.0, 1.0), (4.0, 1.0), (2.0, 0.0, 1.0))  # tangent
 @example((0.0, 0.0), (0.0, 0.0), (1.0, 0.0, 1.0))  # no length, touching
@@ -61,7 +66,7 @@ def test_the_judge_agrees_with_rational_arithmetic(a, b, disc) -> None:
     assert edge_is_free(np.array(a), np.array(b), np.array([disc])) == (gap > 0) or abs(gap) < 1e-12
 
 
-@settings(deadline=None)
+@examples(100)
 @given(point, point, disc)
 def test_the_gap_is_that_of_the_nearest_of_many_points(a, b, disc) -> None:
     (gap,) = clearances(a, b, [disc])
@@ -129,7 +134,7 @@ def test_every_kind_of_wrong_path_is_found() -> None:
 # --- The planner ----------------------------------------------------------------------------------
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(st.integers(0, 10**6), st.integers(0, 40), st.floats(0.2, 3.0))
 def test_every_path_is_right_by_the_exact_judge(seed: int, count: int, step: float) -> None:
     discs = clutter(seed, count)
@@ -148,7 +153,7 @@ def test_every_path_is_right_by_the_exact_judge(seed: int, count: int, step: flo
         assert np.array_equal(path, nodes[chain[::-1]])
 
 
-@settings(max_examples=25, deadline=None)
+@examples(25)
 @given(st.integers(0, 10**6), st.floats(0.3, 3.0))
 def test_the_tree_is_the_one_that_its_targets_ask_for(seed: int, step: float) -> None:
     discs = clutter(seed)
@@ -251,7 +256,7 @@ def test_the_replay_finds_nothing_wrong_with_the_reference(seed: int) -> None:
             rrt(*world.arguments(), np.random.default_rng(0))
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(st.integers(0, 10**6), st.sampled_from(["node", "parent", "target", "path", "shorter"]))
 def test_the_replay_sees_one_changed_figure(seed: int, what: str) -> None:
     rng = np.random.default_rng(seed)
@@ -275,6 +280,77 @@ def test_the_replay_sees_one_changed_figure(seed: int, what: str) -> None:
     else:
         run = Run(None, run.nodes[:-1], run.parents[:-1], run.samples)
     assert faults(world, run)
+
+
+# As most people write it first: a list of nodes, a loop for the nearest, a loop over the discs.
+PLAIN = """\
+import math
+import numpy as np
+
+def free(a, b, discs):
+    for disc in discs:
+        centre, radius = disc[:2], disc[2]
+        along = b - a
+        squared = np.dot(along, along)
+        t = 0.0 if squared == 0.0 else np.clip(np.dot(centre - a, along) / squared, 0.0, 1.0)
+        if np.linalg.norm(a + t * along - centre) <= radius:
+            return False
+    return True
+
+def rrt(start, goal, discs, bounds, step, max_samples, rng):
+    start, goal = np.array(start, dtype=float), np.array(goal, dtype=float)
+    discs = np.reshape(discs, (-1, 3))
+    low, high = np.array(bounds, dtype=float)
+    for point in (start, goal):
+        if np.any(point < low) or np.any(point > high) or not free(point, point, discs):
+            raise ValueError("start and goal must be free and within the bounds")
+    nodes, parents, samples = [start], [-1], []
+    found = bool(np.all(start == goal))
+    while not found and len(samples) < max_samples:
+        if rng.random() < 0.1:
+            target = goal
+        else:
+            target = rng.uniform(low, high)
+        samples.append(target)
+        nearest, shortest = 0, math.inf
+        for i, node in enumerate(nodes):
+            distance = np.linalg.norm(target - node)
+            if distance < shortest:
+                nearest, shortest = i, distance
+        new = target
+        if shortest > step:
+            new = nodes[nearest] + step * (target - nodes[nearest]) / shortest
+        if free(nodes[nearest], new, discs):
+            nodes.append(new)
+            parents.append(nearest)
+            found = bool(np.all(new == goal))
+    path = None
+    if found:
+        path, i = [], len(nodes) - 1
+        while i >= 0:
+            path.insert(0, nodes[i])
+            i = parents[i]
+        path = np.array(path)
+    return path, np.array(nodes), np.array(parents), np.reshape(samples, (-1, 2))
+"""
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_a_plain_loop_over_a_list_of_nodes_is_right_and_in_time(seed: int) -> None:
+    graded = attempt(catalogue.card("rrt"), PLAIN, seed=seed)
+    assert graded.report.passed, graded.report.sentence
+    learner = graded.learner  # what it took, in processor time; a second process takes it again
+    assert 2.0 * learner.child.used < 5.0
+    limits = exercises.of("rrt").limits
+    assert limits is not None and learner.longest < limits.call / 10.0
+
+
+@pytest.mark.parametrize("seed", [100, 112, 133, 719625752])
+def test_who_never_looks_at_the_bounds_is_told(seed: int) -> None:
+    careless = PLAIN.replace("np.any(point < low) or np.any(point > high) or ", "")
+    assert careless != PLAIN
+    report = attempt(catalogue.card("rrt"), careless, seed=seed, place=in_this_process).report
+    assert (report.slip, report.reason) == ("bounds_unchecked", Reason.MISSING_ERROR)
 
 
 def test_tolerance_is_far_from_rounding_and_from_every_world() -> None:

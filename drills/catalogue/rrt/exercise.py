@@ -66,12 +66,13 @@ def _refuses(attempt: Attempt, world: World) -> bool:
             raise raised
         return answer
 
+    missing = "bounds_unchecked" if "bounds" in world.label else "collision_accepted"
     return attempt.require_error(
         world.label,
         outcome,
         sentence=f"The query must be refused with ValueError: {world.label}.",
         call=_typed(world),
-        slip="" if raised or not isinstance(answer, list | tuple) else "collision_accepted",
+        slip="" if raised or not isinstance(answer, list | tuple) else missing,
     )
 
 

@@ -136,6 +136,17 @@ SLIPS = (
         ),
     ),
     Slip(
+        "bounds_unchecked",
+        "A start or a goal outside the rectangle is accepted. No path may lead there: refuse it "
+        "with ValueError before you search, as one inside a disc.",
+        edits=(
+            (
+                "if point.shape != (2,) or not ((low <= point) & (point <= high)).all():",
+                "if point.shape != (2,):",
+            ),
+        ),
+    ),
+    Slip(
         "own_generator",
         "The generator handed in is not used: other generators give the same tree. Draw every "
         "random number from rng, and leave seeding to the caller.",
