@@ -16,6 +16,7 @@ from drills import exercise as exercises
 from drills import verify
 from drills.cards import Quantity
 from drills.exercise import Slip
+from drills.sandbox import Limits
 from drills.verify import Effort
 from tests.budget import exercise_topics
 
@@ -104,3 +105,10 @@ def test_a_judge_that_accepts_the_starter_is_found(monkeypatch: pytest.MonkeyPat
 )
 def test_shapes(shape: str, value: Any, fits: bool) -> None:
     assert verify.shape_matches(Quantity("q", shape, "m", ""), value, {}) is fits
+
+
+def test_limits_of_the_drills_are_sane() -> None:
+    for card in catalogue.cards():
+        limits = exercises.of(card.name).limits or Limits()
+        assert limits.call <= limits.total <= 120
+        assert limits.memory <= 4 << 30
