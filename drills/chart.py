@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -150,15 +148,6 @@ def picture(measured: WorkPrecision, path: str | Path) -> Path:
     """Draw the chart into a PNG file, which is replaced only when the new one is complete."""
     from matplotlib.figure import Figure
 
-    target = Path(path)
+    from course.measure.figure import draw, write_picture
     figure = Figure(figsize=(10.0, 4.2), layout="constrained")
-    measured.plot(figure.subplots(1, 2))
-    handle, temporary = tempfile.mkstemp(dir=target.parent or ".", suffix=".png")
-    os.close(handle)
-    try:
-        figure.savefig(temporary, dpi=110)
-        os.chmod(temporary, 0o644)  # mkstemp's files are private
-        os.replace(temporary, target)
-    finally:
-        Path(temporary).unlink(missing_ok=True)
-    return target
+    return write_picture(draw(measured.panels(), figure=figure), path)

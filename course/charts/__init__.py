@@ -1,44 +1,67 @@
 """The charts of the course and the data behind them: `python -m course.charts [name ...]`.
 
-Each chart is a function that measures, writes `docs/charts/NAME.png` with `docs/charts/NAME.json`
-beside it, and returns the text of its key figures, which is kept as `docs/charts/NAME.txt`.
+Each chart is an experiment, a generator function decorated with `chart` that measures and yields
+panels (see `course.measure.figure`). From them come `docs/charts/NAME.png`, the data behind it in
+`NAME.json`, and the text of its key figures in `NAME.txt`. A test calls the same experiment with
+smaller sizes, by `build`, and looks at the series.
 """
 
 import functools
 import importlib
-import json
-import os
-import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from course.check import refused
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from course.check import one_of, refused
+from course.measure.figure import Panel, document, draw, json_text, text, write, write_picture
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "charts"
 
-Chart = Callable[[], str]
-CHARTS: dict[str, Chart] = {}
+Experiment = Callable[..., Iterator[Panel]]
+CHARTS: dict[str, tuple[Experiment, dict[str, Any]]] = {}
 
 
-def chart(function: Chart) -> Chart:
-    """Register a chart under its function's name; its text is written when it is built."""
+def chart(experiment: Experiment | None = None, **layout: Any) -> Any:
+    """Register an experiment as a chart under its function's name; the function stays as it is.
 
-    @functools.wraps(function)
-    def build() -> str:
-        text = function()
-        FOLDER.mkdir(parents=True, exist_ok=True)
-        _replace(
-            FOLDER / f"{function.__name__}.txt",
-            lambda path: path.write_text(text + "\n", encoding="utf-8"),
-        )
-        return text
+    Args:
+        experiment: a generator of panels that runs without arguments.
+        **layout: of the whole figure, see `course.measure.figure.draw`.
+    """
+    if experiment is None:
+        return functools.partial(chart, **layout)
+    CHARTS[experiment.__name__] = experiment, layout
+    return experiment
 
-    CHARTS[function.__name__] = build
-    return build
+
+def build(name: str, **sizes: Any) -> list[Panel]:
+    """Run the experiment of a chart and give its panels; nothing is drawn or written.
+
+    Args:
+        name: of the chart.
+        **sizes: arguments of the experiment, smaller ones than its own in a test.
+    """
+    return list(_known(name)[0](**sizes))
+
+
+def make(name: str) -> str:
+    """Measure a chart in full, write picture, data and text, and return the text."""
+    panels = build(name)
+    if any(panel.drawn for panel in panels):
+        import matplotlib.pyplot as plt
+
+        figure = draw(panels, **_known(name)[1])
+        write_picture(figure, FOLDER / f"{name}.png")
+        plt.close(figure)
+        write(FOLDER / f"{name}.json", json_text(document(panels)))
+    found = text(panels)
+    write(FOLDER / f"{name}.txt", found + "\n")
+    return found
+
+
+def _known(name: str) -> tuple[Experiment, dict[str, Any]]:
+    load()
+    return CHARTS[one_of("name", name, sorted(CHARTS))]
 
 
 def load() -> None:
@@ -63,35 +86,3 @@ def read(name: str) -> str:
         known = sorted(p.stem for p in FOLDER.glob("*.txt"))
         raise refused("name", name, f"{', '.join(known) or 'none'} (`make charts` builds them)")
     return path.read_text(encoding="utf-8").rstrip("\n")
-
-
-def save(name: str, figure: "Figure", data: Any) -> None:
-    """Write the picture and its data, each whole or not at all.
-
-    Args:
-        name: file name without ending.
-        figure: the drawn figure; it is closed.
-        data: what the figure shows, as JSON takes it.
-    """
-    import matplotlib.pyplot as plt
-
-    FOLDER.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(data, indent=1, allow_nan=True) + "\n"
-    _replace(FOLDER / f"{name}.json", lambda path: path.write_text(text, encoding="utf-8"))
-    _replace(
-        FOLDER / f"{name}.png",
-        lambda path: figure.savefig(path, format="png", dpi=110, bbox_inches="tight"),
-    )
-    plt.close(figure)
-
-
-def _replace(target: Path, write: Callable[[Path], Any]) -> None:
-    handle, name = tempfile.mkstemp(dir=target.parent, prefix=target.name, suffix=".part")
-    os.close(handle)
-    try:
-        write(Path(name))
-        os.chmod(name, 0o644)
-        os.replace(name, target)
-    except BaseException:
-        Path(name).unlink()
-        raise

@@ -5,7 +5,7 @@ import time
 
 import click
 
-from course.charts import CHARTS, FOLDER, load
+from course.charts import CHARTS, FOLDER, load, make
 
 load()
 
@@ -20,7 +20,7 @@ def main(names: tuple[str, ...]) -> None:
     os.environ.setdefault("COURSE_QUIET", "1")
     for name in names or CHARTS:
         start = time.perf_counter()
-        text = CHARTS[name]()
+        text = make(name)
         click.echo(f"== {name} ({time.perf_counter() - start:.0f} s)\n{text}\n")
     click.echo(f"written to {FOLDER}")
 

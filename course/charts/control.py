@@ -1,21 +1,19 @@
 """The PID drill: where its loop becomes unstable, and what a jam does to its integral."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from course.charts import chart, save
+from course.charts import chart
 from course.check import refused
 from course.drills import PID, Array, Joint, closed_loop
 from course.measure import stability
+from course.measure.figure import Panel, Series
 from course.measure.scene import LeftOut, Modelled, Scene, Tolerance
-from course.measure.work_precision import PALETTE
 from course.oracles.mujoco.joint import MotorJoint
-
-BLUE, ORANGE, GREEN, *_ = PALETTE
 
 
 @dataclass(frozen=True)
@@ -144,50 +142,45 @@ def rate_limit(loop: Loop, growth: Callable[[Loop], float]) -> float:
 
 
 @chart
-def pid_stability() -> str:
-    """Where the sampled PID loop is stable, over sample time and gain, measured and in theory."""
-    import matplotlib.pyplot as plt
+def pid_stability(nx: int = 125, ny: int = 117) -> Iterator[Panel]:
+    """Where the sampled PID loop is stable, over sample time and gain, measured and in theory.
 
-    dt, gain = np.linspace(0.003, 0.065, 125), np.linspace(1.0, 30.0, 117)
+    Args:
+        nx, ny: points of the map.
+    """
+    dt, gain = np.linspace(0.003, 0.065, nx), np.linspace(1.0, 30.0, ny)
     found = stability.stability_map(
         lambda x, y: measured_growth(replace(LOOP, dt=x).scaled(y)), dt, gain
     )
-    theory = [gain_limit(replace(LOOP, dt=float(x)), theoretical_growth) for x in dt]
-    few = np.array([0.004, 0.006, 0.008, 0.012, 0.02, 0.03, 0.045, 0.06])
+
+    def theory(x: float) -> float:
+        return gain_limit(replace(LOOP, dt=x), theoretical_growth)
+
+    few = [0.004, 0.006, 0.008, 0.012, 0.02, 0.03, 0.045, 0.06]
     marks = [
-        gain_limit(replace(LOOP, dt=float(x)), lambda loop: measured_growth(loop, mujoco=True))
+        gain_limit(replace(LOOP, dt=x), lambda loop: measured_growth(loop, mujoco=True))
         for x in few
     ]
-    figure, ax = plt.subplots(figsize=(8.0, 5.2), layout="constrained")
-    found.plot(
-        ax,
-        {"theory: roots of 1 + C G": (dt, theory)},
-        x_label="sample time [s]",
-        y_label="factor on all gains",
-        title="A slower loop stands less gain",
-    )
-    ax.plot(few, marks, "o", color="white", mec="black", label="MuJoCo, ten steps a sample")
-    ax.legend(fontsize="small", loc="upper right")
-    save(
-        "pid_stability",
-        figure,
-        {"dt": dt.tolist(), "theory": theory, "mujoco": [few.tolist(), marks]},
-    )
-    by_gain = gain_limit(LOOP, theoretical_growth), gain_limit(LOOP, measured_growth)
+    panel = Panel(
+        "A slower loop stands less gain", "sample time [s]", "factor on all gains", grid=found,
+        legend="upper right",
+    )  # fmt: skip
+    panel.series = [
+        Series("theory: roots of 1 + C G", dt, [theory(float(x)) for x in dt], "theory on a map",
+               "--"),
+        Series("MuJoCo, ten steps a sample", few, marks, "MuJoCo", ""),
+    ]  # fmt: skip
+    by_gain = theory(LOOP.dt), gain_limit(LOOP, measured_growth)
     by_rate = rate_limit(LOOP, theoretical_growth), rate_limit(LOOP, measured_growth)
-    off = max(
-        abs(mark / gain_limit(replace(LOOP, dt=float(x)), theoretical_growth) - 1.0)
-        for x, mark in zip(few, marks, strict=True)
-    )
-    return "\n".join(
-        [
-            f"largest factor on the gains at {1e3 * LOOP.dt:g} ms: "
-            f"theory {by_gain[0]:.3f}, measured {by_gain[1]:.3f}",
-            f"largest sample time with the gains as they are: "
-            f"theory {1e3 * by_rate[0]:.2f} ms, measured {1e3 * by_rate[1]:.2f} ms",
-            f"MuJoCo's limit (implicitfast, ten steps a sample) is within {off:.1%} of theory",
-        ]
-    )
+    off = max(abs(mark / theory(x) - 1.0) for x, mark in zip(few, marks, strict=True))
+    panel.notes = [
+        f"largest factor on the gains at {1e3 * LOOP.dt:g} ms: "
+        f"theory {by_gain[0]:.3f}, measured {by_gain[1]:.3f}",
+        f"largest sample time with the gains as they are: "
+        f"theory {1e3 * by_rate[0]:.2f} ms, measured {1e3 * by_rate[1]:.2f} ms",
+        f"MuJoCo's limit (implicitfast, ten steps a sample) is within {off:.1%} of theory",
+    ]
+    yield panel
 
 
 # --- windup ---------------------------------------------------------------------------------------
@@ -290,38 +283,30 @@ def jam_scene() -> Scene:
     )  # fmt: skip
 
 
-@chart
-def pid_windup() -> str:
+@chart(size=(11.0, 4.4))
+def pid_windup() -> Iterator[Panel]:
     """A jam of two seconds with anti-windup and without, on the exact joint and on MuJoCo's."""
-    import matplotlib.pyplot as plt
-
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.4), layout="constrained")
-    lines, data = [], {}
-    for name, kind, colour in (
-        ("conditional integration", PID, BLUE),
-        ("no anti-windup", WindingPID, ORANGE),
-    ):
+    left, right = (
+        Panel(title, "time [s]", y, spans=[("x", 0.0, JAM, "jammed")], xlim=(0.0, 5.0),
+              legend=legend)
+        for title, y, legend in (
+            ("The integral of a jam has to be unwound", "angle [rad]", "best"),
+            ("It holds the command at the limit", "command [N m]", ""),
+        )
+    )  # fmt: skip
+    left.lines = [("y", STEP, "set-point")]
+    for key, kind in (("conditional integration", PID), ("no anti-windup", WindingPID)):
         for model, joint in (("exact", LOOP.joint()), ("MuJoCo", LOOP.mujoco())):
             times, angles, commands = jammed(joint=joint, kind=kind)
-            style = "-" if model == "exact" else ":"
-            label = f"{name}, {model}"
-            left.plot(
-                times, angles, style, color=colour, lw=2 if style == ":" else 1.2, label=label
+            found, label = recovery(times, angles), f"{key}, {model}"
+            style, width = ("-", 1.2) if model == "exact" else (":", 2.5)
+            left.series.append(
+                Series(label, times, angles, key, style, marker="", width=width,
+                       note=f"{label:<32} {found.overshoot:.3f} rad past the set-point, settled "
+                       f"after {found.time:.2f} s")
+            )  # fmt: skip
+            right.series.append(
+                Series(label, times[:-1], commands, key, style, marker="", width=width)
             )
-            right.plot(times[:-1], commands, style, color=colour, lw=1.2, label=label)
-            found = recovery(times, angles)
-            data[label] = vars(found)
-            lines.append(
-                f"{label:<32} {found.overshoot:.3f} rad past the set-point, settled after "
-                f"{found.time:.2f} s"
-            )
-    for ax in (left, right):
-        ax.axvspan(0.0, JAM, color="0.9", label="jammed")
-        ax.set(xlabel="time [s]", xlim=(0.0, 5.0))
-        ax.grid(True, alpha=0.3)
-    left.axhline(STEP, color="black", lw=0.8)
-    left.set(ylabel="angle [rad]", title="The integral of a jam has to be unwound")
-    right.set(ylabel="command [N m]", title="It holds the command at the limit")
-    left.legend(fontsize="small")
-    save("pid_windup", figure, data)
-    return "\n".join([*lines, jam_scene().table()])
+    right.notes.append(jam_scene().table())
+    yield from (left, right)

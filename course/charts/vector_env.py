@@ -1,16 +1,18 @@
 """Vectorised environments: steps per second against N, their error, when processes pay."""
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.charts import chart, save
-from course.measure.work_precision import PALETTE, machine
+from course.charts import chart
+from course.measure.figure import Panel, Series
+from course.measure.timing import Timing, calls, interleaved
+from course.measure.work_precision import machine
 from course.oracles.gymnasium import async_vector_env, sync_vector_env
 from course.oracles.mujoco.reach import MujocoArmReach, MujocoArmReachVector
 from course.vector_env import ArmReach, ArmReachVector, ProcessVectorEnv, VectorizedEnv
@@ -29,28 +31,16 @@ class Contender:
     """One way of stepping N arms.
 
     Attributes:
-        name: as in the legend.
         make: N -> vector environment.
+        key: row of `course.measure.figure.KEYS`.
         most: the largest N it is asked for.
         style: line style.
     """
 
-    name: str
     make: Callable[[int], Any]
+    key: str = ""
     most: int = SIZES[-1]
     style: str = "-"
-
-
-@dataclass(frozen=True)
-class Rate:
-    """Median, quartiles and best sample of environment steps per second."""
-
-    name: str
-    n: int
-    steps_per_second: float
-    low: float
-    high: float
-    best: float
 
 
 def _workers(n: int) -> ProcessVectorEnv:
@@ -60,70 +50,63 @@ def _workers(n: int) -> ProcessVectorEnv:
 SYNC, ASYNC = "Gymnasium SyncVectorEnv, MuJoCo", "Gymnasium AsyncVectorEnv, MuJoCo"
 CLOSED, BATCH = "ArmReachVector, closed form", "MujocoArmReachVector, mujoco.batch"
 SYNC_CLOSED = "Gymnasium SyncVectorEnv, closed form"
-CONTENDERS = (
-    Contender(CLOSED, ArmReachVector),
-    Contender(BATCH, MujocoArmReachVector),
-    Contender(f"ProcessVectorEnv, MuJoCo, {WORKERS} workers", _workers),
-    Contender("VectorizedEnv, MuJoCo", lambda n: VectorizedEnv(MujocoArmReach, n)),
-    Contender(SYNC, lambda n: sync_vector_env(MujocoArmReach, n), style="--"),
+CONTENDERS = {
+    CLOSED: Contender(ArmReachVector, "closed form"),
+    BATCH: Contender(MujocoArmReachVector, "mujoco.batch, RK4"),
+    f"ProcessVectorEnv, MuJoCo, {WORKERS} workers": Contender(_workers, "processes"),
+    "VectorizedEnv, MuJoCo": Contender(lambda n: VectorizedEnv(MujocoArmReach, n), "loop"),
+    SYNC: Contender(lambda n: sync_vector_env(MujocoArmReach, n), "Gymnasium, loop", style="--"),
     # A process each: beyond 256 most machines run out of patience before memory.
-    Contender(ASYNC, lambda n: async_vector_env(MujocoArmReach, n), 256, "--"),
-    Contender(SYNC_CLOSED, lambda n: sync_vector_env(ArmReach, n), style=":"),
-)
+    ASYNC: Contender(
+        lambda n: async_vector_env(MujocoArmReach, n), "Gymnasium, processes", 256, "--"
+    ),
+    SYNC_CLOSED: Contender(
+        lambda n: sync_vector_env(ArmReach, n), "Gymnasium, loop, closed form", style=":"
+    ),
+}
+
+Rates = dict[str, dict[int, Timing]]
+"""Seconds of a step of all N, by name and N."""
 
 
 def measure_rates(
-    contenders: Sequence[Contender] = CONTENDERS,
+    contenders: Mapping[str, Contender],
     sizes: Sequence[int] = SIZES,
     repeats: int = 25,
     sample: float = 0.01,
-) -> list[Rate]:
-    """Environment steps per second, all contenders interleaved, with the same actions.
+    clock: Callable[[], float] = time.perf_counter,
+) -> Rates:
+    """The time of a step, all contenders interleaved, with the same actions.
 
     Args:
         contenders: what to run.
         sizes: numbers of environments.
         repeats: rounds; each takes one sample of every contender.
-        sample: least time of one sample [s]. The samples of the slow ones are shorter than an
+        sample: about the time of one sample [s]. The samples of the slow ones are shorter than an
             episode of 100 steps and hold few resets, which is in their favour.
+        clock: see `course.measure.timing.calls`.
     """
-    rates = []
+    rates: Rates = {name: {} for name in contenders}
     for n in sizes:
         actions = np.random.default_rng(0).uniform(-1, 1, (n, 2)).astype(np.float32)
-        jobs: list[tuple[str, Any, int, list[float]]] = []
-        for contender in contenders:
-            if n > contender.most:
-                continue
-            envs = contender.make(n)
+        running = {name: c.make(n) for name, c in contenders.items() if n <= c.most}
+        for envs in running.values():
             envs.reset(seed=0)
-            begin = time.perf_counter()
-            steps = 0
-            while steps < 3 or (took := time.perf_counter() - begin) < sample:
-                envs.step(actions)
-                steps += 1
-                took = time.perf_counter() - begin
-            jobs.append((contender.name, envs, max(1, round(steps * sample / took)), []))
-        for _ in range(repeats):
-            for _, envs, steps, samples in jobs:
-                begin = time.perf_counter()
-                for _ in range(steps):
-                    envs.step(actions)
-                samples.append(n * steps / (time.perf_counter() - begin))
-        for name, envs, _, samples in jobs:
-            low, median, high = (float(x) for x in np.quantile(samples, [0.25, 0.5, 0.75]))
-            rates.append(Rate(name, n, median, low, high, max(samples)))
+        samplers = [calls(envs.step, actions, clock=clock) for envs in running.values()]
+        timed = interleaved(samplers, repeats=repeats, sample=sample)
+        for (name, envs), found in zip(running.items(), timed, strict=True):
+            rates[name][n] = found
             envs.close()
     return rates
 
 
-def ratio(rates: Sequence[Rate], name: str, others: Sequence[str], n: int = COMPARED_AT) -> float:
+def ratio(rates: Rates, name: str, others: Sequence[str], n: int = COMPARED_AT) -> float:
     """Best sample of one at N = n over the best sample of some others.
 
     Other work on the machine slows long samples down more than short ones, so the medians of slow
     contenders suffer more; the best of each is nearest to what it does alone.
     """
-    at = {rate.name: rate for rate in rates if rate.n == n}
-    return at[name].best / max(at[other].best for other in others if other in at)
+    return min(rates[other][n].best for other in others if n in rates[other]) / rates[name][n].best
 
 
 # --- accuracy beside speed ------------------------------------------------------------------------
@@ -151,34 +134,15 @@ def tip_error(make: Callable[[int], Any], samples: int = 32, steps: int = 99) ->
     return worst
 
 
-ACCURACY: dict[str, Callable[[int, int], Any]] = {
-    "closed form, Runge-Kutta": lambda n, s: ArmReachVector(n, substeps=s),
-    "mujoco.batch, RK4": lambda n, s: MujocoArmReachVector(n, substeps=s),
-    "mujoco.batch, Euler": lambda n, s: MujocoArmReachVector(n, substeps=s, integrator="Euler"),
+ACCURACY: dict[str, tuple[str, Callable[..., Any]]] = {
+    "closed form, Runge-Kutta": ("closed form", ArmReachVector),
+    "mujoco.batch, RK4": ("mujoco.batch, RK4", MujocoArmReachVector),
+    "mujoco.batch, Euler": (
+        "mujoco.batch, Euler",
+        partial(MujocoArmReachVector, integrator="Euler"),
+    ),
 }
 SUBSTEPS = (1, 2, 4, 8, 16, 32)
-
-
-def _turned(make: Callable[[int, int], Any], substeps: int, n: int) -> Any:
-    return make(n, substeps)
-
-
-def accuracy_and_speed(
-    substeps: Sequence[int] = SUBSTEPS, n: int = COMPARED_AT, repeats: int = 15
-) -> dict[str, list[tuple[int, float, float]]]:
-    """For each model and integrator: (substeps, largest error of the tip [m], steps per second)."""
-    contenders = [
-        Contender(f"{name}|{s}", partial(_turned, make, s))
-        for name, make in ACCURACY.items()
-        for s in substeps
-    ]
-    found: dict[str, list[tuple[int, float, float]]] = {name: [] for name in ACCURACY}
-    for rate in measure_rates(contenders, (n,), repeats, 0.01):
-        name, _, text = rate.name.partition("|")
-        s = int(text)
-        error = tip_error(partial(_turned, ACCURACY[name], s))
-        found[name].append((s, error, rate.steps_per_second))
-    return found
 
 
 # --- when processes pay ---------------------------------------------------------------------------
@@ -189,18 +153,20 @@ BUSY_SIZES = (0, 4_000, 16_000, 64_000, 128_000, 256_000, 512_000, 1_024_000)
 
 def cost_of_processes(
     sizes: Sequence[int] = BUSY_SIZES, n: int = CROSSING_ENVS, repeats: int = 25
-) -> dict[str, Any]:
+) -> dict[str, list[float]]:
     """Seconds per step of N environments, a loop's and processes', against an environment's cost.
 
+    Args:
+        sizes: how much an environment computes in a step.
+        n: environments.
+        repeats: rounds, of which the best counts.
+
     Returns:
-        Best of all repeats: "cost" [s] of one environment's step, "loop", "processes" and
-        "gymnasium" [s per step of all N], each a list by size;
-        "predicted" and "measured", the cost [s] above which the processes of ours are faster than
-        the loop (None where they do not meet).
+        "cost" [s] of one environment's step, "loop", "processes" and "gymnasium" [s per step of all
+        N], each a list by size.
     """
-    data: dict[str, Any] = {"n": n, "workers": WORKERS}
     names = ("cost", "loop", "processes", "gymnasium")
-    data |= {name: [] for name in names}
+    data: dict[str, list[float]] = {name: [] for name in names}
     actions = np.zeros((n, 2), dtype=np.float32)
     for size in sizes:
         build = partial(Busy, size)
@@ -209,27 +175,15 @@ def cost_of_processes(
             ProcessVectorEnv(build, n, num_workers=WORKERS),
             async_vector_env(build, n),
         ]
-        runs: list[Callable[[], Any]] = [partial(Busy(size).step, actions[0])]
         for envs in every:
             envs.reset(seed=0)
-            runs.append(partial(envs.step, actions))
-        samples = np.empty((repeats, len(runs)))
-        for run in runs:
-            run()
-        for row in samples:
-            for i, run in enumerate(runs):
-                begin = time.perf_counter()
-                for _ in range(8):
-                    run()
-                row[i] = (time.perf_counter() - begin) / 8
-        for name, value in zip(names, samples.min(axis=0), strict=True):
-            data[name].append(float(value))
+        samplers = [calls(Busy(size).step, actions[0])]
+        samplers += [calls(envs.step, actions) for envs in every]
+        timed = interleaved(samplers, repeats=repeats, sample=5e-3)
+        for name, found in zip(names, timed, strict=True):
+            data[name].append(found.best)
         for envs in every:
             envs.close()
-    data["predicted"] = predicted_crossing(
-        data["loop"][0], data["processes"][0], n, WORKERS, data["cost"][0]
-    )
-    data["measured"] = crossing(data["cost"], data["loop"], data["processes"])
     return data
 
 
@@ -264,109 +218,99 @@ def crossing(cost: ArrayLike, loop: ArrayLike, processes: ArrayLike) -> float | 
 # --- the chart ------------------------------------------------------------------------------------
 
 
-def _draw(rates: list[Rate], accuracy: dict[str, Any], busy: dict[str, Any]) -> Any:
-    import matplotlib.pyplot as plt
+@chart(size=(17.0, 5.2))
+def vector_env(
+    sizes: Sequence[int] = SIZES,
+    substeps: Sequence[int] = SUBSTEPS,
+    busy: Sequence[int] = BUSY_SIZES,
+    repeats: int = 25,
+) -> Iterator[Panel]:
+    """Steps per second of vectorised environments, their error, and when processes pay.
 
-    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(17, 5.2), layout="constrained")
-    for ax in (left, middle, right):
-        ax.set(xscale="log", yscale="log")
-        ax.grid(True, which="major", alpha=0.3)
-    for i, contender in enumerate(CONTENDERS):
-        rows = [rate for rate in rates if rate.name == contender.name]
-        n = [rate.n for rate in rows]
-        low, high = [rate.low for rate in rows], [rate.high for rate in rows]
-        left.fill_between(n, low, high, color=PALETTE[i], alpha=0.2, linewidth=0)
-        left.plot(
-            n, [rate.steps_per_second for rate in rows], contender.style, marker="o", markersize=4,
-            color=PALETTE[i], label=contender.name,
-        )  # fmt: skip
-    left.set(title="Reaching task, one step of 20 ms", xlabel="number of environments N")
-    left.set_ylabel("environment steps per second")
-    left.set_ylim(top=left.get_ylim()[1] * 300.0)  # room for the legend
-    for i, (name, points) in enumerate(accuracy.items()):
-        _, error, rate = zip(*points, strict=True)
-        style = "-" if i == 0 else "--"
-        middle.plot(rate, error, style, marker="o", markersize=4, color=PALETTE[i], label=name)
-        for s, e, r in points:
-            middle.annotate(f"{s}", (r, e), fontsize="xx-small", xytext=(3, 3),
-                            textcoords="offset points")  # fmt: skip
-    middle.axhline(TOLERANCE, color="0.4", linewidth=0.8)
-    middle.text(0.02, TOLERANCE, f"tolerance {TOLERANCE * 1e3:g} mm", fontsize="x-small",
-                color="0.3", va="bottom", transform=middle.get_yaxis_transform())  # fmt: skip
-    middle.set(
-        title=f"Accuracy beside speed, N = {COMPARED_AT}; numbers: substeps",
-        xlabel="environment steps per second", ylabel="largest error of the tip over 2 s [m]",
+    Args:
+        sizes: numbers of environments.
+        substeps: integration steps in a control step.
+        busy: how much an environment computes, for the third panel.
+        repeats: rounds.
+    """
+    rates = measure_rates(CONTENDERS, sizes, repeats)
+    left = Panel(
+        "Reaching task, one step of 20 ms", "number of environments N",
+        "environment steps per second", scale="log", legend="upper left", ylim=(None, 1e10),
     )  # fmt: skip
-    names = {
-        "loop": "VectorizedEnv (a loop)",
-        "processes": f"ProcessVectorEnv, {WORKERS} workers",
-        "gymnasium": f"Gymnasium AsyncVectorEnv, {busy['n']} workers",
+    disturbed = max(found.busy for row in rates.values() for found in row.values())
+    left.footer = machine(disturbed)
+    left.notes.append(f"{'env steps/s at N =':<38}" + "".join(f"{n:>10}" for n in sizes))
+    for name, contender in CONTENDERS.items():
+        row = rates[name]
+        speed, low, high = (
+            [n / value(found) for n, found in row.items()]
+            for value in (lambda t: t.median, lambda t: t.high, lambda t: t.low)
+        )
+        left.series.append(
+            Series(name, [*row], speed, contender.key, contender.style, low=low, high=high)
+        )
+        cells = dict(zip(row, (f"{value:.3g}" for value in speed), strict=True))
+        left.notes.append(f"{name:<38}" + "".join(f"{cells.get(n, '-'):>10}" for n in sizes))
+    at, both = (COMPARED_AT if COMPARED_AT in sizes else sizes[-1]), (SYNC, ASYNC)
+    left.notes.append(
+        f"at N = {at}, best samples, beside the better of Gymnasium's two on the MuJoCo arm: "
+        f"mujoco.batch {ratio(rates, BATCH, both, at):.1f} times, closed form "
+        f"{ratio(rates, CLOSED, both, at):.0f} times; the closed form beside Gymnasium's loop over "
+        f"the closed form: {ratio(rates, CLOSED, [SYNC_CLOSED], at):.0f} times"
+    )
+    yield left
+
+    turned = {
+        (name, s): Contender(partial(make, substeps=s))
+        for name, (_, make) in ACCURACY.items()
+        for s in substeps
     }
-    cost = np.array(busy["cost"]) * 1e6
-    for i, (key, name) in enumerate(names.items()):
-        style = "--" if key == "gymnasium" else "-"
-        right.plot(cost, np.array(busy[key]) * 1e6, style, marker="o", markersize=4,
-                   color=PALETTE[i], label=name)  # fmt: skip
-    right.axvline(busy["predicted"] * 1e6, color="0.4", linewidth=0.8)
-    right.text(busy["predicted"] * 1e6, 0.98, " processes pay\n from here (predicted)", va="top",
-               fontsize="x-small", color="0.3", transform=right.get_xaxis_transform())  # fmt: skip
-    right.set(
-        title=f"When processes pay, N = {busy['n']}",
-        xlabel="cost of one environment's step [µs]", ylabel="time of a step of all N [µs]",
+    times = measure_rates({f"{name}|{s}": c for (name, s), c in turned.items()}, (at,), repeats)
+    middle = Panel(
+        f"Accuracy beside speed, N = {at}; numbers: substeps", "environment steps per second",
+        "largest error of the tip over 2 s [m]", scale="log", legend="lower left",
+        lines=[("y", TOLERANCE, f"tolerance {TOLERANCE * 1e3:g} mm")], ylim=(1e-12, None),
     )  # fmt: skip
-    left.legend(fontsize="x-small", loc="upper left")
-    middle.set_ylim(bottom=1e-12)  # room for the legend
-    middle.legend(fontsize="x-small", loc="lower left")
-    right.legend(fontsize="x-small", loc="lower right")
-    figure.supxlabel(machine(), fontsize="x-small", color="0.4")
-    return figure
-
-
-def _table(rates: list[Rate]) -> str:
-    sizes = sorted({rate.n for rate in rates})
-    lines = [f"{'env steps/s at N =':<38}" + "".join(f"{n:>10}" for n in sizes)]
-    for name in dict.fromkeys(rate.name for rate in rates):
-        at = {rate.n: rate.steps_per_second for rate in rates if rate.name == name}
-        cells = (f"{at[n]:.3g}" if n in at else "-" for n in sizes)
-        lines.append(f"{name:<38}" + "".join(f"{cell:>10}" for cell in cells))
-    return "\n".join(lines)
-
-
-@chart
-def vector_env() -> str:
-    """Steps per second of vectorised environments, their error, and when processes pay."""
-    rates = measure_rates()
-    accuracy = accuracy_and_speed()
-    busy = cost_of_processes()
-    data = {
-        "rates": [asdict(rate) for rate in rates],
-        "accuracy": accuracy,
-        "processes": busy,
-        "machine": machine(),
-    }
-    save("vector_env", _draw(rates, accuracy, busy), data)
-    both = (SYNC, ASYNC)
-    lines = [
-        _table(rates),
-        f"at N = {COMPARED_AT}, best samples, beside the better of Gymnasium's two on the "
-        "MuJoCo arm: "
-        f"mujoco.batch {ratio(rates, BATCH, both):.1f} times, closed form "
-        f"{ratio(rates, CLOSED, both):.0f} times; the closed form beside Gymnasium's loop over the "
-        f"closed form: {ratio(rates, CLOSED, [SYNC_CLOSED]):.0f} times",
+    middle.notes.append(
         f"{'largest error of the tip over 2 s [m]':<38}"
-        + "".join(f"{s:>10}" for s in SUBSTEPS) + "  substeps",
-    ]  # fmt: skip
-    for name, points in accuracy.items():
-        lines.append(f"{name:<38}" + "".join(f"{error:>10.1e}" for _, error, _ in points))
-    measured = busy["measured"]
-    found = (
+        + "".join(f"{s:>10}" for s in substeps) + "  substeps"
+    )  # fmt: skip
+    for name, (key, _) in ACCURACY.items():
+        errors = [tip_error(turned[name, s].make) for s in substeps]
+        speed = [at / times[f"{name}|{s}"][at].median for s in substeps]
+        middle.series.append(
+            Series(name, speed, errors, key, "--" if "mujoco" in name else "-",
+                   tags=[str(s) for s in substeps],
+                   note=f"{name:<38}" + "".join(f"{error:>10.1e}" for error in errors))
+        )  # fmt: skip
+    yield middle
+
+    data = cost_of_processes(busy, CROSSING_ENVS, repeats)
+    predicted = predicted_crossing(
+        data["loop"][0], data["processes"][0], CROSSING_ENVS, WORKERS, data["cost"][0]
+    )
+    measured = crossing(data["cost"], data["loop"], data["processes"])
+    right = Panel(
+        f"When processes pay, N = {CROSSING_ENVS}", "cost of one environment's step [µs]",
+        "time of a step of all N [µs]", scale="log", legend="lower right",
+        lines=[("x", predicted * 1e6, "processes pay\nfrom here (predicted)")],
+    )  # fmt: skip
+    for name, key, label in (
+        ("loop", "loop", "VectorizedEnv (a loop)"),
+        ("processes", "processes", f"ProcessVectorEnv, {WORKERS} workers"),
+        ("gymnasium", "Gymnasium, processes", f"Gymnasium AsyncVectorEnv, {CROSSING_ENVS} workers"),
+    ):
+        style = "--" if name == "gymnasium" else "-"
+        cost, spent = (np.array(data[column]) * 1e6 for column in ("cost", name))
+        right.series.append(Series(label, cost, spent, key, style))
+    says = (
         f"they did not meet in this run: it takes {WORKERS} free cores"
         if measured is None
         else f"measured {measured * 1e6:.0f} us"
     )
-    lines.append(
-        f"{WORKERS} processes beat a loop over {busy['n']} environments from "
-        f"{busy['predicted'] * 1e6:.0f} us a step on, as predicted from the cost of doing nothing; "
-        f"{found}"
+    right.notes.append(
+        f"{WORKERS} processes beat a loop over {CROSSING_ENVS} environments from "
+        f"{predicted * 1e6:.0f} us a step on, as predicted from the cost of doing nothing; {says}"
     )
-    return "\n".join(lines)
+    yield right

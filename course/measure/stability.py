@@ -8,17 +8,13 @@ it grow: for anything that steps, a foreign simulator included.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, positive, refused
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 Array = NDArray[np.float64]
 Step = Callable[[Array], ArrayLike]
@@ -183,52 +179,6 @@ class Map:
                 first = int(np.argmin(row))
                 edge[i] = 0.0 if first == 0 else 0.5 * (self.x[first - 1] + self.x[first])
         return edge
-
-    def plot(
-        self,
-        ax: Axes,
-        boundaries: Mapping[str, tuple[ArrayLike, ArrayLike]] | None = None,
-        *,
-        x_label: str = "omega dt",
-        y_label: str = "damping ratio",
-        title: str = "",
-    ) -> None:
-        """Draw the measured growth, its boundary, and theory over it.
-
-        Args:
-            ax: where to draw.
-            boundaries: theoretical curves by label, each (x values, y values).
-            x_label, y_label, title: texts.
-        """
-        with np.errstate(divide="ignore"):
-            shown = np.clip(np.log10(np.maximum(self.growth, 1e-300)), -0.5, 0.5)
-        # Blue decays, orange grows: told apart by any colour vision.
-        image = ax.pcolormesh(
-            self.x, self.y, shown, cmap="PuOr_r", vmin=-0.5, vmax=0.5, shading="nearest"
-        )
-        ax.figure.colorbar(image, ax=ax, label="log10(growth per step)")
-        stable = self.stable()
-        if np.any(stable) and not np.all(stable):
-            ax.contour(self.x, self.y, stable.astype(float), levels=[0.5], colors="black")
-            ax.plot([], [], color="black", label="measured")
-        for label, (x, y) in (boundaries or {}).items():
-            ax.plot(
-                np.asarray(x, dtype=float),
-                np.asarray(y, dtype=float),
-                linestyle="--",
-                linewidth=2.0,
-                color="#D55E00",
-                label=label,
-            )
-        ax.set(
-            xlim=(self.x[0], self.x[-1]),
-            ylim=(self.y[0], self.y[-1]),
-            xlabel=x_label,
-            ylabel=y_label,
-            title=title,
-        )
-        if ax.get_legend_handles_labels()[0]:
-            ax.legend(fontsize="small", loc="upper right")
 
 
 def stability_map(

@@ -2,9 +2,9 @@
 
 Every method runs on the same question with several settings (mostly step sizes). Cost is counted
 twice: as time and as a number that no machine changes (force evaluations). Error is the distance to
-an independent reference, which is itself checked first. Methods run interleaved, so a busy moment
-of the machine hits all of them alike; the figures are medians and quartiles. A run that fails
-is a point at infinite cost and is drawn at the top edge of the chart, not left out.
+an independent reference, which is itself checked first. The times are those of
+`course.measure.timing`: interleaved, medians and quartiles. A run that fails is a point at
+infinite cost and is drawn at the top edge of the chart, not left out.
 
 The form of the diagram follows Hairer, Norsett and Wanner, Solving Ordinary Differential Equations
 I, 1993, sec. II.4.
@@ -12,32 +12,24 @@ I, 1993, sec. II.4.
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import platform
-import tempfile
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import POSITIVE, count, one_of, positive, refused, vector
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from course.measure.figure import Panel, Series, from_json, json_text, key_of, write
+from course.measure.timing import Timing, calls, interleaved
 
 Array = NDArray[np.float64]
 STYLES = ("ours", "oracle", "yours")
-
-# Okabe and Ito (2008), distinguishable with any colour vision; yellow is too pale for a thin line.
-PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#7F7F7F", "#5D3A9B")
-_MARKERS = "osD^vP*X"
 
 
 @dataclass(frozen=True)
@@ -58,7 +50,8 @@ class Method:
         parameters: the settings, usually step sizes; a larger parameter means less work.
         style: "ours", "oracle" (another library) or "yours" (the reader's).
         unit: what `Result.count` counts.
-        colour: to keep a method's colour from chart to chart; empty for the next of `PALETTE`.
+        key: whose colour and marker (a row of `course.measure.figure.KEYS`); empty where the name
+            says it, or for the next colour.
     """
 
     name: str
@@ -66,7 +59,7 @@ class Method:
     parameters: Sequence[float]
     style: str = "ours"
     unit: str = "force evaluations"
-    colour: str = ""
+    key: str = ""
 
     def __post_init__(self) -> None:
         one_of("style", self.style, STYLES)
@@ -108,7 +101,7 @@ class Curve:
     style: str
     unit: str
     points: tuple[Point, ...]
-    colour: str = ""
+    key: str = ""
 
     def worked(self) -> list[Point]:
         """The points that did not fail."""
@@ -280,7 +273,7 @@ class WorkPrecision:
         if pick is not None:
             match = next(m for m in known if m.name == pick.name)
             beside = [replace(match, parameters=[pick.point.parameter])]
-        curves = _measure_curves([method, *beside], **options)
+        curves, _ = _measure_curves([method, *beside], **options)
         ratio = None
         if beside and self.tolerance is not None:
             good = [p.time for p in curves[0].worked() if p.error <= self.tolerance]
@@ -293,151 +286,65 @@ class WorkPrecision:
         )
 
     def to_json(self, path: str | Path) -> None:
-        """Write all but the callables; whole or not at all (a rename at the end)."""
-        data = {k: v for k, v in asdict(replace(self, _repeat={})).items() if k != "_repeat"}
-        target = Path(path)
-        handle, temporary = tempfile.mkstemp(dir=target.parent, prefix=target.name, suffix=".part")
-        try:
-            with os.fdopen(handle, "w", encoding="utf-8") as stream:
-                json.dump(_plain(data), stream, indent=1, allow_nan=False)
-                stream.write("\n")
-            os.replace(temporary, target)
-        except BaseException:
-            os.unlink(temporary)
-            raise
+        """Write all but the callables; whole or not at all."""
+        write(path, json_text(self._document()))
+
+    def _document(self) -> dict[str, Any]:
+        return {k: v for k, v in asdict(replace(self, _repeat={})).items() if k != "_repeat"}
 
     @classmethod
     def from_json(cls, path: str | Path) -> WorkPrecision:
         """What `to_json` wrote. It can be drawn and searched, not measured on."""
-        data = _restored(json.loads(Path(path).read_text(encoding="utf-8")))
+        data = from_json(Path(path).read_text(encoding="utf-8"))
         data["curves"] = tuple(
             Curve(**{**curve, "points": tuple(Point(**point) for point in curve["points"])})
             for curve in data["curves"]
         )
         return cls(**data)
 
-    def plot(self, axes: Sequence[Axes]) -> None:
-        """Draw error against count (left axes) and against time (right axes).
-
-        Args:
-            axes: two matplotlib axes of one figure.
-        """
-        left, right = axes
-        for ax, by in ((left, "count"), (right, "time")):
-            self._plot_one(ax, by)
+    def panels(self) -> list[Panel]:
+        """Error against count and against time; the text is the table, the data all points."""
         unit = self.curves[0].unit if self.curves else "count"
-        left.set_xlabel(unit)
-        right.set_xlabel("time of one run [s]")
-        left.set_ylabel(f"error [{self.error_unit}]")
-        right.legend(fontsize="small", loc="center left", bbox_to_anchor=(1.02, 0.5))
-        left.set_title(self.question, loc="left", fontsize="medium")
-        # Not a plain text: with the constrained layout this one gets its own space.
-        figure = left.get_figure(root=True)
-        if figure is not None:
-            figure.supxlabel(self.machine, x=0.01, ha="left", fontsize=6, color="0.4")
+        left = self._panel("count", unit)
+        left.title, left.legend, left.footer = self.question, "", self.machine
+        left.notes, left.data = [self.table()], self._document()
+        return [left, self._panel("time", "time of one run [s]")]
 
-    @staticmethod
-    def _legend(curve: Curve) -> str:
-        failed = len(curve.points) - len(curve.worked())
-        return f"{curve.name} (x: {failed} of {len(curve.points)} failed)" if failed else curve.name
-
-    def _plot_one(self, ax: Axes, by: str) -> None:
-        ax.set_xscale("log")
-        ax.set_yscale("log")
-        failed: list[tuple[str, Curve]] = []
-        colours = iter(PALETTE * (1 + len(self.curves) // len(PALETTE)))
-        for i, curve in enumerate(self.curves):
-            colour = "black" if curve.style == "yours" else curve.colour or next(colours)
+    def _panel(self, by: str, cost: str) -> Panel:
+        panel = Panel("", cost, f"error [{self.error_unit}]", scale="log", legend="outside")
+        for curve in self.curves:
             good = curve.worked()
-            x = np.array([p.cost(by) for p in good])
-            ax.plot(
-                x,
+            failed = len(curve.points) - len(good)
+            label = f"{curve.name} (x: {failed} of {len(curve.points)} failed)" if failed else ""
+            series = Series(
+                label or curve.name,
+                [p.cost(by) for p in good],
                 [p.error for p in good],
-                color=colour,
-                label=self._legend(curve),
-                linestyle="--" if curve.style == "oracle" else "-",
-                linewidth=3.0 if curve.style == "yours" else 1.4,
-                marker=_MARKERS[i % len(_MARKERS)],
-                markersize=4,
+                "yours" if curve.style == "yours" else curve.key or key_of(curve.name),
+                "--" if curve.style == "oracle" else "-",
+                hollow=curve.style == "oracle",
+                size=6.0 if curve.style == "oracle" else 4.0,
+                failed=failed,
             )
-            if by == "time" and good:
-                spread = np.array([[p.time - p.low, p.high - p.time] for p in good]).T
-                ax.errorbar(
-                    x, [p.error for p in good], xerr=spread, fmt="none", ecolor=colour, lw=0.8
-                )
-            if curve.style == "yours":
-                # A ring on top: a right answer often lies exactly under the worked one.
-                ax.plot(
-                    x,
-                    [p.error for p in good],
-                    linestyle="none",
-                    marker="s",
-                    markersize=8,
-                    markerfacecolor="none",
-                    markeredgecolor=colour,
-                    markeredgewidth=1.0,
-                    zorder=5,
-                )
-            failed += [(colour, curve)] * (len(curve.points) - len(good))
-        # A failure costs infinitely much, so it has no place on a finite axis: the top edge.
-        for k, (colour, _) in enumerate(failed):
-            place = 0.5 if len(failed) == 1 else 0.03 + 0.94 * k / (len(failed) - 1)
-            ax.plot(
-                [place],
-                [1.0],
-                marker="x",
-                markersize=7,
-                color=colour,
-                transform=ax.transAxes,
-                clip_on=False,
-            )
+            if by == "time":
+                series.low, series.high = [p.low for p in good], [p.high for p in good]
+                series.across = True
+            panel.series.append(series)
+        pick = None if self.tolerance is None else self.pick(by=by)
+        if pick is not None:
+            panel.series.append(
+                Series("", [pick.point.cost(by)], [pick.point.error], "chosen", "", hollow=True,
+                       size=13.0, tags=[f"pick: {pick.name}"])
+            )  # fmt: skip
         if self.tolerance is not None:
-            ax.axhline(self.tolerance, color="0.3", linestyle=":", linewidth=1.2)
-            ax.annotate(
-                f"tolerance {self.tolerance:g}{self._unit}",
-                (0.01, self.tolerance),
-                xycoords=("axes fraction", "data"),
-                ha="left",
-                va="top",
-                fontsize=7,
-            )
-            pick = self.pick(by=by)
-            if pick is not None:
-                ax.plot(
-                    [pick.point.cost(by)],
-                    [pick.point.error],
-                    marker="o",
-                    markersize=13,
-                    markerfacecolor="none",
-                    markeredgecolor="black",
-                    linestyle="none",
-                )
-                ax.annotate(
-                    f"pick: {pick.name}",
-                    (pick.point.cost(by), pick.point.error),
-                    textcoords="offset points",
-                    xytext=(8, -12),
-                    fontsize=7,
-                )
-        low = ax.get_ylim()[0]
-        if self.reference_uncertainty > low:
+            words = f"tolerance {self.tolerance:g}{self._unit}"
+            panel.lines = [("y", self.tolerance, words)]
+        errors = [e for s in panel.series for e in s.y]
+        if errors and self.reference_uncertainty > 0.5 * min(errors):
             # Below this an error says how good the reference is, not how good the method.
-            ax.axhspan(low, self.reference_uncertainty, color="0.92", zorder=0)
-            ax.set_ylim(bottom=low)
-        ax.grid(True, which="major", alpha=0.3)
-        self._few_labels(ax)
-
-    @staticmethod
-    def _few_labels(ax: Axes) -> None:
-        """On a short axis matplotlib labels most minor ticks, one over the other: 2 and 5 do."""
-        from matplotlib.ticker import LogFormatterSciNotation, LogLocator
-
-        low, high = ax.get_xlim()
-        if 0.6 < math.log10(high / low) < 1.7:
-            ax.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
-            ax.xaxis.set_minor_formatter(
-                LogFormatterSciNotation(labelOnlyBase=False, minor_thresholds=(10.0, 10.0))
-            )
+            panel.ylim = (0.2 * min(errors), None)
+            panel.spans = [("y", 0.2 * min(errors), self.reference_uncertainty, "")]
+        return panel
 
 
 def max_norm(answer: Array, reference: Array) -> float:
@@ -512,7 +419,7 @@ def measure(
                 f"a tenth of the smallest error or of the tolerance, {allowed:.2e}",
             )
 
-    curves = _measure_curves(methods, **options, check=check)
+    curves, busy = _measure_curves(methods, **options, check=check)
     return WorkPrecision(
         question=question,
         error_unit=error_unit,
@@ -520,7 +427,7 @@ def measure(
         tolerance=tolerance,
         reference_uncertainty=uncertainty,
         failed_above=failed_above,
-        machine=machine(),
+        machine=machine(busy),
         _repeat={"methods": list(methods), "options": options},
     )
 
@@ -532,8 +439,7 @@ class _Job:
     error: float = math.inf
     count: float = math.inf
     failure: str = ""
-    inner: int = 1
-    samples: list[float] = field(default_factory=list)
+    timing: Timing | None = None
 
 
 def _measure_curves(
@@ -545,7 +451,8 @@ def _measure_curves(
     repeats: int,
     sample_time: float,
     check: Callable[[Sequence[float]], None] | None = None,
-) -> tuple[Curve, ...]:
+) -> tuple[tuple[Curve, ...], float]:
+    """The curves, and the share of the timed rounds in which the machine was busy."""
     jobs = [
         _Job(method, float(parameter))
         for method in methods
@@ -557,17 +464,15 @@ def _measure_curves(
         alive = [job for job in jobs if not job.failure]
         if check is not None:
             check([job.error for job in alive])
-        for job in alive:
-            once = _sample(job)
-            job.inner = max(1, math.ceil(sample_time / max(once, 1e-9)))
-        for _ in range(repeats):
-            for job in alive:
-                job.samples.append(_sample(job))
+        samplers = [calls(job.method.run, job.parameter) for job in alive]
+        times = interleaved(samplers, repeats=repeats, sample=sample_time, warm=True)
+    for job, found in zip(alive, times, strict=True):
+        job.timing = found
     curves = []
     for method in methods:
         points = tuple(_point(job) for job in jobs if job.method is method)
-        curves.append(Curve(method.name, method.style, method.unit, points, method.colour))
-    return tuple(curves)
+        curves.append(Curve(method.name, method.style, method.unit, points, method.key))
+    return tuple(curves), max((found.busy for found in times), default=0.0)
 
 
 def _first_run(
@@ -592,26 +497,23 @@ def _first_run(
         job.failure = "the count is not finite"
 
 
-def _sample(job: _Job) -> float:
-    run, parameter = job.method.run, job.parameter
-    start = time.perf_counter()
-    for _ in range(job.inner):
-        run(parameter)
-    return (time.perf_counter() - start) / job.inner
-
-
 def _point(job: _Job) -> Point:
-    if job.failure:
+    found = job.timing
+    if found is None:
         never = math.inf
         return Point(job.parameter, never, never, never, never, never, job.failure)
-    low, median, high = (float(t) for t in np.percentile(job.samples, [25.0, 50.0, 75.0]))
     # An error of exactly zero has no place on a log axis; a rounding is what it means.
     exact = max(job.error, float(np.finfo(float).tiny))
-    return Point(job.parameter, exact, job.count, median, low, high)
+    return Point(job.parameter, exact, job.count, found.median, found.low, found.high)
 
 
-def machine() -> str:
-    """Processor, cores and versions, for the footer of a chart."""
+def machine(busy: float = 0.0) -> str:
+    """Processor, cores and versions, for the footer of a chart.
+
+    Args:
+        busy: share of the timed rounds in which the machine had other work, see
+            `course.measure.timing`.
+    """
     name = platform.processor() or platform.machine()
     try:
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
@@ -626,7 +528,8 @@ def machine() -> str:
             versions.append(f"{package} {metadata.version(package)}")
         except metadata.PackageNotFoundError:
             versions.append(f"no {package}")
-    return f"{name}, {os.cpu_count()} cores; " + ", ".join(versions)
+    found = f"{name}, {os.cpu_count()} cores; " + ", ".join(versions)
+    return found + (f"; busy in {busy:.0%} of the rounds" if busy else "")
 
 
 def _seconds(value: float) -> str:
@@ -634,24 +537,3 @@ def _seconds(value: float) -> str:
         if value >= scale:
             return f"{value / scale:.3g} {unit}"
     return f"{value / 1e-9:.3g} ns"
-
-
-def _plain(value: Any) -> Any:
-    """JSON has no infinity and no NaN: they become {"float": "inf"}."""
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return {"float": repr(value)}
-    return value
-
-
-def _restored(value: Any) -> Any:
-    if isinstance(value, dict):
-        if set(value) == {"float"}:
-            return float(value["float"])
-        return {k: _restored(v) for k, v in value.items()}
-    if isinstance(value, list):
-        return [_restored(v) for v in value]
-    return value

@@ -2,13 +2,10 @@
 
 import math
 
-import matplotlib
 import numpy as np
 import pytest
 
 from course.measure import stability
-
-matplotlib.use("Agg")
 
 
 def _shear(x, friction=0.0):
@@ -90,13 +87,6 @@ def test_map_boundary_follows_theory():
     )
     theory = [_shear_limit(friction) for friction in y]
     assert measured.boundary() == pytest.approx(np.array(theory), abs=0.51 * (x[1] - x[0]))
-    import matplotlib.pyplot as plt
-
-    figure, ax = plt.subplots()
-    measured.plot(ax, {"theory": (theory, y)}, title="shears")
-    assert ax.get_legend_handles_labels()[1] == ["measured", "theory"]
-    figure.canvas.draw()
-    plt.close(figure)
 
 
 def test_map_without_a_boundary():

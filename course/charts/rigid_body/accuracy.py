@@ -1,14 +1,16 @@
 """Chapter 1, speed against accuracy: every integrator on every problem, beside MuJoCo."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from course.charts import chart, save
+from course.charts import chart
 from course.check import one_of
-from course.measure.work_precision import Method, Result, WorkPrecision, measure
+from course.measure import figure
+from course.measure.figure import Panel
+from course.measure.work_precision import Method, Result, WorkPrecision, machine, measure
 from course.oracles.mujoco import box as mujoco_box
 from course.oracles.mujoco import free as mujoco_free
 from course.oracles.mujoco import kit as mujoco_kit
@@ -149,7 +151,10 @@ def _mujocos(problem: Problem, question: Question, name: str, steps: tuple[int, 
 
 
 def work_precision(
-    name: str, repeats: int = 5, steps: tuple[int, ...] | None = None
+    name: str,
+    repeats: int = 5,
+    steps: tuple[int, ...] | None = None,
+    names: tuple[str, ...] | None = None,
 ) -> WorkPrecision:
     """Error against cost of every integrator, ours and MuJoCo's, on one problem.
 
@@ -157,6 +162,7 @@ def work_precision(
         name: "oscillator", "pendulum", "tumble", "heavy_top" or "double_pendulum".
         repeats: timed rounds.
         steps: numbers of steps to try; default: a range that fits the problem.
+        names: of the methods; default: all.
 
     Returns:
         The measured curves; `with_method` puts a step function of yours beside them (see
@@ -172,6 +178,7 @@ def work_precision(
         if rotation or method != "rk4_renormalised"
     ]
     methods += [_mujocos(problem, question, method, counts) for method in MUJOCO_SHOWN]
+    methods = [method for method in methods if names is None or method.name in names]
     truth, _ = problem.truth(problem.duration)
     check, _ = problems.tight_reference(
         problem.system, problem.duration, 1e-13 if problem.closed_form else 5e-14
@@ -298,55 +305,43 @@ def box_work_precision(repeats: int = 5, counts: tuple[int, ...] = _BOX_STEPS) -
 
 def draw(result: WorkPrecision) -> Any:
     """The two panels of a work-precision result as a figure."""
-    import matplotlib.pyplot as plt
-
-    figure, axes = plt.subplots(1, 2, figsize=(12, 4.6), layout="constrained")
-    result.plot(axes)
-    return figure
-
-
-def _chart(name: str, result: WorkPrecision) -> str:
-    from course.charts import FOLDER
-
-    save(name, draw(result), None)
-    result.to_json(FOLDER / f"{name}.json")
-    return result.table()
+    return figure.draw(result.panels())
 
 
 @chart
-def work_precision_oscillator() -> str:
+def work_precision_oscillator() -> Iterator[Panel]:
     """Work-precision on the linear oscillator."""
-    return _chart("work_precision_oscillator", work_precision("oscillator"))
+    yield from work_precision("oscillator").panels()
 
 
 @chart
-def work_precision_pendulum() -> str:
+def work_precision_pendulum() -> Iterator[Panel]:
     """Work-precision on the pendulum."""
-    return _chart("work_precision_pendulum", work_precision("pendulum"))
+    yield from work_precision("pendulum").panels()
 
 
 @chart
-def work_precision_tumble() -> str:
+def work_precision_tumble() -> Iterator[Panel]:
     """Work-precision on the free asymmetric body."""
-    return _chart("work_precision_tumble", work_precision("tumble"))
+    yield from work_precision("tumble").panels()
 
 
 @chart
-def work_precision_heavy_top() -> str:
+def work_precision_heavy_top() -> Iterator[Panel]:
     """Work-precision on the heavy top."""
-    return _chart("work_precision_heavy_top", work_precision("heavy_top"))
+    yield from work_precision("heavy_top").panels()
 
 
 @chart
-def work_precision_double_pendulum() -> str:
+def work_precision_double_pendulum() -> Iterator[Panel]:
     """Work-precision on the double pendulum."""
-    return _chart("work_precision_double_pendulum", work_precision("double_pendulum"))
+    yield from work_precision("double_pendulum").panels()
 
 
 @chart
-def work_precision_box() -> str:
+def work_precision_box() -> Iterator[Panel]:
     """Work-precision on the bouncing box."""
-    return _chart("work_precision_box", box_work_precision())
+    yield from box_work_precision().panels()
 
 
 # --- the same millisecond for all ---------------------------------------------------------------
@@ -363,51 +358,45 @@ class Row:
     nanoseconds: float
 
 
-def table_at(dt: float = 1e-3, repeats: int = 5) -> list[Row]:
+def table_at(
+    dt: float = 1e-3,
+    repeats: int = 5,
+    problems: tuple[str, ...] = ("tumble", "heavy_top", "oscillator"),
+) -> list[Row]:
     """Error and time per step of MuJoCo's integrators and ours at one step.
 
     Args:
         dt: step [s].
         repeats: timed rounds, interleaved.
-
-    Returns:
-        Rows for the tumble, the top, the oscillator and the box drop.
+        problems: the smooth ones; the box drop follows.
     """
-    rows: list[Row] = []
-    for name in ("tumble", "heavy_top", "oscillator"):
-        problem, _ = questions()[name]
-        steps = (round(problem.duration / dt),)
-        result = work_precision(name, repeats, steps)
-        for curve in result.curves:
-            (point,) = curve.points
-            rows.append(
-                Row(name, curve.name, point.error, problem.unit, point.time / steps[0] * 1e9)
-            )
-    box = box_work_precision(repeats, (round(BOX_DURATION / dt),))
-    for curve in box.curves:
-        (point,) = curve.points
-        rows.append(
-            Row("box drop", curve.name, point.error, "m", point.time * point.parameter * 1e9)
-        )
-    return rows
+    found = questions()
+    asked = [
+        (name, found[name][0].unit, work_precision(name, repeats, (steps,)), steps)
+        for name in problems
+        for steps in [round(found[name][0].duration / dt)]
+    ]
+    steps = round(BOX_DURATION / dt)
+    asked.append(("box drop", "m", box_work_precision(repeats, (steps,)), steps))
+    return [
+        Row(name, curve.name, point.error, unit, point.time / steps * 1e9)
+        for name, unit, result, steps in asked
+        for curve in result.curves
+        for point in curve.points
+    ]
 
 
-def format_rows(rows: list[Row]) -> str:
-    """The table as text."""
-    lines = [f"{'problem':<11} {'method':<30} {'error':>9}      {'time per step':>13}"]
-    for row in rows:
+@chart
+def table_at_one_millisecond(**sizes: Any) -> Iterator[Panel]:
+    """Who is how wrong and how fast at the same step of 1 ms."""
+    panel = Panel("Everybody at the same step")
+    panel.notes = [f"{'problem':<11} {'method':<30} {'error':>9}      {'time per step':>13}"]
+    for row in table_at(**sizes):
         head = f"{row.problem:<11} {row.method:<30}"
-        lines.append(
+        panel.notes.append(
             f"{head} {row.error:>9.1e} {row.unit:<4} {row.nanoseconds:>10.0f} ns"
             if np.isfinite(row.error)
             else f"{head} failed: off by more than 1 {row.unit}"
         )
-    return "\n".join(lines)
-
-
-@chart
-def table_at_one_millisecond() -> str:
-    """Who is how wrong and how fast at the same step of 1 ms."""
-    from course.measure.work_precision import machine
-
-    return f"{format_rows(table_at())}\n{machine()}"
+    panel.notes.append(machine())
+    yield panel

@@ -1,14 +1,16 @@
 """Chapter 1: the bouncing box as a scene, the smallest model that answers its question."""
 
-import time
-from collections.abc import Callable
+from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from course.charts import chart
 from course.check import refused
+from course.measure.figure import Panel
 from course.measure.scene import LeftOut, Modelled, Scene, Tolerance
+from course.measure.timing import calls, interleaved
 from course.oracles.mujoco import box as mujoco_box
 from course.oracles.mujoco.box import add_air, spatial_box
 from course.rigid_body import planar
@@ -96,19 +98,16 @@ def _costs() -> tuple[float, float, float]:
     )  # fmt: skip
     space = spatial_box(SIZE, MASS, START, 0.0, dt, restitution=RESTITUTION, friction=FRICTION,
                         gravity=STANDARD_GRAVITY)  # fmt: skip
-    runs: tuple[Callable[[], Any], ...] = (
-        lambda: planar.rollout(START[:, None], parameters, dt, steps, integrator="rk4"),
-        lambda: flat.run(steps),
-        lambda: space.run(steps),
+    timed = interleaved(
+        [
+            calls(partial(planar.rollout, integrator="rk4"), START[:, None], parameters, dt, steps),
+            calls(flat.run, steps),
+            calls(space.run, steps),
+        ],
+        repeats=15,
     )
-    samples = np.empty((15, 3))
-    for row in samples:
-        for i, run in enumerate(runs):
-            begin = time.perf_counter()
-            run()
-            row[i] = (time.perf_counter() - begin) / steps
-    ours_, flat_, space_ = np.median(samples, axis=0)
-    return float(ours_), float(flat_), float(space_)
+    ours_, flat_, space_ = (found.median / steps for found in timed)
+    return ours_, flat_, space_
 
 
 def bouncing_box() -> Scene:
@@ -160,14 +159,16 @@ def bouncing_box() -> Scene:
 
 
 @chart
-def scene_bouncing_box() -> str:
+def scene_bouncing_box() -> Iterator[Panel]:
     """The bouncing tile's scene with the error of everything left out, and where it ends."""
     answer, rigid = ours(), _mujocos_plane()
     thick = {depth: third_dimension(depth) for depth in (0.02, 0.05, 0.1, 0.2)}
     rows = ", ".join(f"{1e3 * depth:.0f} mm: {error:.3f} m" for depth, error in thick.items())
-    return (
-        f"{bouncing_box().table()}\n"
-        f"answer {answer:.4f} m; MuJoCo with the same model, step {FINE:g} s: {rigid:.4f} m\n"
-        f"where the plane ends: error of leaving out the third dimension by depth of the body, "
-        f"tilt {np.degrees(TILT):.1f} deg: {rows}"
-    )
+    panel = Panel("The bouncing tile")
+    panel.notes = [
+        bouncing_box().table(),
+        f"answer {answer:.4f} m; MuJoCo with the same model, step {FINE:g} s: {rigid:.4f} m",
+        "where the plane ends: error of leaving out the third dimension by depth of the body, "
+        f"tilt {np.degrees(TILT):.1f} deg: {rows}",
+    ]
+    yield panel

@@ -5,69 +5,35 @@ Every limit is measured on the course's own step functions, or MuJoCo's, and set
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from course.charts import chart, save
+from course.charts import chart
 from course.measure import stability
+from course.measure.figure import Panel, Series
 from course.measure.stability import Map
-from course.measure.work_precision import PALETTE
-from course.oracles.mujoco import kit as mujoco_kit
-from course.oracles.mujoco import oscillator as mujoco_oscillator
+from course.oracles.mujoco.kit import MUJOCO_INTEGRATORS
+from course.oracles.mujoco.oscillator import oscillator_step as mujoco_step
 from course.rigid_body import oscillator, problems
 from course.rigid_body.integrators import INTEGRATORS, Array
 
-NAMES = oscillator.METHODS
-COLOURS = dict(zip(NAMES, PALETTE, strict=False))
-LABELS = dict(
-    zip(
-        NAMES,
-        (
-            "explicit Euler",
-            "semi-implicit Euler",
-            "velocity Verlet",
-            "explicit midpoint",
-            "implicit midpoint",
-            "RK4",
-        ),
-        strict=True,
-    )
-)
-BLUE, ORANGE, GREEN, PINK, SKY, YELLOW, GREY, _ = PALETTE
-
+LABELS = {
+    "explicit_euler": "explicit Euler",
+    "semi_implicit_euler": "semi-implicit Euler",
+    "velocity_verlet": "velocity Verlet",
+    "explicit_midpoint": "explicit midpoint",
+    "implicit_midpoint": "implicit midpoint",
+    "rk4": "RK4",
+}
 NO_LIMIT = 1e3  # omega dt up to which a method without a limit was tried
+
+Linear = Callable[[Array], Array]
 
 
 # --- limits on the damped oscillator -------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Limit:
-    """One measured stability limit and its theory.
-
-    Attributes:
-        method: name; MuJoCo's begin with "MuJoCo".
-        zeta: damping ratio.
-        measured: largest stable omega dt; 0 for none, infinity for none found up to `NO_LIMIT`.
-        theory: the same from theory.
-    """
-
-    method: str
-    zeta: float
-    measured: float
-    theory: float
-
-    @property
-    def deviation(self) -> float:
-        """Relative, 0 where both say 0 or both say infinity."""
-        if self.measured == self.theory:
-            return 0.0
-        return abs(self.measured / self.theory - 1.0) if self.theory > 0.0 else math.inf
-
-
-Linear = Callable[[Array], Array]
 
 
 def measured_limit(step_at: Callable[[float], Linear], rel: float = 1e-4) -> float:
@@ -87,8 +53,8 @@ def measured_limit(step_at: Callable[[float], Linear], rel: float = 1e-4) -> flo
     def is_stable(omega_dt: float) -> bool:
         return stability.is_stable_by_matrix(step_at(omega_dt), 2)
 
-    values = np.append(np.arange(0.0, math.log(NO_LIMIT / 0.05), math.log(1.2)), math.log(2e4))
     low = 0.0
+    values = np.append(np.arange(0.0, math.log(NO_LIMIT / 0.05), math.log(1.2)), math.log(2e4))
     for value in 0.05 * np.exp(values):
         if not is_stable(float(value)):
             return stability.limit(is_stable, low, float(value), rel) if low > 0.0 else 0.0
@@ -96,22 +62,12 @@ def measured_limit(step_at: Callable[[float], Linear], rel: float = 1e-4) -> flo
     return math.inf
 
 
-_MUJOCO_VARIANTS: tuple[tuple[str, str, bool], ...] = (
-    ("MuJoCo Euler", "Euler", True),
-    ("MuJoCo Euler, eulerdamp off", "Euler", False),
-    ("MuJoCo implicitfast", "implicitfast", True),
-    ("MuJoCo implicit", "implicit", True),
-    ("MuJoCo RK4", "RK4", True),
-    ("MuJoCo discrete", "discrete", True),
-)
-
-
-def mujoco_theory(integrator: str, zeta: float, implicit_damping: bool = True) -> float:
+def mujoco_theory(zeta: float, integrator: str, implicit_damping: bool = True) -> float:
     """What the stability limit of MuJoCo's integrators should be on a damped spring.
 
     Args:
-        integrator: MuJoCo's name.
         zeta: damping ratio.
+        integrator: MuJoCo's name.
         implicit_damping: False for the flag eulerdamp off.
     """
     if integrator == "discrete":
@@ -123,102 +79,88 @@ def mujoco_theory(integrator: str, zeta: float, implicit_damping: bool = True) -
     return oscillator.implicit_damping_limit(zeta)
 
 
-def limits(
-    zetas: Sequence[float] = (0.0, 0.1, 0.5, 1.0, 1.5),
-    methods: Sequence[str] = NAMES,
-    mujoco: bool = True,
-) -> list[Limit]:
-    """Measured and theoretical limits.
+@dataclass(frozen=True)
+class Contender:
+    """A method on the damped spring.
 
-    Args:
-        zetas: damping ratios.
-        methods: of the course.
-        mujoco: whether to ask MuJoCo's integrators as well.
+    Attributes:
+        step: (omega dt, zeta) -> one step.
+        theory: zeta -> the largest stable omega dt; 0 for none, infinity for no limit.
     """
-    found = [
-        Limit(
-            method,
-            zeta,
-            measured_limit(functools.partial(oscillator.stepper, method, zeta=zeta)),
-            oscillator.limit(method, zeta),
+
+    step: Callable[[float, float], Linear]
+    theory: Callable[[float], float]
+
+    def limit(self, zeta: float) -> float:
+        """The measured one."""
+        return measured_limit(lambda omega_dt: self.step(omega_dt, zeta))
+
+
+def contenders() -> dict[str, Contender]:
+    """The course's methods and MuJoCo's, by their keys on a chart."""
+    found = {
+        name: Contender(
+            functools.partial(oscillator.stepper, name), functools.partial(oscillator.limit, name)
         )
-        for method in methods
-        for zeta in zetas
-    ]
-    if mujoco:
-        for name, integrator, damping in _MUJOCO_VARIANTS:
-            for zeta in zetas:
-                measured = measured_limit(
-                    functools.partial(
-                        mujoco_oscillator.oscillator_step,
-                        integrator,
-                        damping_ratio=zeta,
-                        implicit_damping=damping,
-                    )
-                )
-                found.append(Limit(name, zeta, measured, mujoco_theory(integrator, zeta, damping)))
+        for name in LABELS
+    }
+    for name, integrator, damping in (
+        ("Euler", "Euler", True),
+        ("Euler, eulerdamp off", "Euler", False),
+        ("implicitfast", "implicitfast", True),
+        ("implicit", "implicit", True),
+        ("RK4", "RK4", True),
+        ("discrete", "discrete", True),
+    ):
+        found[f"MuJoCo {name}"] = Contender(
+            functools.partial(mujoco_step, integrator, implicit_damping=damping),
+            functools.partial(mujoco_theory, integrator=integrator, implicit_damping=damping),
+        )
     return found
 
 
-def limits_table(found: Sequence[Limit]) -> str:
-    """The limits as text: method by damping ratio, and the worst deviation from theory."""
-    zetas = sorted({item.zeta for item in found})
-    lines = [f"{'limit of omega dt':<28}" + "".join(f"  zeta {z:<4g}" for z in zetas) + "  worst"]
-    for name in dict.fromkeys(item.method for item in found):
-        row = {item.zeta: item for item in found if item.method == name}
-        cells = "".join(
-            f"  {'none' if math.isinf(row[z].measured) else format(row[z].measured, '.4f'):<9}"
-            for z in zetas
+def deviation(measured: float, theory: float) -> float:
+    """Relative, 0 where both say 0 or both say infinity."""
+    if measured == theory:
+        return 0.0
+    return abs(measured / theory - 1.0) if theory > 0.0 else math.inf
+
+
+@chart(share_y=True, size=(12.0, 5.0))
+def stability_limits(
+    zetas: Sequence[float] = (0.0, 0.1, 0.25, 0.5, 1.0, 1.5), names: Sequence[str] = ()
+) -> Iterator[Panel]:
+    """The limit of every integrator on the damped oscillator, ours and MuJoCo's.
+
+    Args:
+        zetas: damping ratios.
+        names: keys of `contenders`; all by default.
+    """
+    shared: dict[str, Any] = {"xlim": (-0.03, 1.6), "ylim": (0.0, 7.0), "legend": "upper left"}
+    ours, mujocos = (
+        Panel(title, "damping ratio", "largest stable omega dt", **shared)
+        for title in (
+            "A damper taken explicitly costs stability",
+            "MuJoCo: taken implicitly, it buys some",
         )
-        lines.append(f"{name:<28}{cells}  {max(i.deviation for i in row.values()):.3%}")
-    lines.append(f"none: stable at every omega dt tried, up to {2e4 * 0.05:g}; 0: at no step")
-    return "\n".join(lines)
-
-
-@chart
-def stability_limits() -> str:
-    """The limit of every integrator on the damped oscillator, ours and MuJoCo's."""
-    import matplotlib.pyplot as plt
-
-    found = limits((0.0, 0.1, 0.25, 0.5, 1.0, 1.5))
-    dense = np.linspace(0.0, 1.6, 129)
-    curves: dict[str, Callable[[float], float]] = {
-        name: functools.partial(oscillator.limit, name) for name in NAMES
-    }
-    for name, integrator, damping in _MUJOCO_VARIANTS:
-        curves[name] = functools.partial(mujoco_theory, integrator, implicit_damping=damping)
-    figure, axes = plt.subplots(1, 2, figsize=(12, 5.0), layout="constrained", sharey=True)
-    top = 7.0
-    for ax, ours in zip(axes, (True, False), strict=True):
-        names = [name for name in curves if name.startswith("MuJoCo") != ours]
-        for i, (name, colour) in enumerate(zip(names, PALETTE, strict=False)):
-            line = [curves[name](float(z)) for z in dense]
-            if not math.isinf(line[0]):
-                ax.plot(dense, line, color=colour, lw=1.2)
-            rows = [item for item in found if item.method == name]
-            endless = math.isinf(rows[0].measured)
-            label = LABELS.get(name, name)
-            ax.plot(
-                [item.zeta for item in rows],
-                [top - 0.15 if endless else item.measured for item in rows],
-                linestyle="none",
-                marker="^" if endless else "osDvPX"[i],
-                markersize=7 if ours or endless else 11 - 1.6 * i,
-                mfc="none" if not ours else colour,
-                color=colour,
-                label=label + (f": none up to {NO_LIMIT:g}" if endless else ""),
-            )
-        ax.set(xlabel="damping ratio", ylim=(0.0, top), xlim=(-0.03, 1.6))
-        ax.plot([], [], color="black", lw=1.2, label="theory")
-        ax.grid(True, alpha=0.3)
-        ax.legend(fontsize="small", loc="upper left", bbox_to_anchor=(0.0, 0.95))
-    axes[0].set(
-        ylabel="largest stable omega dt",
-        title="A damper taken explicitly costs stability",
     )
-    axes[1].set(title="MuJoCo: taken implicitly, it buys some")
-    save("stability_limits", figure, [vars(item) for item in found])
-    return limits_table(found)
+    lines = [f"{'limit of omega dt':<28}" + "".join(f"  zeta {z:<4g}" for z in zetas) + "  worst"]
+    for name, contender in contenders().items():
+        if names and name not in names:
+            continue
+        found = [contender.limit(z) for z in zetas]
+        endless = math.isinf(found[0])
+        series = Series(
+            LABELS.get(name, name) + (f": none up to {NO_LIMIT:g}" if endless else ""),
+            zetas, found, name, "", contender.theory, hollow="MuJoCo" in name,
+        )  # fmt: skip
+        (mujocos if "MuJoCo" in name else ours).series.append(series)
+        worst = max(map(deviation, found, series.expected))
+        cells = "".join(f"  {'none' if math.isinf(m) else format(m, '.4f'):<9}" for m in found)
+        lines.append(f"{name:<28}{cells}  {worst:.3%}")
+    lines.append(f"none: stable at every omega dt tried, up to {NO_LIMIT:g}; 0: at no step")
+    mujocos.notes = lines
+    yield from (ours, mujocos)
 
 
 # --- maps ----------------------------------------------------------------------------------------
@@ -259,50 +201,31 @@ def boundary_error(found: Map, method: str) -> float:
     return worst
 
 
-@chart
-def stability_maps() -> str:
+@chart(
+    columns=3,
+    share_y=True,
+    size=(12.0, 7.4),
+    title="Where a step decays and where it grows: measured boundary black, theory white, dashed",
+)
+def stability_maps(nx: int = 200, ny: int = 101) -> Iterator[Panel]:
     """Growth per step over step and damping, with the theoretical boundary on the measured one."""
-    import matplotlib.pyplot as plt
-
-    omega_dt, zeta = np.linspace(0.02, 4.0, 200), np.linspace(0.0, 2.0, 101)
-    figure, axes = plt.subplots(
-        2, 3, figsize=(12, 7.4), layout="constrained", sharex=True, sharey=True
-    )
-    lines, data = [], {}
-    for ax, method in zip(axes.flat, NAMES, strict=True):
+    omega_dt, zeta = np.linspace(0.02, 4.0, nx), np.linspace(0.0, 2.0, ny)
+    for method, label in LABELS.items():
         found = growth_map(method, omega_dt, zeta)
-        with np.errstate(divide="ignore"):
-            shown = np.clip(np.log10(found.growth), -0.5, 0.5)
-        image = ax.pcolormesh(
-            omega_dt, zeta, shown, cmap="PuOr_r", vmin=-0.5, vmax=0.5, shading="nearest",
-            rasterized=True,
+        panel = Panel(
+            label, "omega dt", "damping ratio", grid=found, xlim=(0.0, 4.0), legend=""
         )  # fmt: skip
-        stable = found.stable()
-        if stable.any() and not stable.all():
-            ax.contour(
-                omega_dt, zeta, stable.astype(float), levels=[0.5], colors="black", linewidths=2.5
-            )
-        theory = np.array([oscillator.limit(method, float(z)) for z in zeta])
-        ax.plot(theory, zeta, "--", color="white", lw=1.3)
-        ax.set(title=LABELS[method], xlim=(0.0, 4.0), ylim=(0.0, 2.0))
-        share = float(np.mean(stable))
-        worst = boundary_error(found, method)
-        lines.append(
-            f"{method:<20} stable on {share:6.1%} of the map; boundary within {worst:.2f} cells"
+        theory = [oscillator.limit(method, float(z)) for z in zeta]
+        panel.series.append(Series("theory", theory, zeta, "theory on a map", "--"))
+        panel.notes.append(
+            f"{method:<20} stable on {np.mean(found.stable()):6.1%} of the map; boundary within "
+            f"{boundary_error(found, method):.2f} cells"
         )
-        data[method] = {"stable_share": share, "boundary": found.boundary().tolist()}
-    for ax in axes[1]:
-        ax.set_xlabel("omega dt")
-    for ax in axes[:, 0]:
-        ax.set_ylabel("damping ratio")
-    bar = figure.colorbar(image, ax=axes, shrink=0.8, extend="both")
-    bar.set_label("log10(growth per step): purple decays, orange grows")
-    figure.suptitle(
-        "Where a step decays and where it grows: measured boundary black, theory white and dashed"
-    )
-    save("stability_maps", figure, {"omega_dt": omega_dt.tolist(), "zeta": zeta.tolist(), **data})
-    lines.append(f"a cell is {omega_dt[1] - omega_dt[0]:.2f} wide; 0.5 is the best it can resolve")
-    return "\n".join(lines)
+        if method == "rk4":
+            panel.notes.append(
+                f"a cell is {omega_dt[1] - omega_dt[0]:.2f} wide; 0.5 is the best it can resolve"
+            )
+        yield panel
 
 
 # --- the stiff spring in MuJoCo ------------------------------------------------------------------
@@ -322,18 +245,18 @@ class Mode:
     damping: float
     phase: float
 
+    @classmethod
+    def of(cls, z: complex, omega_dt: float) -> "Mode":
+        """That of the eigenvalue z of a step omega dt."""
+        log = complex(np.log(z))
+        return cls(abs(z), -log.real / abs(log), abs(log.imag) / omega_dt - 1.0)
 
-def mode(step: Linear, omega_dt: float) -> Mode:
-    """Growth, numerical damping and phase error of a linear step on x'' = -x.
 
-    Args:
-        step: (x, x') -> (x, x').
-        omega_dt: its step.
-    """
-    values = np.linalg.eigvals(stability.amplification(step, 2))
-    z = values[int(np.argmax(np.abs(values)))]
-    log = np.log(complex(z))
-    return Mode(float(abs(z)), float(-log.real / abs(log)), float(abs(log.imag) / omega_dt - 1.0))
+def mujoco_mode(integrator: str, omega_dt: float) -> Mode:
+    """Measured on MuJoCo's undamped spring, the eigenvalue of larger modulus."""
+    matrix = stability.amplification(mujoco_step(integrator, omega_dt), 2)
+    values = np.linalg.eigvals(matrix)
+    return Mode.of(complex(values[int(np.argmax(np.abs(values)))]), omega_dt)
 
 
 def implicit_euler_mode(omega_dt: float) -> Mode:
@@ -343,112 +266,70 @@ def implicit_euler_mode(omega_dt: float) -> Mode:
     arg z = atan(x): a damping ratio of x / 2 and a frequency too low by x^2 / 3 where x is small
     (Hairer, Wanner, Solving Ordinary Differential Equations II, 1996, sec. IV.3).
     """
-    log = -0.5 * math.log1p(omega_dt**2) + 1j * math.atan(omega_dt)
-    return Mode(math.exp(log.real), -log.real / abs(log), log.imag / omega_dt - 1.0)
-
-
-def stiff_spring(omega_dt: Sequence[float] | Array, integrator: str) -> list[Mode]:
-    """Measured modes of MuJoCo's undamped spring.
-
-    Args:
-        omega_dt: steps times natural frequency.
-        integrator: MuJoCo's name.
-    """
-    return [
-        mode(mujoco_oscillator.oscillator_step(integrator, float(x)), float(x)) for x in omega_dt
-    ]
+    return Mode.of(1.0 / complex(1.0, -omega_dt), omega_dt)
 
 
 @chart
-def mujoco_stiff_spring() -> str:
+def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
     """Limits of MuJoCo's integrators on a stiff spring, and what having none costs."""
-    import matplotlib.pyplot as plt
-
-    x = np.geomspace(0.01, 1e3, 121)
-    names = mujoco_kit.MUJOCO_INTEGRATORS
-    modes = {name: stiff_spring(x, name) for name in names}
-    found = {
-        name: measured_limit(functools.partial(mujoco_oscillator.oscillator_step, name))
-        for name in names
-    }
-    figure, (left, middle, right) = plt.subplots(1, 3, figsize=(13, 4.8), layout="constrained")
-    for name, colour, width in zip(names, PALETTE, (7.0, 2.0, 4.5, 2.0, 2.0), strict=False):
-        left.loglog(
-            x, [m.growth for m in modes[name]], color=colour, lw=width,
-            ls="--" if name == "implicitfast" else "-", label=name,
+    x = np.geomspace(0.01, NO_LIMIT, points)
+    modes = {name: [mujoco_mode(name, float(v)) for v in x] for name in MUJOCO_INTEGRATORS}
+    left = Panel(
+        "Only discrete survives any step", "omega dt", "growth per step", scale="log",
+        lines=[("x", 2.0, "2"), ("x", 2.0 * math.sqrt(2.0), "2 sqrt(2)")], ylim=(1e-4, 1e4),
+        legend="upper left",
+    )  # fmt: skip
+    widths = dict(zip(modes, (7.0, 2.0, 4.5, 2.0, 2.0), strict=True))
+    for name, rows in modes.items():
+        style = "--" if name == "implicitfast" else "-"
+        left.series.append(
+            Series(name, x, [m.growth for m in rows], f"MuJoCo {name}", style, marker="",
+                   width=widths[name])
         )  # fmt: skip
-    for value, text in ((2.0, "2"), (2.0 * math.sqrt(2.0), "2 sqrt(2)")):
-        left.axvline(value, color="black", ls=":", lw=1)
-        left.text(
-            value, 3e-4 if value == 2.0 else 1e-3, text + " ",
-            ha="right" if value == 2.0 else "left", fontsize="small",
-        )  # fmt: skip
-    left.set(
-        xlabel="omega dt",
-        ylabel="growth per step",
-        ylim=(1e-4, 1e4),
-        title="Only discrete survives any step",
-    )
-    left.legend(fontsize="small", loc="upper left")
-    theory = [implicit_euler_mode(float(value)) for value in x]
-    middle.loglog(x, [m.damping for m in modes["discrete"]], "o", ms=4, color=SKY, label="discrete")
-    middle.loglog(
-        x, [m.damping for m in theory], color="black", lw=1, label="theory: implicit Euler"
-    )
-    middle.loglog(x, 0.5 * x, ":", color=GREY, label="omega dt / 2")
-    middle.set(
-        xlabel="omega dt",
-        ylabel="damping ratio (the true one is 0)",
-        ylim=(3e-3, 3.0),
-        title="It pays with damping of its own",
-    )
-    middle.legend(fontsize="small", loc="lower right")
-    for name, colour, marker in (
-        ("discrete", SKY, "o"),
-        ("Euler", BLUE, "s"),
-        ("RK4", ORANGE, "^"),
-    ):
-        stable = x < found[name]
-        right.loglog(
-            x[stable], np.abs([m.phase for m in modes[name]])[stable], marker, ms=4, color=colour,
-            label=f"{name} ({'too low' if modes[name][40].phase < 0.0 else 'too high'})",
-        )  # fmt: skip
-    right.loglog(x, [-m.phase for m in theory], color="black", lw=1, label="1 - atan(x) / x")
-    euler = x[x < 2.0]
-    right.loglog(euler, 2.0 * np.arcsin(0.5 * euler) / euler - 1.0, "--", color="black", lw=1,
-                 label="2 asin(x / 2) / x - 1")  # fmt: skip
-    right.set(
-        xlabel="omega dt",
-        ylabel="relative error of the frequency",
-        ylim=(1e-9, 3.0),
-        title="and with the frequency of the motion",
-    )
-    right.legend(fontsize="small", loc="lower right")
-    for ax in (left, middle, right):
-        ax.grid(True, alpha=0.3)
-    save(
-        "mujoco_stiff_spring",
-        figure,
-        {
-            "omega_dt": x.tolist(),
-            "limit": found,
-            "modes": {name: [vars(m) for m in modes[name]] for name in names},
-        },
-    )
-    lines = []
-    for name in names:
-        expected = mujoco_theory(name, 0.0)
-        text = "none up to 1000" if math.isinf(found[name]) else f"{found[name]:.4f}"
+    steps = {name: functools.partial(mujoco_step, name) for name in modes}
+    found = {name: measured_limit(step) for name, step in steps.items()}
+    for name, limit in found.items():
+        expected = mujoco_theory(0.0, name)
+        text = "none up to 1000" if math.isinf(limit) else f"{limit:.4f}"
         wanted = "none" if math.isinf(expected) else f"{expected:.4f}"
-        lines.append(f"{name:<13} limit of omega dt {text}, theory {wanted}")
-    lines.append("what discrete does to an undamped spring:")
+        left.notes.append(f"{name:<13} limit of omega dt {text}, theory {wanted}")
+    yield left
+
+    middle = Panel(
+        "It pays with damping of its own", "omega dt", "damping ratio (the true one is 0)",
+        scale="log", ylim=(3e-3, 3.0), legend="lower right", theory="theory: implicit Euler",
+    )  # fmt: skip
+    middle.series = [
+        Series("discrete", x, [m.damping for m in modes["discrete"]], "MuJoCo discrete", "",
+               lambda v: implicit_euler_mode(v).damping),
+        Series("omega dt / 2", x, 0.5 * x, "theory", ":"),
+    ]  # fmt: skip
+    middle.notes.append("what discrete does to an undamped spring:")
     for value in (0.01, 0.1, 0.3, 1.0):
-        (m,) = stiff_spring([value], "discrete")
-        t = implicit_euler_mode(value)
+        m, t = mujoco_mode("discrete", value), implicit_euler_mode(value)
         left_over = m.growth ** (2.0 * math.pi / value)
-        lines.append(
+        middle.notes.append(
             f"  omega dt {value:5g}: damping ratio {m.damping:.4f} (theory {t.damping:.4f}), "
             f"frequency {m.phase:+.2%} ({t.phase:+.2%}), amplitude left after a period "
             f"{left_over:.1%}"
         )
-    return "\n".join(lines)
+    yield middle
+
+    right = Panel(
+        "and with the frequency of the motion", "omega dt", "relative error of the frequency",
+        scale="log", ylim=(1e-9, 3.0), legend="lower right",
+        theory="1 - atan(x) / x, 2 asin(x / 2) / x - 1",
+    )  # fmt: skip
+    theory: dict[str, Callable[[float], float]] = {
+        "discrete": lambda v: -implicit_euler_mode(v).phase,
+        "Euler": lambda v: 2.0 * math.asin(0.5 * v) / v - 1.0,
+    }
+    for name in ("discrete", "Euler", "RK4"):
+        stable = x < found[name]
+        phase = np.array([m.phase for m in modes[name]])[stable]
+        side = "too low" if phase[phase.size // 3] < 0.0 else "too high"
+        right.series.append(
+            Series(f"{name} ({side})", x[stable], np.abs(phase), f"MuJoCo {name}", "",
+                   theory.get(name), size=4.0)
+        )  # fmt: skip
+    yield right

@@ -1,126 +1,68 @@
 """Where it fails, at a contact: tunnelling, chatter at rest, and events that are not handled."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.charts import chart, save
+from course.charts import chart
+from course.charts.rigid_body.failures import LABELS
+from course.measure.figure import Panel, Series
 from course.measure.stability import limit
-from course.measure.work_precision import PALETTE
 from course.oracles.mujoco import box as mujoco_box
 from course.oracles.mujoco import kit as mujoco_kit
 from course.rigid_body import events, planar, problems
 from course.rigid_body.integrators import Array, explicit_euler
 
-BLUE, ORANGE, GREEN, PINK, SKY, YELLOW, GREY, _ = PALETTE
-
-
 # --- RK4 with events handled and not -------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class EventOrder:
-    """Error against step of one integrator on a pendulum that bounces off a wall.
+@chart
+def events_order(steps: Sequence[int] = (100, 200, 400, 800), phases: int = 8) -> Iterator[Panel]:
+    """RK4 with events handled and not: the order drops from four to one.
 
-    Attributes:
-        integrator: its name.
-        handled: whether the event's time was found within the step.
-        dt: steps [s], shape (n,), descending.
-        error: of the angle at the end [rad], shape (n,), root mean square over the phases.
-        order: slope of the fit of log error against log step.
-    """
-
-    integrator: str
-    handled: bool
-    dt: Array
-    error: Array
-    order: float
-
-
-def event_orders(
-    integrators: Sequence[str] = ("rk4", "velocity_verlet"),
-    steps: Sequence[int] = (100, 200, 400, 800),
-    phases: int = 8,
-) -> list[EventOrder]:
-    """Observed order with events handled and not, against the closed form.
-
-    A late impact is late by the part of the step that is left, which is anything from 0 to dt; so
-    each step is tried with several phases, by a few steps more, and the mean is taken.
+    Against the closed form. A late impact is late by the part of the step that is left, which is
+    anything from 0 to dt; so each step is tried with several phases, by a few steps more, and the
+    root mean square is taken.
 
     Args:
-        integrators: names.
         steps: numbers of steps of the run of 2.5 s.
         phases: runs per step.
-
-    Returns:
-        For every integrator the handled and the late events.
     """
     problem = events.bouncing_pendulum()
-    found = []
-    for name in integrators:
-        for handled in (True, False):
-            errors = np.empty((len(steps), phases))
-            for i, n in enumerate(steps):
-                for j in range(phases):
-                    end, _ = events.simulate_with_events(
-                        problem.system, name, problem.duration / (n + j), n + j,
-                        events.wall_gap, events.elastic_wall, handled,
-                    )  # fmt: skip
-                    errors[i, j] = problem.error(end.q[-1])
-            # The mean step of the phases belongs to the mean error.
-            dts = problem.duration / (np.array(steps) + 0.5 * (phases - 1))
-            error = np.sqrt(np.mean(errors**2, axis=1))
-            slope = float(np.polyfit(np.log(dts), np.log(error), 1)[0])
-            found.append(EventOrder(name, handled, dts, error, slope))
-    return found
+    panel = Panel(
+        "An impact applied at the end of its step makes every integrator first order",
+        "step [ms]", "rms error of the angle after 2.5 s [rad]", scale="log",
+        ticks=(3, 6, 12, 24), ylim=(1e-11, 1e2), legend="upper left",
+    )  # fmt: skip
+    # The mean step of the phases belongs to the mean error.
+    dt = problem.duration / (np.array(steps) + 0.5 * (phases - 1))
 
+    def error(name: str, n: int, handled: bool) -> float:
+        end, _ = events.simulate_with_events(
+            problem.system, name, problem.duration / n, n,
+            events.wall_gap, events.elastic_wall, handled,
+        )  # fmt: skip
+        return problem.error(end.q[-1])
 
-@chart
-def events_order() -> str:
-    """RK4 with events handled and not: the order drops from four to one."""
-    import matplotlib.pyplot as plt
-
-    found = event_orders()
-    figure, ax = plt.subplots(figsize=(8.0, 5.0), layout="constrained")
-    colours = {"rk4": BLUE, "velocity_verlet": ORANGE}
-    names = {"rk4": "RK4", "velocity_verlet": "velocity Verlet"}
-    lines = []
-    for item in found:
-        text = "impact time found in the step" if item.handled else "impact at the end of the step"
-        ax.loglog(
-            item.dt * 1e3,
-            item.error,
-            "-" if item.handled else "--",
-            marker="o" if item.handled else "x" if item.integrator == "rk4" else "+",
-            markersize=7,
-            color=colours[item.integrator],
-            label=f"{names[item.integrator]}, {text}: order {item.order:.2f}",
-        )
-        lines.append(
-            f"{item.integrator:<16} {'handled' if item.handled else 'late':<8}"
-            f" order {item.order:5.2f}"
-            f"   error at {item.dt[-1] * 1e3:.1f} ms: {item.error[-1]:.1e} rad"
-        )
-    ax.set(
-        xlabel="step [ms]",
-        ylabel="rms error of the angle after 2.5 s [rad]",
-        title="An impact applied at the end of its step makes every integrator first order",
-    )
-    ax.set_xticks([3, 6, 12, 24], ["3", "6", "12", "24"])
-    ax.minorticks_off()
-    ax.set_ylim(1e-11, 1e2)
-    ax.grid(True, which="major", alpha=0.3)
-    ax.legend(loc="upper left", fontsize="small")
-    save(
-        "events_order",
-        figure,
-        [{**vars(item), "dt": item.dt.tolist(), "error": item.error.tolist()} for item in found],
-    )
-    return "\n".join(lines)
+    for name in ("rk4", "velocity_verlet"):
+        for handled, where in ((True, "time found in the step"), (False, "at the end of the step")):
+            rows = [[error(name, n + j, handled) for j in range(phases)] for n in steps]
+            rms = np.sqrt(np.mean(np.square(rows), axis=1))
+            order = np.polyfit(np.log(dt), np.log(rms), 1)[0]
+            panel.series.append(
+                Series(
+                    f"{LABELS[name]}, impact {where}: order {order:.2f}", dt * 1e3, rms, name,
+                    "-" if handled else "--", hollow=not handled,
+                    size=7.0 if handled or name == "rk4" else 11.0,
+                    note=f"{name:<16} {'handled' if handled else 'late':<8} order {order:5.2f}"
+                    f"   error at {dt[-1] * 1e3:.1f} ms: {rms[-1]:.1e} rad",
+                )
+            )  # fmt: skip
+    yield panel
 
 
 # --- tunnelling ----------------------------------------------------------------------------------
@@ -223,12 +165,14 @@ def mujoco_through(
 _TIME_CONSTANT, _IMPEDANCE = 0.02, 0.95
 
 
-def soft_contact_depth() -> float:
-    """Depth that a ball sinks into MuJoCo's default contact, per unit of its speed [s].
+def stopping_time() -> float:
+    """Depth that a ball sinks into MuJoCo's default contact, per unit of its speed [s]: 7.29 ms.
 
-    Beyond 1 mm the contact is r'' + d b r' + d k r = 0 with the impedance d = 0.95, b = 2 / (d T)
-    and k = 1 / (d T)^2, T = 20 ms (MuJoCo documentation, Solver parameters). Its deepest point is
-    v / w exp(-z acos(z) / sqrt(1 - z^2)), with w^2 = d k and 2 z w = d b.
+    It is a way over a speed, 0.36 of solref's time constant T = 20 ms, and not a time that passes:
+    the deepest point is reached later. Beyond 1 mm the contact is r'' + d b r' + d k r = 0 with the
+    impedance d = 0.95, b = 2 / (d T) and k = 1 / (d T)^2 (MuJoCo documentation, Solver
+    parameters). Its deepest point is v / w exp(-z acos(z) / sqrt(1 - z^2)), with w^2 = d k and
+    2 z w = d b; for d = 1, critical damping, it is v T / e.
     """
     omega = math.sqrt(_IMPEDANCE) / (_IMPEDANCE * _TIME_CONSTANT)
     zeta = 1.0 / (_TIME_CONSTANT * omega)
@@ -250,122 +194,107 @@ def penetration_speed(
     def stopped(speed: float) -> bool:
         return mujoco_through(thickness, radius, speed, dt, spread, one_step) == 0.0
 
-    high = (2.0 if one_step else 1.2) * touch / (dt if one_step else soft_contact_depth())
+    high = (2.0 if one_step else 1.2) * touch / (dt if one_step else stopping_time())
     return limit(stopped, 0.2 * high, high, rel=5e-3)
 
 
 @chart
-def tunnelling() -> str:
-    """Which balls pass a thin wall: a law for checks per step, another for soft contact."""
-    import matplotlib.pyplot as plt
+def tunnelling(
+    ratios: Sequence[float] = (0.5, 0.8, 0.95, 1.05, 1.25, 1.6, 2.0, 2.6, 3.5, 5.0, 7.0, 10.0),
+    balls: int = 20_000,
+    swept: int = 100,
+    phases: int = 400,
+    steps: Sequence[float] = (2e-4, 5e-4, 1e-3, 2e-3, 5e-3),
+    walls: Sequence[tuple[float, float]] = ((0.02, 0.01), (0.005, 0.0025)),
+) -> Iterator[Panel]:
+    """Which balls pass a thin wall: a law for checks per step, another for soft contact.
 
+    Args:
+        ratios: travel per step over the effective thickness.
+        balls, swept, phases: how many balls are thrown at each: points checked once a step, points
+            whose impact is an event, MuJoCo's.
+        steps: of MuJoCo, where the speed that gets through is sought [s].
+        walls: (thickness, radius of the ball) [m].
+    """
     rng = np.random.default_rng(2)
-    ratios = np.array([0.5, 0.8, 0.95, 1.05, 1.25, 1.6, 2.0, 2.6, 3.5, 5.0, 7.0, 10.0])
-    thickness, radius = 0.02, 0.01
+    thickness, radius, dt = 0.02, 0.01, 1e-3
     touch = 0.5 * thickness + radius
-    checked = np.array([point_misses(r, 20_000, rng) for r in ratios])
-    swept = np.array([swept_misses(r, 100, rng) for r in ratios])
-    dt = 1e-3
-    stiff = np.array(
-        [
-            mujoco_through(
-                thickness, radius, r * touch / dt, dt, (np.arange(400) + rng.random()) / 400.0, True
-            )
-            for r in ratios
-        ]
-    )
-    walls = ((0.02, 0.01), (0.005, 0.0025))
-    steps = np.array([2e-4, 5e-4, 1e-3, 2e-3, 5e-3])
-    soft = {wall: [penetration_speed(*wall, h, False) for h in steps] for wall in walls}
-    hard = {wall: [penetration_speed(*wall, h, True) for h in steps] for wall in walls}
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(12, 4.8), layout="constrained")
-    dense = np.geomspace(0.4, 11.0, 300)
-    left.plot(
-        dense, miss_probability(dense, 1.0), color="black", lw=1, label="theory: 1 - D / (v dt)"
-    )
-    left.plot(
-        dense, miss_probability(dense, 2.0), "--", color=GREY, lw=1,
-        label="MuJoCo if every overlap pushed back: D = d + 2r",
+    def law(ratio: float) -> float:
+        return float(miss_probability(ratio, 1.0))
+
+    def stiff(ratio: float) -> float:
+        spread = (np.arange(phases) + rng.random()) / phases
+        return mujoco_through(thickness, radius, ratio * touch / dt, dt, spread, True)
+
+    left = Panel(
+        "Checks per step: one fast ball in two gets through at v dt = 2 D",
+        "travel per step over effective thickness, v dt / D", "share of balls that get through",
+        scale="log x", ticks=(0.5, 1, 2, 5, 10), legend="upper left",
+        theory="theory: 1 - D / (v dt)",
     )  # fmt: skip
-    left.plot(ratios, checked, "o", color=BLUE, label="point, checked once a step: D = d")
-    left.plot(
-        ratios, stiff, "s", color=ORANGE, mfc="none", label="MuJoCo, one-step contact: D = d/2 + r"
-    )
-    left.plot(ratios, swept, "^", color=GREEN, label="impact as an event in the step")
-    left.set_xscale("log")
-    left.set_xticks([0.5, 1, 2, 5, 10], ["0.5", "1", "2", "5", "10"])
-    left.set(
-        xlabel="travel per step over effective thickness, v dt / D",
-        ylabel="share of balls that get through",
-        title="Checks per step: one fast ball in two gets through at v dt = 2 D",
-    )
-    left.legend(fontsize="small", loc="upper left")
-    for colour, wall in zip((BLUE, ORANGE), walls, strict=True):
-        reach = 0.5 * wall[0] + wall[1]
-        name = f"d/2 + r = {reach * 1e3:g} mm"
-        right.loglog(steps * 1e3, soft[wall], "o", color=colour, label=f"default contact, {name}")
-        right.axhline(reach / soft_contact_depth(), color=colour, lw=1)
-        right.loglog(
-            steps * 1e3,
-            hard[wall],
-            "s",
-            color=colour,
-            mfc="none",
-            label=f"one-step contact, {name}",
-        )
-        right.loglog(steps * 1e3, reach / steps, "--", color=colour, lw=1)
-    right.plot([], [], color="black", lw=1, label="theory: (d/2 + r) / 7.29 ms, no dt in it")
-    right.plot([], [], "--", color="black", lw=1, label="theory: (d/2 + r) / dt")
-    right.set(
-        xlabel="step [ms]",
-        ylabel="speed that gets through in some phase [m/s]",
-        title="MuJoCo's default contact: a smaller step does not help",
-    )
-    right.set_xticks([0.2, 0.5, 1, 2, 5], ["0.2", "0.5", "1", "2", "5"])
-    right.minorticks_off()
-    right.set_ylim(top=1e3)
-    right.grid(True, alpha=0.3)
-    right.legend(fontsize="small", loc="upper right")
-    left.grid(True, alpha=0.3)
-    save(
-        "tunnelling",
-        figure,
-        {
-            "ratio": ratios.tolist(),
-            "checked": checked.tolist(),
-            "swept": swept.tolist(),
-            "mujoco_one_step": stiff.tolist(),
-            "dt": steps.tolist(),
-            "soft": [soft[wall] for wall in walls],
-            "one_step": [hard[wall] for wall in walls],
-            "walls": walls,
-        },
-    )
-    theory = miss_probability(ratios, 1.0)
-    lines = [
+    left.series = [
+        Series("point, checked once a step: D = d", ratios,
+               [point_misses(r, balls, rng) for r in ratios], "checked once a step", "", law),
+        Series("impact as an event in the step", ratios,
+               [swept_misses(r, swept, rng) for r in ratios], "event in the step", ""),
+        Series("MuJoCo, one-step contact: D = d/2 + r", ratios, [stiff(r) for r in ratios],
+               "MuJoCo, one-step contact", "", law, hollow=True),
+    ]  # fmt: skip
+    dense = np.geomspace(min(ratios), max(ratios), 200)
+    left.series.append(
+        Series("MuJoCo if every overlap pushed back: D = d + 2r", dense,
+               miss_probability(dense, 2.0), "theory", "--", width=1.0)
+    )  # fmt: skip
+    points, handled, mujocos, _ = left.series
+    left.notes = [
         "checked once a step: worst deviation from 1 - d/(v dt) "
-        f"{np.max(np.abs(checked - theory)):.3f} over 20000 phases",
-        f"MuJoCo, one-step contact: worst deviation from 1 - (d/2 + r)/(v dt) "
-        f"{np.max(np.abs(stiff - theory)):.3f} over 400 phases",
-        f"impact as an event: {np.max(swept):.0%} get through",
-        f"MuJoCo, default contact: sinks in by {soft_contact_depth() * 1e3:.2f} ms times the speed"
-        " (theory)",
+        f"{np.max(np.abs(points.y - points.expected)):.3f} over {balls} phases",
+        "MuJoCo, one-step contact: worst deviation from 1 - (d/2 + r)/(v dt) "
+        f"{np.max(np.abs(mujocos.y - mujocos.expected)):.3f} over {phases} phases",
+        f"impact as an event: {np.max(handled.y):.0%} get through",
     ]
+    yield left
+
+    right = Panel(
+        "MuJoCo's default contact: a smaller step does not help", "step [ms]",
+        "speed that gets through in some phase [m/s]", scale="log", ylim=(None, 1e3),
+        ticks=[h * 1e3 for h in steps], legend="upper right",
+        theory=f"theory: (d/2 + r) over {stopping_time() * 1e3:.2f} ms, or over the step",
+    )  # fmt: skip
+    right.notes.append(
+        "MuJoCo, default contact: sinks in by its speed times "
+        f"{stopping_time() * 1e3:.2f} ms, {stopping_time() / _TIME_CONSTANT:.2f} of its time "
+        f"constant of {_TIME_CONSTANT * 1e3:g} ms (theory)"
+    )
     for wall in walls:
         reach = 0.5 * wall[0] + wall[1]
-        lines.append(
-            f"  d/2 + r = {reach * 1e3:4.1f} mm: theory {reach / soft_contact_depth():.2f} m/s,"
-            " measured "
-            + ", ".join(
-                f"{v:.2f} at {h * 1e3:g} ms" for h, v in zip(steps, soft[wall], strict=True)
-            )
+        name = f"d/2 + r = {reach * 1e3:g} mm"
+        soft, hard = (
+            np.array([penetration_speed(*wall, h, one_step) for h in steps])
+            for one_step in (False, True)
         )
-        lines.append(
+
+        def sunk(ms: float, reach: float = reach) -> float:
+            return reach / stopping_time()
+
+        def one(ms: float, reach: float = reach) -> float:
+            return reach / (ms * 1e-3)
+
+        step_ms, big = np.array(steps) * 1e3, wall == walls[0]
+        right.series += [
+            Series(f"default contact, {name}", step_ms, soft, "MuJoCo, default contact", "", sunk,
+                   marker="o" if big else "v", size=6.0),
+            Series(f"one-step contact, {name}", step_ms, hard, "MuJoCo, one-step contact", "", one,
+                   marker="s" if big else "D", hollow=True, size=7.0),
+        ]  # fmt: skip
+        speeds = ", ".join(f"{v:.2f} at {h * 1e3:g} ms" for h, v in zip(steps, soft, strict=True))
+        right.notes += [
+            f"  d/2 + r = {reach * 1e3:4.1f} mm: theory {sunk(0.0):.2f} m/s, measured {speeds}",
             "    one-step contact: speed times dt over (d/2 + r) "
-            + ", ".join(f"{v * h / reach:.2f}" for h, v in zip(steps, hard[wall], strict=True))
-        )
-    return "\n".join(lines)
+            + ", ".join(f"{v * h / reach:.2f}" for h, v in zip(steps, hard, strict=True)),
+        ]
+    yield right
 
 
 # --- chatter -------------------------------------------------------------------------------------
@@ -386,6 +315,13 @@ class Rest:
     impacts_per_second: float
     noise: float
     unresolved: float = 0.0
+
+    @property
+    def words(self) -> str:
+        """The name in two short lines."""
+        short = self.name.replace("semi_implicit_euler", "semi-implicit")
+        short = short.replace("velocity_verlet", "velocity Verlet")
+        return short.replace(", rest", ",\nrest") + (" m/s" if "rest speed" in short else "")
 
 
 _BOX = (0.3, 0.2)  # width, height [m]
@@ -454,24 +390,6 @@ def mujoco_box_at_rest(
     return Rest(f"MuJoCo {integrator}, {contact}", impacts / duration, _noise(v))
 
 
-def boxes_at_rest(duration: float = 10.0) -> list[Rest]:
-    """Who lies still: ours with and without a rest speed, beside MuJoCo.
-
-    Args:
-        duration: recorded time [s].
-    """
-    return [
-        our_box_at_rest(0.0, duration=duration),
-        our_box_at_rest(0.0, integrator="velocity_verlet", duration=duration),
-        our_box_at_rest(0.01, duration=duration),
-        our_box_at_rest(0.0, False, duration=duration),
-        our_box_at_rest(0.01, False, duration=duration),
-        mujoco_box_at_rest("Euler", "impulse", duration),
-        mujoco_box_at_rest("Euler", "spring", duration),
-        mujoco_box_at_rest("discrete", "spring", duration),
-    ]
-
-
 def zeno_end(
     height: float, restitution: float, gravity: float = problems.STANDARD_GRAVITY
 ) -> float:
@@ -506,90 +424,73 @@ def zeno_counts(
     return np.array(counts)
 
 
-@chart
-def chatter() -> str:
-    """A box that should lie still, and a ball that bounces infinitely often."""
-    import matplotlib.pyplot as plt
+@chart(
+    size=(14.0, 4.8),
+    title="Springs, impacts at the end of the step, and semi-implicit flight without a rest speed: "
+    "all three chatter",
+)
+def chatter(duration: float = 10.0, points: int = 121) -> Iterator[Panel]:
+    """A box that should lie still, and a ball that bounces infinitely often.
 
-    rows = boxes_at_rest()
+    Args:
+        duration: how long the box is watched [s].
+        points: moments at which the ball's impacts are counted.
+    """
+    rows = [
+        our_box_at_rest(0.0, duration=duration),
+        our_box_at_rest(0.0, integrator="velocity_verlet", duration=duration),
+        our_box_at_rest(0.01, duration=duration),
+        our_box_at_rest(0.0, False, duration=duration),
+        our_box_at_rest(0.01, False, duration=duration),
+        mujoco_box_at_rest("Euler", "impulse", duration),
+        mujoco_box_at_rest("Euler", "spring", duration),
+        mujoco_box_at_rest("discrete", "spring", duration),
+    ]
+    impacts = [row.impacts_per_second for row in rows]
+    speeds = [row.noise * 1e3 for row in rows]
+    for title, unit, values, floor in (
+        ("Impacts of a box that should lie still", "impacts per second", impacts, 1.0),
+        ("Its speed", "rms speed [mm/s]", speeds, 1e-4),
+    ):
+        panel = Panel(
+            title, unit, scale="log x", xlim=(floor, 100.0 * max(values)), legend="",
+            ticks=() if values is speeds else None,
+        )  # fmt: skip
+        for key, part in (("course", slice(0, 5)), ("MuJoCo", slice(5, 8))):
+            panel.series.append(
+                Series(key, values[part], [row.words for row in rows[part]], key, "bar",
+                       tags=[f"{v:.3g}" for v in values[part]])
+            )  # fmt: skip
+        if values is speeds:
+            panel.notes = [
+                f"{row.name:<56} {row.impacts_per_second:>8.1f} impacts/s "
+                f"{row.noise * 1e3:>10.4f} mm/s rms"
+                + (f"  ({row.unresolved:.0%} of the steps gave up)" if row.unresolved else "")
+                for row in rows
+            ]
+        yield panel
+
     height, restitution = 1.0, 0.7
     end = zeno_end(height, restitution)
-    to_go = np.geomspace(1.0, 1e-6, 121)
-    theory = np.searchsorted(problems.bounce_times(height, restitution, 200), end - to_go)
-    ours = zeno_counts(end - to_go, height, restitution)
-    cut = zeno_counts(end - to_go, height, restitution, 0.01)
-    total = zeno_counts(np.array([end + 1.0]), height, restitution)[0]
-    total_cut = zeno_counts(np.array([end + 1.0]), height, restitution, 0.01)[0]
-
-    figure = plt.figure(figsize=(13, 4.8), layout="constrained")
-    one, two, three = figure.subplots(1, 3, width_ratios=[1.0, 1.0, 1.3])
-    figure.suptitle(
-        "Springs, impacts at the end of the step, and semi-implicit flight without a rest speed: "
-        "all three chatter"
-    )
-    labels = [
-        row.name.replace("_", "-")
-        .replace("-euler", "")
-        .replace("-verlet", " Verlet")
-        .replace(", rest", ",\nrest")
-        for row in rows
+    left = np.geomspace(1.0, 1e-6, points)
+    theory = np.searchsorted(problems.bounce_times(height, restitution, 200), end - left)
+    ours, cut = (zeno_counts(end - left, height, restitution, rest) for rest in (0.0, 0.01))
+    late = np.array([end + 1.0])
+    past = [zeno_counts(late, height, restitution, rest)[0] for rest in (0.0, 0.01)]
+    bounces = Panel(
+        "Infinitely many bounces in a finite time", "time left to the end of the bouncing [s]",
+        "impacts so far", scale="log x", xlim=(2.0, 5e-7), legend="upper left",
+    )  # fmt: skip
+    few = slice(None, None, max(1, points // 30))
+    bounces.series = [
+        Series("theory: ln(time left) / ln(e)", left, theory, "theory", "steps", width=1.0),
+        Series("rest speed 0: every impact an event", left[few], ours[few], "", "", size=4.0),
+        Series("rest speed 0.01 m/s", left[few], cut[few], "", "", marker="x"),
     ]
-    labels = [label + " m/s" if "rest speed" in label else label for label in labels]
-    y = np.arange(len(rows))[::-1]
-    colours = [ORANGE if "MuJoCo" in row.name else BLUE for row in rows]
-    for ax, values, floor, unit in (
-        (one, [row.impacts_per_second for row in rows], 1.0, "impacts per second"),
-        (two, [row.noise * 1e3 for row in rows], 1e-4, "rms speed [mm/s]"),
-    ):
-        ax.barh(y, [max(v, floor) if v > 0.0 else 0.0 for v in values], color=colours, height=0.6)
-        ax.set_xscale("log")
-        ax.set_xlim(floor, 30.0 * max(values))
-        for position, value in zip(y, values, strict=True):
-            ax.text(
-                max(value, floor) * 1.3, position, f"{value:.3g}", va="center", fontsize="small"
-            )
-        ax.set_yticks(y, labels if ax is one else [""] * len(y), fontsize="small")
-        ax.set_xlabel(unit)
-    one.set_title("Impacts of a box that should lie still")
-    two.set_title("Its speed")
-    three.step(
-        to_go, theory, where="post", color="black", lw=1, label="theory: ln(time left) / ln(e)"
-    )
-    three.plot(
-        to_go[::4], ours[::4], "o", color=BLUE, ms=4, label="rest speed 0: every impact an event"
-    )
-    three.plot(to_go[::4], cut[::4], "x", color=ORANGE, label="rest speed 0.01 m/s")
-    three.set_xscale("log")
-    three.invert_xaxis()
-    three.set(
-        xlabel="time left to the end of the bouncing [s]",
-        ylabel="impacts so far",
-        title="Infinitely many bounces in a finite time",
-    )
-    three.grid(True, alpha=0.3)
-    three.legend(fontsize="small", loc="upper left")
-    save(
-        "chatter",
-        figure,
-        {
-            "rest": [vars(row) for row in rows],
-            "zeno": {
-                "time_left": to_go.tolist(),
-                "theory": theory.tolist(),
-                "rest_speed_0": ours.tolist(),
-                "rest_speed_0.01": cut.tolist(),
-            },
-        },
-    )
-    lines = [
-        f"{row.name:<56} {row.impacts_per_second:>8.1f} impacts/s {row.noise * 1e3:>10.4f} mm/s rms"
-        + (f"  ({row.unresolved:.0%} of the steps gave up)" if row.unresolved else "")
-        for row in rows
-    ]
-    lines.append(
+    bounces.notes.append(
         f"bouncing ball, e = {restitution}: all bounces over at {end:.4f} s; "
         f"{np.max(np.abs(ours - theory))} impacts off the theory until 1 us before the end; "
-        f"past it {total} with rest speed 0 (stopped by its limit of 1000), "
-        f"{total_cut} with 0.01 m/s"
+        f"past it {past[0]} with rest speed 0 (stopped by its limit of 1000), "
+        f"{past[1]} with 0.01 m/s"
     )
-    return "\n".join(lines)
+    yield bounces

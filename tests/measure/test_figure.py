@@ -1,0 +1,241 @@
+"""Charts as data: what is drawn, said and written of a panel, without measuring anything."""
+
+import json
+import math
+import stat
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+
+from course.measure.figure import (
+    KEYS,
+    Panel,
+    Series,
+    document,
+    draw,
+    from_json,
+    json_text,
+    key_of,
+    text,
+    write,
+    write_picture,
+)
+from course.measure.stability import stability_map
+from course.rigid_body.integrators import INTEGRATORS
+
+CHARTS = Path(__file__).parents[2] / "docs" / "charts"
+
+
+def _axes(*panels, **layout):
+    figure = draw(panels, figure=Figure(layout="constrained"), **layout)
+    figure.canvas.draw()
+    return figure.axes
+
+
+def _line(ax, label):
+    (found,) = [line for line in ax.lines if line.get_label() == label]
+    return found
+
+
+# --- colours --------------------------------------------------------------------------------------
+
+
+def test_every_integrator_has_a_colour_and_a_marker_of_its_own():
+    ours = [KEYS[name] for name in INTEGRATORS]
+    theirs = [KEYS[f"MuJoCo {name}"] for name in ("Euler", "RK4", "implicitfast", "discrete")]
+    for group in (ours, theirs):
+        assert len({colour for colour, _ in group}) == len({m for _, m in group}) == len(group)
+    # What MuJoCo calls Euler and RK4 are two of these methods; the others are none of them.
+    assert theirs[:2] == [KEYS["semi_implicit_euler"], KEYS["rk4"]]
+    assert not {*theirs[2:]} & {*ours}
+
+
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [
+        ("rk4", "rk4"),
+        ("compiled rk4", "rk4"),
+        ("MuJoCo Euler", "MuJoCo Euler"),
+        ("MuJoCo Euler, one run", "MuJoCo Euler"),
+        ("MuJoCo Euler, eulerdamp off", "MuJoCo Euler, eulerdamp off"),
+        ("MuJoCo RK4 (spring)", "MuJoCo RK4"),
+        ("MuJoCo Euler (spring)", "MuJoCo Euler (spring)"),
+        ("worked answer", ""),
+    ],
+)
+def test_a_name_finds_its_key(name, key):
+    assert key_of(name) == key
+
+
+def test_a_method_looks_the_same_on_every_panel_and_others_take_what_is_left():
+    x = [1.0, 2.0]
+    one = Panel("", series=[Series("a", x, x, "rk4"), Series("other", x, x)])
+    two = Panel("", series=[Series("first", x, x), Series("b", x, x, "rk4")])
+    left, right = _axes(one, two)
+    looks = {(line.get_color(), line.get_marker()) for line in (left.lines[0], right.lines[1])}
+    assert looks == {KEYS["rk4"]}
+    colours = [line.get_color() for ax in (left, right) for line in ax.lines]
+    assert len({*colours}) == 2 and colours[1] == colours[2]
+
+
+# --- drawing --------------------------------------------------------------------------------------
+
+
+def test_scale_ticks_limits_and_lines():
+    panel = Panel(
+        "title", "step", "error", [Series("s", [3.0, 24.0], [1.0, 2.0])], "log",
+        lines=[("y", 1.5, "tolerance"), ("x", 6.0, "limit")], spans=[("x", 3.0, 4.0, "jammed")],
+        ticks=(3, 6, 12, 24), ylim=(0.1, None),
+    )  # fmt: skip
+    (ax,) = _axes(panel, title="over all")
+    assert (ax.get_xscale(), ax.get_yscale(), ax.get_ylim()[0]) == ("log", "log", 0.1)
+    assert [t.get_text() for t in ax.get_xticklabels()] == ["3", "6", "12", "24"]
+    assert [t.get_text() for t in ax.texts] == ["tolerance", "limit"]
+    assert ax.get_legend_handles_labels()[1] == ["jammed", "s"]
+
+
+def test_theory_is_a_line_beside_the_points_and_never_in_their_place():
+    series = Series("s", [1.0, 2.0, 4.0], [1.1, 4.2, 15.0], "rk4", "", lambda x: x**2)
+    (ax,) = _axes(Panel("", series=[series], scale="log", theory="x squared"))
+    points, dense = ax.lines[0], next(line for line in ax.lines if len(line.get_xdata()) > 3)
+    assert points.get_ydata().tolist() == [1.1, 4.2, 15.0] and points.get_linestyle() == "None"
+    np.testing.assert_allclose(dense.get_ydata(), dense.get_xdata() ** 2)
+    assert to_hex(dense.get_color()) != points.get_color()
+    assert ax.get_legend_handles_labels()[1] == ["s", "x squared"]
+    assert series.expected.tolist() == [1.0, 4.0, 16.0]
+    with pytest.raises(ValueError, match="which 'plain' has not"):
+        _ = Series("plain", [1.0], [1.0]).expected
+
+
+def test_what_has_no_place_on_the_axes_is_still_there():
+    series = Series("s", [1.0, 2.0, 3.0], [5.0, math.inf, math.nan], failed=2)
+    (ax,) = _axes(Panel("", series=[series]))
+    assert _line(ax, "s").get_xdata().tolist() == [1.0]
+    (triangle,) = [line for line in ax.lines if line.get_marker() == "^"]
+    assert triangle.get_xdata().tolist() == [2.0] and triangle.get_ydata()[0] < 1.0
+    crosses = [line for line in ax.lines if line.get_marker() == "x"]
+    assert len(crosses) == 2 and all(cross.get_ydata() == [1.0] for cross in crosses)
+    # A series that is nowhere finite is named all the same.
+    (ax,) = _axes(Panel("", series=[Series("endless", [1.0], [math.inf])]))
+    assert ax.get_legend_handles_labels()[1] == ["endless"]
+
+
+def test_bounds_are_a_band_or_bars_across():
+    x, y = [1.0, 2.0], [3.0, 4.0]
+    band = Series("band", x, y, low=[2.0, 3.0], high=[5.0, 6.0])
+    bars = Series("bars", x, y, low=[0.5, 1.0], high=[1.5, 4.0], across=True)
+    left, right = _axes(Panel("", series=[band]), Panel("", series=[bars]))
+    (filled,) = left.collections
+    assert filled.get_paths()[0].get_extents().bounds == (1.0, 2.0, 1.0, 4.0)
+    (across,) = right.collections
+    assert [segment[:, 0].tolist() for segment in across.get_segments()] == [[0.5, 1.5], [1.0, 4.0]]
+
+
+def test_bars_have_names_and_words():
+    series = [
+        Series("ours", [2.0, 0.0], ["a", "b"], style="bar", tags=["2", "none"]),
+        Series("theirs", [1.0], ["c"], style="bar"),
+    ]
+    left, right = _axes(Panel("", series=series), Panel("", series=series, ticks=()))
+    assert [t.get_text() for t in left.get_yticklabels()] == ["a", "b", "c"]
+    assert [bar.get_width() for bar in left.patches] == [2.0, 0.0, 1.0]
+    assert [t.get_text() for t in left.texts] == ["2", "none"]
+    assert left.yaxis_inverted() and not right.get_tightbbox().width > left.get_tightbbox().width
+    # Over the same names the second is thinner, so that both are seen.
+    (ax,) = _axes(Panel("", series=[series[0], Series("b", [1.0], ["a"], style="bar")]))
+    assert ax.patches[-1].get_height() < ax.patches[0].get_height()
+
+
+def test_a_map_shows_its_boundary_with_theory_over_it():
+    grid = stability_map(lambda x, y: x * y, np.linspace(0.1, 2.0, 20), np.linspace(0.6, 2.0, 15))
+    theory = Series("theory", 1.0 / grid.y, grid.y, "theory on a map", "--")
+    panels = [Panel(name, grid=grid, series=[theory]) for name in ("one", "two", "three")]
+    axes = _axes(*panels, columns=2)
+    assert len(axes) == 4 + 1  # a place for the fourth, and one colour bar for all
+    assert axes[0].get_legend_handles_labels()[1] == ["measured", "theory"]
+    (found,) = document(panels[:1])["panels"]
+    edge = [1.0 / y for y in found["grid"]["y"]]
+    assert found["grid"]["boundary"] == pytest.approx(edge, abs=0.1)
+
+
+# --- what is said and written ---------------------------------------------------------------------
+
+
+def test_the_text_is_the_notes_in_order():
+    panels = [
+        Panel("", series=[Series("", [1.0], [1.0], note="two"), Series("", [1.0], [1.0])],
+              notes=["one"]),
+        Panel("words alone", notes=["three"]),
+    ]  # fmt: skip
+    assert text(panels) == "one\ntwo\nthree"
+    assert len(_axes(*panels)) == 1
+    assert len(document(panels)["panels"]) == 1
+
+
+def test_the_data_are_plain_json_and_come_back():
+    series = Series("s", np.array([1.0, 2.0]), [math.inf, 1.0 / 3.0], "rk4", theory=lambda x: x,
+                    low=[0.0, 0.1], high=[math.nan, 1.0], failed=1)  # fmt: skip
+    content = json_text(document([Panel("t", "x", "y", [series])]))
+
+    def refuse(word):
+        raise AssertionError(word)
+
+    json.loads(content, parse_constant=refuse)
+    (panel,) = from_json(content)["panels"]
+    (found,) = panel["series"]
+    assert found["y"] == [math.inf, 0.333333] and found["theory"] == [1.0, 2.0]
+    assert math.isnan(found["high"][0]) and found["failed"] == 1 and found["key"] == "rk4"
+    assert '"x": [ 1.0, 2.0 ]' in content
+    assert document([Panel("t", data={"own": 1})]) == {"own": 1}
+
+
+def test_committed_data_are_plain_json():
+    def refuse(word):
+        raise AssertionError(word)
+
+    files = sorted(CHARTS.glob("*.json"))
+    assert len(files) > 15
+    for path in files:
+        json.loads(path.read_text(encoding="utf-8"), parse_constant=refuse)
+        assert path.with_suffix(".png").is_file() and path.with_suffix(".txt").is_file()
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path):
+    target = tmp_path / "new" / "a.txt"
+    assert write(target, "first\n") == target
+    assert stat.S_IMODE(target.stat().st_mode) == 0o644
+
+    def full(path):
+        path.write_text("half", encoding="utf-8")
+        raise OSError("full")
+
+    with pytest.raises(OSError, match="full"):
+        write(target, full)
+    assert target.read_text(encoding="utf-8") == "first\n"
+    assert [path.name for path in target.parent.iterdir()] == ["a.txt"]
+
+
+def test_a_picture_is_a_png(tmp_path):
+    figure = draw([Panel("", series=[Series("", [1.0], [1.0])])], figure=Figure())
+    path = write_picture(figure, tmp_path / "a.png")
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_series_are_found_by_label():
+    panel = Panel("", series=[Series(name, [1.0], [1.0]) for name in ("rk4", "rk4 late", "euler")])
+    assert panel["rk4"] is panel.series[0] and panel["eul"] is panel.series[2]
+    for label in ("midpoint", "r"):
+        with pytest.raises(ValueError, match="label is"):
+            panel[label]
+
+
+def test_bad_input():
+    with pytest.raises(ValueError, match="key is 'rk5'"):
+        Series("", [1.0], [1.0], "rk5")
+    with pytest.raises(ValueError, match="is 2, allowed is that of x, 1"):
+        Series("", [1.0], [1.0, 2.0])
+    with pytest.raises(ValueError, match="scale is 'loglog'"):
+        Panel("", scale="loglog")
