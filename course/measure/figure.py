@@ -340,7 +340,7 @@ def _draw_series(ax: Axes, series: Series, colour: str, marker: str, log_x: bool
     x, y = np.asarray(series.x, dtype=float), np.asarray(series.y, dtype=float)
     shown = np.isfinite(x) & np.isfinite(y)
     lines = series.style not in ("", "steps")
-    size = series.size or (9.0 if series.hollow else 5.0)
+    size = series.size or (9.0 if series.hollow else 5.0 if lines else 6.0)
     ax.plot(
         x[shown],
         y[shown],
