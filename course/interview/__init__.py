@@ -1,0 +1,159 @@
+"""The interview: questions, one file each, with the answers that one would give.
+
+A question is a Markdown file in `questions/TOPIC/`: what is known of it in a head of TOML between
+two lines of `+++`, then a part `## In a minute` and a part `## In full`. Numbers are not typed: a
+field `{claim.figure:.3g}` is filled with a figure of `course.derivations` when it is shown, so the
+answer moves with the measurement.
+"""
+
+import re
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+FOLDER = Path(__file__).parent / "questions"
+KINDS = ("concept", "debugging", "design", "estimate", "coding")
+LEVELS = {1: "screen", 2: "senior", 3: "staff"}
+PARTS = ("In a minute", "In full")
+
+Figure = Callable[[str, str], float | str]
+
+_FIELD = re.compile(r"\{(\w+)\.(\w+)(?::([^{}]*))?\}")
+_QUIET = re.compile(r"```.*?```|`[^`]*`|\{[^{}]*\}", re.S)
+_MATH = re.compile(r"\$[^$]*\$", re.S)
+
+
+@dataclass(frozen=True)
+class Question:
+    """One question of an interview.
+
+    Attributes:
+        name: of its file.
+        title: the question, as it is asked.
+        chapter: number of the chapter it belongs to.
+        kind: one of `KINDS`.
+        level: 1 to 3, a key of `LEVELS`.
+        minutes: how long the conversation about it takes.
+        probes: what the interviewer wants to find out.
+        follow_ups: what is asked next.
+        rubric: what an answer says, from the least to the most.
+        minute, full: the answers, Markdown with fields that are not filled yet.
+    """
+
+    name: str
+    title: str
+    chapter: int
+    kind: str
+    level: int
+    minutes: int
+    probes: str
+    follow_ups: tuple[str, ...]
+    rubric: tuple[str, ...]
+    minute: str
+    full: str
+
+    def __post_init__(self) -> None:
+        def refuse(name: str, allowed: str) -> None:
+            raise ValueError(
+                f"{self.name}: {name} is {getattr(self, name)!r}, allowed is {allowed}"
+            )
+
+        if not self.title.rstrip().endswith(("?", ".")):
+            refuse("title", "a question or a request")
+        if self.kind not in KINDS:
+            refuse("kind", ", ".join(KINDS))
+        if self.level not in LEVELS:
+            refuse("level", "1, 2 or 3")
+        if self.minutes < 1:
+            refuse("minutes", "a positive number")
+        for name in ("probes", "follow_ups", "rubric", "minute", "full"):
+            if not getattr(self, name):
+                refuse(name, "a text that is not empty")
+        typed = typed_numbers("\n".join((self.minute, self.full, *self.follow_ups, *self.rubric)))
+        if typed:
+            raise ValueError(
+                f"{self.name}: {', '.join(typed)} is typed, allowed is a field such as "
+                "{claim.figure:.3g}"
+            )
+
+    def fields(self) -> list[tuple[str, str]]:
+        """The figures that the texts quote, as (claim, name)."""
+        return [(m[1], m[2]) for m in _FIELD.finditer(self._texts())]
+
+    def _texts(self) -> str:
+        return "\n".join((self.minute, self.full, *self.follow_ups, *self.rubric))
+
+    def markdown(self, figure: Figure) -> str:
+        """The question with its answers folded away, for a notebook or a page.
+
+        Args:
+            figure: (claim, name) -> the figure; `course.derivations.figure`.
+        """
+
+        def folded(head: str, body: str) -> str:
+            return f"<details><summary>{head}</summary>\n\n{filled(body, figure)}\n\n</details>\n"
+
+        lines = [f"**{self.title}**\n", f"*{LEVELS[self.level]}, {self.minutes} minutes*\n"]
+        lines += [folded(*pair) for pair in zip(PARTS, (self.minute, self.full), strict=True)]
+        lines.append(folded("What comes next", _listed(self.follow_ups)))
+        lines.append(folded("What is listened for", f"{self.probes}\n\n{_listed(self.rubric)}"))
+        return "\n".join(lines)
+
+
+def _listed(entries: tuple[str, ...]) -> str:
+    return "\n".join(f"* {entry}" for entry in entries)
+
+
+def filled(text: str, figure: Figure) -> str:
+    """A text with its fields `{claim.figure:format}` replaced by figures."""
+    return _FIELD.sub(lambda m: format(figure(m[1], m[2]), m[3] or ""), text)
+
+
+def typed_numbers(text: str) -> list[str]:
+    """The numbers that a text types where it should quote a figure.
+
+    A digit that belongs to a name (RK4, SO(3)), to code or to a formula is no number; a decimal
+    point in a formula is.
+    """
+    plain = _QUIET.sub(" ", text)
+    decimals = [d for math in _MATH.findall(plain) for d in re.findall(r"\d+\.\d+", math)]
+    words = re.sub(r"[A-Za-z]+\(?\d+\)?", " ", _MATH.sub(" ", plain))
+    return decimals + re.findall(r"\d[\d.,]*", words)
+
+
+def read(path: Path) -> Question:
+    """The question of a file.
+
+    Raises:
+        ValueError: for a head or a part that is missing, or what `Question` refuses.
+    """
+    pieces = path.read_text(encoding="utf-8").split("+++\n")
+    if len(pieces) != 3 or pieces[0].strip():
+        raise ValueError(f"{path.name} has {len(pieces) - 1} lines +++, allowed is a head in two")
+    head = tomllib.loads(pieces[1])
+    parts = re.split(r"^## (.+)\n", pieces[2], flags=re.M)[1:]
+    named = dict(zip(parts[::2], parts[1::2], strict=True))
+    if tuple(named) != PARTS:
+        raise ValueError(f"{path.name} has the parts {list(named)}, allowed is {list(PARTS)}")
+    minute, full = (named[part].strip() for part in PARTS)
+    lists = {name: tuple(head.pop(name, ())) for name in ("follow_ups", "rubric")}
+    return Question(name=path.stem, minute=minute, full=full, **lists, **head)
+
+
+def questions(topic: str, level: int | None = None) -> list[Question]:
+    """The questions of a chapter, by level and name.
+
+    Args:
+        topic: of the chapter, such as "rigid_body".
+        level: only those of one level.
+
+    Raises:
+        ValueError: for a topic without questions.
+    """
+    found = [read(path) for path in (FOLDER / topic).glob("*.md")]
+    if not found:
+        there = sorted(path.name for path in FOLDER.iterdir())
+        raise ValueError(f"topic is {topic!r}, allowed is {', '.join(there)}")
+    chosen = [q for q in found if level in (None, q.level)]
+    return sorted(chosen, key=lambda q: (q.level, q.name))
