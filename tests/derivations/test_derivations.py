@@ -6,9 +6,11 @@ import sys
 from dataclasses import replace
 
 import pytest
+from click.testing import CliRunner
 
 from course import derivations
 from course.derivations import Verdict, claim, claims, records, run
+from course.derivations.__main__ import main
 
 ALL = claims()
 
@@ -153,3 +155,75 @@ def test_command_refuses_what_is_not_there(arguments):
     result = _command(*arguments)
     assert result.returncode == 2
     assert arguments[-1] in result.stderr
+
+
+# --- writing the record -------------------------------------------------------------------------
+
+FILE = "rigid_body.time_step"
+QUICK = "determinant_one_is_stable"
+
+
+@pytest.fixture
+def copied(tmp_path, monkeypatch):
+    """The record of one file in a folder of its own, and the command there."""
+    text = (records.FOLDER / f"{FILE}.toml").read_text(encoding="utf-8")
+    monkeypatch.setattr(records, "FOLDER", tmp_path)
+    records.load.cache_clear()
+    path = tmp_path / f"{FILE}.toml"
+    path.write_text(text, encoding="utf-8")
+    yield path, lambda *arguments: CliRunner().invoke(main, [*arguments, "--record"])
+    records.load.cache_clear()
+
+
+def test_record_writes_nothing_when_nothing_changed(copied):
+    path, command = copied
+    before = path.read_text(encoding="utf-8")
+    result = command(FILE)
+    assert (result.exit_code, result.output) == (0, "")
+    assert path.read_text(encoding="utf-8") == before
+
+
+def test_record_prints_what_changes_and_touches_only_what_was_asked_for(copied):
+    path, command = copied
+    right = path.read_text(encoding="utf-8")
+    wrong = right.replace("[-1.877328045, 1e-06]", "[-1.9, 1e-06]").replace(
+        'verdict = "holds"\n', 'verdict = "false"\n'
+    )
+    path.write_text(wrong, encoding="utf-8")
+    records.load.cache_clear()
+    derivations.run.cache_clear()
+    result = command("--id", QUICK)
+    assert result.exit_code == 0
+    assert result.output.startswith(f"{QUICK}: outer_at_2_1 is -1.87")
+    assert len(result.output.splitlines()) == 1
+    half = path.read_text(encoding="utf-8")
+    assert "-1.877328045" in half and 'verdict = "holds"\n' not in half
+    result = command(FILE)
+    assert result.output == "semi_implicit_limit: verdict on record: 'false'; found: 'holds'\n"
+    assert path.read_text(encoding="utf-8") == right
+    derivations.run.cache_clear()
+
+
+def test_record_refuses_a_claim_that_fails_by_itself(copied, monkeypatch):
+    path, command = copied
+    right = path.read_text(encoding="utf-8")
+    item = replace(derivations.CLAIMS[QUICK], corrected="Below 1.5 m.")
+    monkeypatch.setitem(derivations.CLAIMS, QUICK, item)
+    derivations.run.cache_clear()
+    result = command("--id", QUICK)
+    assert result.exit_code == 1 and "NOT WRITTEN: '1.5 m'" in result.output
+    assert path.read_text(encoding="utf-8") == right
+    derivations.run.cache_clear()
+
+
+def test_record_drops_a_claim_that_is_gone(copied):
+    path, command = copied
+    right = path.read_text(encoding="utf-8")
+    gone = right.replace(f"[{QUICK}]", "[gone]").replace(f"[{QUICK}.figures]", "[gone.figures]")
+    path.write_text(gone, encoding="utf-8")
+    records.load.cache_clear()
+    derivations.run.cache_clear()
+    result = command(FILE)
+    assert f"{QUICK}: not on record" in result.output and "gone: leaves the record" in result.output
+    assert path.read_text(encoding="utf-8") == right
+    derivations.run.cache_clear()

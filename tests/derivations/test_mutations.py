@@ -1,0 +1,161 @@
+"""Real claims, changed on purpose in their source: each change is noticed, by what it says."""
+
+import ast
+import importlib.util
+import inspect
+import sys
+import textwrap
+
+import pytest
+
+from course import derivations
+from course.derivations import before, claims, honest, records, run, settle
+
+ALL = [item for item in claims() if not isinstance(item.check, before.Adapted)]
+CONDITIONAL = [
+    item for item in ALL if records.load(item.file).get(item.id, {}).get("condition", "")
+]
+
+
+def _mutated(item, tmp_path, monkeypatch, *changes):
+    """The claim out of its own source with some text replaced; registered nowhere else."""
+    module = f"course.derivations.{item.file}"
+    text = open(sys.modules[module].__file__, encoding="utf-8").read()
+    (tree,) = [
+        node
+        for node in ast.parse(text).body
+        if isinstance(node, ast.FunctionDef) and node.name == item.id
+    ]
+    lines = text.splitlines(keepends=True)
+    start, end = tree.decorator_list[0].lineno - 1, tree.end_lineno
+    own = "".join(lines[start:end])
+    for old, new in changes:
+        assert own.count(old) >= 1, f"{item.id} has no {old!r}"
+        own = own.replace(old, new, 1)
+    path = tmp_path / f"{item.id}.py"
+    path.write_text("".join([*lines[:start], own, *lines[end:]]), encoding="utf-8")
+    monkeypatch.setattr(derivations, "CLAIMS", {})
+    spec = importlib.util.spec_from_file_location(module, path)
+    assert spec and spec.loader
+    spec.loader.exec_module(importlib.util.module_from_spec(spec))
+    return derivations.CLAIMS[item.id]
+
+
+def _item(id):
+    return next(item for item in ALL if item.id == id)
+
+
+@pytest.mark.parametrize(
+    ("id", "old", "new", "said"),
+    [
+        # A false corrected text.
+        ("semi_implicit_unconditional", "while omega dt < 2", "while omega dt < 3", "corrected on"),
+        ("verlet_limit", "have the limit", "have no limit,", "corrected on record"),
+        ("contact_limit_explicit", "{semi_implicit_limit_ms:.2f} ms", "9.32 ms", "is typed"),
+        ("contact_limit_explicit", "{explicit_gain_per_step_1_ms:.0%}", "12 %", "is typed"),
+        ("semi_implicit_limit", "{formula}", "{formulae}", "cannot be filled"),
+        # A false condition: its text, and what is tried.
+        ("determinant_one_is_stable", "lies between -2 and 2", "is below 2", "condition on record"),
+        ("determinant_one_is_stable", "uniform(-1.999, 1.999, 50)", "uniform(-9, 1.999, 50)",
+         "condition is not enough"),
+        ("determinant_one_is_stable", "uniform(2.001, 2.2, 20)", "uniform(-0.5, 0.5, 20)",
+         "condition is not needed"),
+        ("explicit_midpoint_limit", "uniform(0.1, 0.99) * x", "uniform(1.1, 1.99) * x",
+         "condition is not enough"),
+        ("symplectic_removes_stiffness", "alike(x) <", "radius(_partitioned(*LOBATTO, x)) <",
+         "condition is not enough"),
+        ("contact_stable_at_1_khz", "for n in limited]", "for n in METHODS]",
+         "condition is not enough"),
+        # A negated claim.
+        ("semi_implicit_unconditional", "is stable for any", "is unstable for any", "heard on"),
+        ("stable_at_the_limit", "found.heard(after[2] < 10)", "found.heard(after[2] >= 10)",
+         "verdict on record"),
+        ("rk4_limit", "found.heard(abs(measured - 8) < 0.1)", "found.heard(measured < 8)",
+         "verdict on record"),
+        # A constant that settles the correction.
+        ("rk4_limit", "found.corrected(abs(measured / np.sqrt(8) - 1) < 1e-4)",
+         "found.corrected(True)", "constant, not computed: True"),
+        ("verlet_limit", "abs(verlet - 2) < 1e-6,", "2 - 2 == 0,", "constant, not computed"),
+        ("stable_at_the_limit", "np.allclose(along, along[0])", "bool(along is not None or True)",
+         "constant, not computed"),
+        ("explicit_damped_limit", "np.allclose(ratios, 1, rtol=1e-6)",
+         "np.allclose([1.0, 1.0], 1)", "constant, not computed"),
+        ("semi_implicit_limit", "measured_limit(\"semi_implicit_euler\")", "2.0", "is typed"),
+        # A formula, a figure, a fact.
+        ("explicit_damped_limit", "dt < 2*zeta/omega", "dt < 2.001*zeta/omega", "derived"),
+        ("semi_implicit_limit", "1000 * float", "1001 * float", "on record is 6.32"),
+        ("verlet_limit", "abs(verlet - 2) < 1e-6", "abs(verlet - 3) < 1e-6", "is false"),
+    ],
+)  # fmt: skip
+def test_a_changed_claim_is_noticed(id, old, new, said, tmp_path, monkeypatch):
+    outcome = settle(_mutated(_item(id), tmp_path, monkeypatch, (old, new)))
+    assert any(said in text for text in outcome.disagreements), outcome.disagreements
+
+
+def test_a_claim_that_is_only_copied_agrees(tmp_path, monkeypatch):
+    """Else what is noticed above would be the copying."""
+    assert settle(_mutated(_item("rk4_limit"), tmp_path, monkeypatch)).agrees
+
+
+def _handed_over(check):
+    """Source of a check, and the places in it of every fact, verdict, draws and figure."""
+    text = textwrap.dedent(inspect.getsource(check))
+    lines = text.splitlines(keepends=True)
+
+    def place(node):
+        starts = [sum(len(line.encode()) for line in lines[: n - 1]) for n in
+                  (node.lineno, node.end_lineno)]  # fmt: skip
+        return starts[0] + node.col_offset, starts[1] + node.end_col_offset
+
+    places = []
+    for call in ast.walk(ast.parse(text)):
+        name = getattr(getattr(call, "func", None), "attr", "")
+        if name in ("corrected", "heard"):
+            draws = [k.value for k in call.keywords if k.arg in ("inside", "outside")]
+            places += [(place(value), b"[True] * 9") for value in draws]
+            places += [(place(value), b"True") for value in call.args]
+        elif name == "figure" and len(call.args) > 1:
+            places.append((place(call.args[1]), b"1.25"))
+    return text.encode(), places
+
+
+@pytest.mark.parametrize("item", ALL, ids=lambda item: item.id)
+def test_no_fact_can_be_replaced_by_a_constant(item, tmp_path):
+    """Every fact, verdict, draws and figure of the claim, one at a time; nothing is run."""
+    assert not honest.constants(item.check)
+    text, places = _handed_over(item.check)
+    assert len(places) >= 3
+    for number, ((start, end), constant) in enumerate(places):
+        path = tmp_path / f"{number}.py"
+        path.write_bytes(text[:start] + constant + text[end:])
+        names = dict(item.check.__globals__, claim=lambda *texts, **more: lambda check: check)
+        exec(compile(path.read_bytes(), path, "exec"), names)
+        assert honest.constants(names[item.id]), text[start:end].decode()
+
+
+@pytest.mark.parametrize("item", CONDITIONAL, ids=lambda item: item.id)
+def test_a_condition_swapped_with_its_contrary_fails(item, tmp_path, monkeypatch):
+    """What was tried inside is tried outside, and the other way about."""
+    swap = (("inside=", "OUT="), ("outside=", "inside="), ("OUT=", "outside="))
+    mutated = _mutated(item, tmp_path, monkeypatch, *swap)
+    assert any("condition is not enough" in text for text in settle(mutated).faults)
+
+
+@pytest.mark.parametrize("item", ALL, ids=lambda item: item.id)
+def test_no_entry_of_the_record_can_change(item):
+    """Every text and every figure of every entry, one at a time."""
+    found, record = run(item.id).finding, records.load(item.file)[item.id]
+    entry = item.entry(found)
+    for name in ("verdict", "heard", "corrected", "condition", "formula", "source"):
+        changed = record | {name: record.get(name, "") + " not"}
+        assert list(records.differences(changed, entry)), name
+    for name, (value, tolerance) in record["figures"].items():
+        other = (
+            value + " not"
+            if isinstance(value, str)
+            else value + (abs(value) + 1) * 2 * (tolerance + 1e-9)
+        )
+        if value in (float("inf"), float("-inf")):
+            other = 1.0
+        figures = record["figures"] | {name: [other, tolerance]}
+        assert list(records.differences(record | {"figures": figures}, entry)), name
