@@ -12,7 +12,7 @@ from course.charts.control import LOOP, Loop, WindingPID
 from course.drills import PID, Joint, closed_loop
 from course.oracles.mujoco import kit as mujoco_kit
 from course.oracles.mujoco.joint import MotorJoint
-from drills.grade import grade
+from tests.drills.here import grade_here
 
 INF = math.inf
 
@@ -462,7 +462,7 @@ INTEGRALS = {
 
 def graded(derivative, integral, seed):
     text = ANSWER.replace("{derivative}", DERIVATIVES[derivative])
-    return grade("pid", text.replace("{integral}", INTEGRALS[integral]), seed=seed)
+    return grade_here("pid", text.replace("{integral}", INTEGRALS[integral]), seed=seed)
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,8 @@ from typing import Any, cast
 import pytest
 
 from drills import cards as catalogue
-from drills.grade import grade
 from drills.reasons import Reason
+from tests.drills.here import grade_here
 
 
 def edited(name: str, *edits: tuple[str, str]) -> str:
@@ -109,7 +109,7 @@ def exercise_of(entry: str) -> str:
 def test_a_wrong_answer_that_once_passed_fails_and_is_not_named_as_another(label: str) -> None:
     entry, *edits = cast(tuple[Any, ...], WRONG[label])
     name = exercise_of(entry)
-    report = grade(name, edited(name, *edits), seed=4242)
+    report = grade_here(name, edited(name, *edits), seed=4242)
     allowed = ("", "integral_not_stopped", "end_excluded", "no_order_not_refused")
     assert not report.passed and report.slip in allowed, report.sentence
     assert report.reason not in (Reason.RAISED, Reason.WRONG_SIGNATURE), report.sentence
@@ -134,7 +134,7 @@ RIGHT = {
 
 @pytest.mark.parametrize("label", RIGHT)
 def test_a_right_answer_in_another_style_passes(label):
-    report = grade(label.partition(":")[0], RIGHT[label], seed=1)
+    report = grade_here(label.partition(":")[0], RIGHT[label], seed=1)
     assert report.passed, report.sentence
 
 
@@ -162,14 +162,14 @@ NAMED_BEFORE = {
 
 @pytest.mark.parametrize("label", NAMED_BEFORE)
 def test_a_mistake_is_not_named_as_one_that_it_is_not(label):
-    report = grade(label.partition(":")[0], NAMED_BEFORE[label], seed=4242)
+    report = grade_here(label.partition(":")[0], NAMED_BEFORE[label], seed=4242)
     assert not report.passed and report.slip == "", report.slip
 
 
 def test_swapped_results_of_a_bounce_are_a_wrong_value_not_an_exception():
     text = edited("bounce") + "\n_right = bounce_step\n\n\ndef bounce_step(y, v, dt, restitution, "
     text += "gravity=9.81):\n    return _right(y, v, dt, restitution, gravity)[::-1]\n"
-    assert grade("bounce", text, seed=4242).reason is Reason.WRONG_VALUE
+    assert grade_here("bounce", text, seed=4242).reason is Reason.WRONG_VALUE
 
 
 def test_indices_and_numbers_beyond_all_bounds_make_no_noise(recwarn):
@@ -178,18 +178,18 @@ def test_indices_and_numbers_beyond_all_bounds_make_no_noise(recwarn):
         ("def tumble(q, omega, inertia, dt, steps):\n    return [1e308] * 4, [1e308] * 3\n",
          "tumble"),
     ):  # fmt: skip
-        assert grade(name, text, seed=1).reason is Reason.WRONG_PROPERTY
+        assert grade_here(name, text, seed=1).reason is Reason.WRONG_PROPERTY
     assert not recwarn.list
 
 
 @pytest.mark.parametrize("name", catalogue.names())
 def test_the_first_and_the_last_seed_are_fair(name):
     for seed in (0, 2**32 - 1):
-        report = grade(name, catalogue.card(name).solution_text(), seed=seed)
+        report = grade_here(name, catalogue.card(name).solution_text(), seed=seed)
         assert report.passed, report.sentence
 
 
 def test_a_generator_function_is_not_told_that_it_accepts_collisions():
     text = edited("rrt") + "\n_right = rrt\n\n\ndef rrt(*args):\n    yield from _right(*args)\n"
-    report = grade("rrt", text, seed=4242)
+    report = grade_here("rrt", text, seed=4242)
     assert not report.passed and report.slip == ""

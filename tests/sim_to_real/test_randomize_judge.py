@@ -3,7 +3,7 @@
 import pytest
 
 from drills import cards as catalogue
-from drills.grade import grade
+from tests.drills.here import grade_here
 
 CARD = catalogue.card("randomize")
 SOLUTION = CARD.solution_text()
@@ -67,7 +67,7 @@ class DomainRandomizer:
 
 
 def test_another_right_answer_passes() -> None:
-    report = grade("randomize", ANOTHER, seed=1)
+    report = grade_here("randomize", ANOTHER, seed=1)
     assert report.passed, report.sentence
 
 
@@ -85,7 +85,7 @@ def test_another_right_answer_passes() -> None:
 )
 def test_another_wrong_answer_fails(old: str, new: str, said: str) -> None:
     assert ANOTHER.count(old) == 1
-    report = grade("randomize", ANOTHER.replace(old, new), seed=2)
+    report = grade_here("randomize", ANOTHER.replace(old, new), seed=2)
     assert not report.passed
     assert said in report.sentence and not report.slip
 
@@ -100,9 +100,9 @@ def test_another_wrong_answer_fails(old: str, new: str, said: str) -> None:
     ],
 )
 def test_a_tampered_reading_fails_and_stops_nothing(tampering: str) -> None:
-    assert not grade("randomize", f"{SOLUTION}\nimport given\n{tampering}\n", seed=3).passed
+    assert not grade_here("randomize", f"{SOLUTION}\nimport given\n{tampering}\n", seed=3).passed
 
 
 def test_what_neither_is_right_nor_known_is_not_named() -> None:
-    report = grade("randomize", CARD.starter(), seed=4, starter_too=True)
+    report = grade_here("randomize", CARD.starter(), seed=4)
     assert not report.passed and not report.slip
