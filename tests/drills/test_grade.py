@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,12 +15,16 @@ from drills import cards as catalogue
 from drills import exercise as exercises
 from drills import grade as engine
 from drills.attempt import Attempt
+from drills.cards import Quantity, Signature
 from drills.exercise import Slip
 from drills.grade import grade
 from drills.judge import Answer, Case, coarse, judge_of
 from drills.reasons import Reason
 from drills.report import Report
+from drills.verify import in_this_process
 
+ROOT = Path(__file__).resolve().parents[2]
+TURN = 2.0 * math.pi
 RIGHT = catalogue.card("fk3").solution_text()
 
 
@@ -197,3 +203,33 @@ def test_an_answer_that_lost_its_digits_is_told_from_a_wrong_one(short: Any, nam
 
     assert coarse([answer(truth, True), answer(short(truth), False)]) == named
     assert coarse([answer(short(truth), True)]) == ""
+
+
+def wrap_angle(angle: float) -> float:
+    """The worked answer of the example in CONTRIBUTING.md."""
+    return (angle + math.pi) % TURN - math.pi
+
+
+def test_the_example_of_contributing_is_an_exercise(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its judge passes the worked answer; each of its slips is caught and named."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    names: dict[str, Any] = {}
+    exec(text.partition("```python\n")[2].partition("```")[0], names)
+    made = names["EXERCISE"]
+    angle = Quantity("angle", "number", "rad", "an angle")
+    card = dataclasses.replace(
+        catalogue.card("fk3"),
+        entry="wrap_angle",
+        signatures=(Signature("wrap_angle(angle)", (angle,), (angle,)),),
+        solution="tests.drills.test_grade:wrap_angle",
+    )
+    monkeypatch.setattr(exercises, "of", lambda name: made)
+    solution = card.solution_text()
+
+    def graded(text: str) -> Report:
+        return engine.attempt(card, text, seed=3, place=in_this_process).report
+
+    assert graded(solution).passed
+    assert len(made.slips) == 3
+    for slip in made.slips:
+        assert graded(slip.text(solution)).slip == slip.name
