@@ -82,9 +82,10 @@ def _record(results: list[Result], whole: bool) -> int:
                 for text in [error] if outcome is None else outcome.faults:
                     click.echo(f"{claim.id}: NOT WRITTEN: {text}")
                 continue
-            for text in outcome.changes:
+            entry = claim.entry(outcome.finding)
+            for text in records.differences(entries.get(claim.id), entry):
                 click.echo(f"{claim.id}: {text}")
-            new[claim.id] = records.merged(entries.get(claim.id), claim.entry(outcome.finding))
+            new[claim.id] = records.merged(entries.get(claim.id), entry)
         if whole:
             for id in sorted(set(new) - {item.id for item in claims() if item.file == file}):
                 click.echo(f"{id}: leaves the record, there is no such claim in {file}")

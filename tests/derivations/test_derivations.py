@@ -191,7 +191,6 @@ def test_record_prints_what_changes_and_touches_only_what_was_asked_for(copied):
     )
     path.write_text(wrong, encoding="utf-8")
     records.load.cache_clear()
-    derivations.run.cache_clear()
     result = command("--id", QUICK)
     assert result.exit_code == 0
     assert result.output.startswith(f"{QUICK}: outer_at_2_1 is -1.87")
@@ -201,7 +200,6 @@ def test_record_prints_what_changes_and_touches_only_what_was_asked_for(copied):
     result = command(FILE)
     assert result.output == "semi_implicit_limit: verdict on record: 'false'; found: 'holds'\n"
     assert path.read_text(encoding="utf-8") == right
-    derivations.run.cache_clear()
 
 
 def test_record_refuses_a_claim_that_fails_by_itself(copied, monkeypatch):
@@ -222,8 +220,6 @@ def test_record_drops_a_claim_that_is_gone(copied):
     gone = right.replace(f"[{QUICK}]", "[gone]").replace(f"[{QUICK}.figures]", "[gone.figures]")
     path.write_text(gone, encoding="utf-8")
     records.load.cache_clear()
-    derivations.run.cache_clear()
     result = command(FILE)
     assert f"{QUICK}: not on record" in result.output and "gone: leaves the record" in result.output
     assert path.read_text(encoding="utf-8") == right
-    derivations.run.cache_clear()
