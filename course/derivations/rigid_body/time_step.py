@@ -457,9 +457,6 @@ def semi_implicit_damped_limit(found):
     found.formula = next(root for root in roots if root.subs({omega: 1, zeta: 1}) > 0)
     theory = sympy.lambdify(zeta, found.formula.subs(omega, 1))
 
-    def explicit(z: float) -> float:
-        return measured_limit("semi_implicit_euler", z, low=0.01)
-
     def implicit(z: float) -> float:
         def stable(x: float) -> bool:
             d = 1 / (1 + 2 * z * x)
@@ -467,12 +464,13 @@ def semi_implicit_damped_limit(found):
 
         return stability.limit(stable, 0.01, 50.0, rel=1e-10)
 
-    zetas = found.rng.uniform(0.01, 3, 10)
-    fallen, risen = [explicit(z) for z in zetas], [implicit(z) for z in zetas]
-    measured = found.figure("omega_h_explicit_damping", explicit(0.5))
-    found.figure("omega_h_implicit_damping", implicit(0.5))
+    zetas = np.append(0.5, found.rng.uniform(0.01, 3, 10))
+    fallen = [measured_limit("semi_implicit_euler", z, low=0.01) for z in zetas]
+    risen = [implicit(z) for z in zetas]
+    measured = found.figure("omega_h_explicit_damping", fallen[0])
+    found.figure("omega_h_implicit_damping", risen[0])
     found.statement = (
-        f"zeta = 0.5: {measured:.6f} measured, {theory(0.5):.6f} from 1 + trace + det = 0."
+        f"zeta = 0.5: {measured:.6f} measured, {theory(0.5):.6f} by 1 + trace + det = 0."
     )
     found.heard(
         measured > 2,
@@ -509,9 +507,10 @@ def verlet_limit(found):
 
 @claim(
     "A second-order explicit method cures the instability of explicit Euler.",
-    "The explicit midpoint rule, like every method of second order with two stages, also grows at "
-    "every step on an undamped spring, only by (omega dt)^4 / 4 in energy instead of (omega dt)^2. "
-    "A third stage can cure it, and so does velocity Verlet, which is symplectic.",
+    "The explicit midpoint rule, like every explicit Runge-Kutta method of second order with two "
+    "stages, also grows at every step on an undamped spring, only by (omega dt)^4 / 4 in energy "
+    "instead of (omega dt)^2. A third stage can cure it, and velocity Verlet, which is symplectic, "
+    "does.",
     ask=(
         "By which factor does the explicit midpoint rule multiply an undamped oscillator's energy "
         "per step?",
@@ -548,6 +547,7 @@ def explicit_midpoint_limit(found):
     found.corrected(
         abs(tenth / (0.1**4 / 4) - 1) < 1e-6,
         all(spectral_radius("explicit_midpoint", x) > 1 for x in found.rng.uniform(0.01, 3, 20)),
+        all(grows(x, 0) for x in found.rng.uniform(0.01, 3, 20)),
     )
 
 
@@ -626,50 +626,34 @@ def implicit_midpoint_limit(found):
     "Euler's then falls by a factor of {fixed_damper:.2f}.",
 )
 def limit_scales_with_root(found):
-    from course.rigid_body import integrators, oscillator
+    from course.measure import stability
+    from course.rigid_body.oscillator import stepper
 
-    methods = ("semi_implicit_euler", "velocity_verlet", "rk4")
+    def limit(method: str, omega: float, zeta: float) -> float:
+        def stable(dt: float) -> bool:
+            return stability.is_stable_by_matrix(stepper(method, dt, zeta, omega), 2)
 
-    def stable_limit(method: str, omega: float, zeta: float) -> float:
-        """By running it: 400 steps from 1 m may not leave 1 km."""
+        return stability.limit(stable, 0.01 / omega, 8 / omega, rel=1e-5)
 
-        def stays(dt: float) -> bool:
-            state, step = np.array([1.0, 0.0]), oscillator.stepper(method, dt, zeta, omega)
-            for _ in range(400):
-                state = step(state)
-                if not abs(state[0]) < 1000:
-                    return False
-            return True
-
-        low, high = 0.3 / omega, 8.0 / omega
-        while high / low > 1.0002:
-            middle = float(np.sqrt(low * high))
-            low, high = (middle, high) if stays(middle) else (low, middle)
-        return low
-
-    def scales(method: str, soft: float, stiff: float, zetas: tuple[float, float]) -> bool:
-        ratio = stable_limit(method, soft, zetas[0]) / stable_limit(method, stiff, zetas[1])
-        return bool(abs(ratio / (stiff / soft) - 1) < 5e-3)
+    def fall(method: str, soft: float, stiff: float, zeta: float, damper_kept: bool) -> float:
+        """By which factor the limit falls, over sqrt(k): 1 where it scales."""
+        then = zeta * soft / stiff if damper_kept else zeta
+        return limit(method, soft, zeta) / limit(method, stiff, then) * soft / stiff
 
     for method in ("semi_implicit_euler", "rk4"):
-        ratio = stable_limit(method, 10.0, 0.0) / stable_limit(method, 20.0, 0.0)
-        found.figure(method, ratio, tolerance=1e-3)
-    kept = stable_limit("semi_implicit_euler", 10.0, 0.8) / stable_limit(
-        "semi_implicit_euler", 20.0, 0.4
-    )
-    found.figure("fixed_damper", kept, tolerance=1e-3)
-    draws = [(found.rng.choice(methods), *found.rng.uniform((1, 10), (9, 90))) for _ in range(10)]
-    zetas = found.rng.uniform(0, 0.9, 10)
-    found.statement = "Limit at 100 N/m over limit at 400 N/m, 1 kg, by running both."
-    fixed = [scales(m, a, b, (z, z)) for (m, a, b), z in zip(draws, zetas, strict=True)]
+        found.figure(method, 2 * fall(method, 10, 20, 0, False), tolerance=1e-3)
+    kept = found.figure("fixed_damper", 2 * fall("semi_implicit_euler", 10, 20, 0.8, True), 1e-3)
+    methods = found.rng.choice(["semi_implicit_euler", "velocity_verlet", "rk4"], 12)
+    drawn = found.rng.uniform((1, 12, 0.05), (9, 90, 0.9), (12, 3))
+    draws = [(method, *row) for method, row in zip(methods, drawn, strict=True)]
+    found.statement = "Limit at 100 N/m over limit at 400 N/m, 1 kg, from the code's own steps."
     found.heard(
-        abs(kept - 2) < 2e-3,
+        abs(kept - 2) < 0.01,
         only_if="nothing damps, or the damping ratio stays the same",
-        inside=fixed,
-        outside=[scales(m, a, b, (z + 0.2, (z + 0.2) * a / b))
-                 for (m, a, b), z in zip(draws, zetas, strict=True)],
-    )  # fmt: skip
-    found.corrected(all(fixed), integrators.INTEGRATORS["rk4"].order == 4, kept < 1.9)
+        inside=[abs(fall(m, a, b, z * (z > 0.2), False) - 1) < 1e-3 for m, a, b, z in draws],
+        outside=[abs(fall(m, a, b, z, True) - 1) < 1e-3 for m, a, b, z in draws],
+    )
+    found.corrected(all(abs(fall(m, w, 2 * w, z, False) - 1) < 1e-3 for m, w, _, z in draws))
 
 
 def _partitioned(positions: np.ndarray, velocities: np.ndarray, weights: np.ndarray, x: float):
@@ -698,9 +682,9 @@ LOBATTO = (  # IIIA, IIIB, weights (Hairer, Lubich and Wanner 2006, table II.2.2
     "A symplectic integrator removes the limit that a stiff contact puts on the step.",
     "Symplectic and explicit together keep a limit: semi-implicit Euler and velocity Verlet have "
     "omega dt = 2. Being implicit does not remove it by itself: the pair Lobatto IIIA-IIIB, which "
-    "is implicit and symplectic, grows by {lobatto_growth_at_3:.2f} a step at omega dt = 3. A "
-    "Runge-Kutta method that treats position and velocity alike, like the midpoint rule, has none, "
-    "and neither has implicit Euler, which is not symplectic.",
+    "is implicit and symplectic, grows by {lobatto_growth_at_3:.2f} a step at omega dt = 3. On a "
+    "spring a symplectic Runge-Kutta method that treats position and velocity alike, such as the "
+    "midpoint rule, has none, and neither has implicit Euler, which is not symplectic.",
     source="E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration, 2006, sec. VI.4",
 )
 def symplectic_removes_stiffness(found):
