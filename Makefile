@@ -112,13 +112,13 @@ nbval: warm ## the notebooks, run again and compared with what they show
 		-n 2 --dist loadfile $(NOTEBOOKS))
 
 warm: setup ## compile and keep every hot loop of the chapters
-	@$(BIN)/python -m course.warm
+	@$(BIN)/python -m tools.warm
 
 charts: setup ## rebuild every chart of the README, and the data behind it
 	$(BIN)/python -m course.charts
 
 notebooks: setup ## run the notebooks from their sources and write them with their outputs
-	$(BIN)/python -m course.notebooks
+	$(BIN)/python -m tools.notebooks
 
 clean: ## remove .venv, caches and compiled code
 	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis

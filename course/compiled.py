@@ -10,6 +10,8 @@ the outermost one. Here the cache lives in a folder named after the text of ever
 mentions numba, so editing `quaternion.py` recompiles the integrators that use it.
 """
 
+import contextlib
+import fcntl
 import functools
 import hashlib
 import os
@@ -17,7 +19,7 @@ import shutil
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -69,6 +71,22 @@ def _cache_folder() -> str:
     return str(folder)
 
 
+@contextlib.contextmanager
+def _alone(folder: str, function: Callable[..., Any]) -> Iterator[None]:
+    """Nobody else compiles this function meanwhile.
+
+    Whoever comes second waits and finds the result; two at once would do the work twice, and could
+    write the code of two signatures into one file, since numba numbers the files of a function.
+    The lock goes with its process, however that ends.
+    """
+    name = f"{Path(function.__code__.co_filename).stem}.{function.__qualname__}.lock"
+    with contextlib.ExitStack() as stack:
+        with contextlib.suppress(OSError):  # where nothing can be written, nothing is kept either
+            lock = stack.enter_context(open(Path(folder or os.devnull) / name, "w"))
+            fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
 @functools.cache
 def compiled(function: Callable[..., Any], signature: Any) -> Callable[..., Any]:
     """`function` compiled for `signature`, from the disk cache where it is there.
@@ -91,13 +109,14 @@ def compiled(function: Callable[..., Any], signature: Any) -> Callable[..., Any]
     timer.daemon = True
     timer.start()
     start = time.thread_time()
+    name = f"{function.__module__}.{function.__qualname__}"
     folder, numba.config.CACHE_DIR = numba.config.CACHE_DIR, _cache_folder()
     try:
-        result = numba.njit(signature, cache=True, error_model="numpy")(function)
+        with _alone(numba.config.CACHE_DIR, function):
+            result = numba.njit(signature, cache=True, error_model="numpy")(function)
     finally:
         numba.config.CACHE_DIR = folder
         timer.cancel()
-    name = f"{function.__module__}.{function.__qualname__}"
     COMPILE_SECONDS[f"{name} {signature}"] = time.thread_time() - start
     return result
 

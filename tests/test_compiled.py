@@ -1,5 +1,6 @@
 """Compiled code is found again by the next process, and not when a source it contains changed."""
 
+import fcntl
 import os
 import subprocess
 import sys
@@ -107,3 +108,35 @@ def test_a_compilation_announces_itself_unless_told_not_to(tmp_path) -> None:
         cwd=tmp_path,
     )
     assert quiet.stderr == ""
+
+
+def test_who_comes_second_waits_for_who_compiles(tmp_path) -> None:
+    package, cache = copy_of_the_package(tmp_path), tmp_path / "cache"
+    assert run(package, cache) == [8.0, 0, 1]
+    (lock,) = cache.rglob("outer.outer.lock")
+    environment = os.environ | {"NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(tmp_path)}
+    environment.pop("COURSE_QUIET", None)
+    with open(lock, "w") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        second = subprocess.Popen(
+            [sys.executable, "-m", "course.outer"],
+            env=environment,
+            cwd=tmp_path,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        assert second.stderr is not None
+        assert second.stderr.readline().startswith("compiling outer")  # it waits, and says so
+        assert second.poll() is None
+    assert second.communicate()[0].split() == ["8.0", "1", "0"]
+
+
+def test_a_process_that_was_killed_while_it_wrote_leaves_no_broken_cache(tmp_path) -> None:
+    package, cache = copy_of_the_package(tmp_path), tmp_path / "cache"
+    run(package, cache)
+    # numba names a file in its index before it writes that file.
+    (data,) = cache.rglob("*.nbc")
+    data.rename(data.with_name(data.name + ".tmp.0123456789abcdef"))
+    assert run(package, cache) == [8.0, 0, 1]
+    assert run(package, cache) == [8.0, 1, 0]

@@ -46,15 +46,10 @@ __all__ = [
 ]
 
 
-def warm() -> dict[str, float]:
-    """Compile, or load from the cache, everything in this chapter that is compiled.
-
-    Returns:
-        Seconds per compiled function.
-    """
+def warm() -> None:
+    """Compile, or load from the cache, everything in this chapter that is compiled."""
     import numpy as np
 
-    from course.compiled import COMPILE_SECONDS
     from course.rigid_body.problems import all_problems
 
     for problem in all_problems().values():
@@ -64,4 +59,3 @@ def warm() -> dict[str, float]:
     q[3] = 1.0
     advance_bodies(q, np.zeros((6, 2)), (1.0, 2.0, 3.0), 1e-3, 1)
     PlanarBody().step(1e-3)
-    return dict(COMPILE_SECONDS)

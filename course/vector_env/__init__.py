@@ -25,7 +25,7 @@ import gymnasium
 
 from course.vector_env.arrays import ArrayVectorEnv
 from course.vector_env.processes import ProcessVectorEnv, WorkerError
-from course.vector_env.reach import Arm, ArmReach, ArmReachVector
+from course.vector_env.reach import Arm, ArmReach, ArmReachVector, kernels
 from course.vector_env.sequential import VectorizedEnv
 
 __all__ = [
@@ -36,6 +36,7 @@ __all__ = [
     "ProcessVectorEnv",
     "VectorizedEnv",
     "WorkerError",
+    "warm",
 ]
 
 # Gymnasium imports the module before the colon of "course.vector_env:course/ArmReach-v0", and so
@@ -46,3 +47,8 @@ for _name, _single in (
 ):
     if _name not in gymnasium.registry:
         gymnasium.register(_name, entry_point=_single, vector_entry_point=f"{_single}Vector")
+
+
+def warm() -> None:
+    """Compile, or load from the cache, everything here that is compiled."""
+    kernels()

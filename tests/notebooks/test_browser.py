@@ -27,7 +27,7 @@ from tests.conftest import chromium, why_no_browser
 
 ROOT = Path(__file__).resolve().parents[2]
 CHAPTER = ROOT / "notebooks" / "01_rigid_body.ipynb"
-EXTENSION = "course.lab_extension"
+EXTENSION = "tools.lab_extension"
 
 FLAGS = [
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",

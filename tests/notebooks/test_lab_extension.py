@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from course import lab_extension
+from tools import lab_extension
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -35,7 +35,7 @@ async def ask(app):
     option = handler.ws_connection.stream.socket.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
     client.close()
     await app._cleanup()
-    loaded = "course.lab_extension" in app.extension_manager.extensions
+    loaded = "tools.lab_extension" in app.extension_manager.extensions
     print(json.dumps({"loaded": loaded, "nodelay": bool(option), "answered": message is not None}))
 
 async def main():

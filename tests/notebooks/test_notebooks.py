@@ -6,7 +6,7 @@ from pathlib import Path
 import nbformat
 import pytest
 
-from course import notebooks
+from tools import notebooks
 
 SOURCE = '''# %% [markdown]
 # # A notebook of three cells

@@ -10,7 +10,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from course import notebooks
 from course.measure import stability
 from course.oracles.mujoco import box as mujoco_box
 from course.oracles.mujoco import free as mujoco_free
@@ -20,6 +19,7 @@ from course.rigid_body import planar, problems, quaternion
 from drills.cards import Card, cards
 from drills.grade import is_starter
 from solutions import rigid_body as solutions
+from tools import notebooks
 
 # A busy machine is no defect of the code: no example has a deadline.
 unhurried = settings(deadline=None, max_examples=60)

@@ -5,7 +5,7 @@ message can wait for the acknowledgement of the one before it: about 35 ms per r
 algorithm is turned off when such a websocket opens. Everything works without it, only slower.
 
 `make lab` turns the extension on through the folder `.jupyter`; by hand:
-`jupyter lab --ServerApp.jpserver_extensions="{'course.lab_extension': True}"`.
+`jupyter lab --ServerApp.jpserver_extensions="{'tools.lab_extension': True}"`.
 """
 
 import functools
@@ -32,7 +32,7 @@ def _send_at_once(handler_class: Any) -> None:
 
 
 def _jupyter_server_extension_points() -> list[dict[str, str]]:
-    return [{"module": "course.lab_extension"}]
+    return [{"module": "tools.lab_extension"}]
 
 
 def _load_jupyter_server_extension(serverapp: Any) -> None:

@@ -1,7 +1,7 @@
 """Build the notebooks from their sources, and prove that the two agree.
 
 Text and code are written as py:percent in `notebooks/source/NN_topic.py`. `python -m
-course.notebooks` (or `make notebooks`) runs each in a fresh kernel and writes
+tools.notebooks` (or `make notebooks`) runs each in a fresh kernel and writes
 `notebooks/NN_topic.ipynb` with its outputs; with `--check` it only looks whether the notebooks that
 are there belong to their sources. What is written depends on nothing but source and outputs: two
 builds are the same to the byte where the outputs are.
@@ -224,4 +224,4 @@ def main(names: tuple[str, ...], only_check: bool) -> None:
 
 
 if __name__ == "__main__":
-    main(prog_name="python -m course.notebooks")
+    main(prog_name="python -m tools.notebooks")

@@ -1,0 +1,58 @@
+"""The warming of the cache: what it covers, in which order, and without standing in the way."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from course import CHAPTERS
+from tools import warm
+
+ROOT = Path(__file__).resolve().parents[1]
+PLAIN = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+
+
+def test_every_module_that_compiles_is_warmed_in_reading_order() -> None:
+    order = [chapter.topic for chapter in CHAPTERS]
+    found = warm.topics()
+    assert {"rigid_body", "vector_env"} <= set(found)
+    places = [order.index(t) if t in order else order.index("sim_to_real") - 0.5 for t in found]
+    assert places == sorted(places)
+    compiling = {
+        path.relative_to(ROOT / "course").parts[0].removesuffix(".py")
+        for path in (ROOT / "course").rglob("*.py")
+        if re.search(r"(?<!\w)compiled\(", path.read_text(encoding="utf-8"))
+    }
+    assert compiling - {"compiled", "charts", "derivations", "simulations"} == set(found)
+
+
+def test_a_topic_can_be_chosen_and_a_wrong_one_is_named() -> None:
+    command = [sys.executable, "-m", "tools.warm"]
+    done = subprocess.run(
+        [*command, "vector_env"], cwd=ROOT, env=PLAIN, capture_output=True, text=True, timeout=120
+    )
+    assert done.stdout.startswith("vector_env: 0 compiled functions ready")
+    assert "rigid_body" not in done.stdout
+    with pytest.raises(SystemExit):
+        warm.main(["weather"])
+
+
+def test_in_the_background_it_is_silent_detached_and_gentle(monkeypatch) -> None:
+    monkeypatch.setenv("NUMBA_DISABLE_JIT", "1")
+    process = warm.start_in_background([])
+    assert os.getpgid(process.pid) != os.getpgrp()
+    assert process.wait(timeout=300) == 0
+    program = "from tools import warm; import os; warm.topics = lambda: []; warm.main(['--gently'])"
+    program += "; print(os.nice(0))"
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=120
+    )
+    assert done.stdout.split() == ["19"]
+    done = subprocess.run(
+        [sys.executable, "-m", "tools.warm", "--background", "vector_env"],
+        cwd=ROOT, env=PLAIN, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")

@@ -1,0 +1,1 @@
+"""What builds, warms and serves the course; not part of the installed package."""

@@ -1,0 +1,91 @@
+"""Compile the hot loops of the course in reading order, so that nobody waits for them later.
+
+`python -m tools.warm` (or `make warm`) calls `warm()` of each chapter that is there and has one.
+`--background` leaves that to a process of its own and returns at once: it has the lowest priority,
+writes nothing and ends by itself, whatever becomes of the caller. Ended half-way it leaves what it
+has compiled so far: numba puts each finished file in its place in one go, and what was not written
+is compiled again. A reader who needs a function meanwhile waits for it, or compiles it
+(`course.compiled`).
+"""
+
+import argparse
+import importlib
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from course import CHAPTERS
+
+ROOT = Path(__file__).resolve().parent.parent
+
+# What stands beside the chapters is read with one of them.
+READ_WITH = {"sim_to_real": ("vector_env",)}
+
+
+def topics() -> list[str]:
+    """What there is to compile, in reading order."""
+    found = []
+    for chapter in CHAPTERS:
+        found += [*READ_WITH.get(chapter.topic, ()), *([chapter.topic] if chapter.there else [])]
+    return [topic for topic in found if hasattr(importlib.import_module(f"course.{topic}"), "warm")]
+
+
+def warm(names: list[str]) -> Iterator[tuple[str, float, int, float]]:
+    """Compile, or load from the disk cache, the hot loops of these topics.
+
+    Yields:
+        For each its name, the seconds it took, and of how many compiled functions; with the
+        processor time of compiling or loading them [s].
+    """
+    from course.compiled import COMPILE_SECONDS
+
+    for name in names:
+        known = set(COMPILE_SECONDS)
+        start = time.perf_counter()
+        importlib.import_module(f"course.{name}").warm()
+        seconds = time.perf_counter() - start
+        new = [spent for key, spent in COMPILE_SECONDS.items() if key not in known]
+        yield name, seconds, len(new), sum(new)
+
+
+def start_in_background(names: list[str]) -> subprocess.Popen[bytes]:
+    """A process of its own that warms these topics, or all, at the lowest priority."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "tools.warm", "--gently", *names],
+        cwd=ROOT,
+        env={**os.environ, "COURSE_QUIET": "1"},
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,  # an interrupt of the caller is not meant for it
+    )
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Warm the cache and print what it took."""
+    parser = argparse.ArgumentParser(prog="python -m tools.warm", description=main.__doc__)
+    parser.add_argument("topics", nargs="*", help="which, such as rigid_body; default: all")
+    parser.add_argument("--background", action="store_true", help="start it and return at once")
+    parser.add_argument("--gently", action="store_true", help="at the lowest priority")
+    given = parser.parse_args(arguments)
+    if given.background:
+        start_in_background(given.topics)
+        return
+    if given.gently:
+        os.nice(19)
+    known = topics()
+    if unknown := sorted(set(given.topics) - set(known)):
+        parser.error(f"topics is {', '.join(unknown)}, allowed is {', '.join(known)}")
+    for name, seconds, functions, spent in warm(given.topics or known):
+        print(
+            f"{name}: {functions} compiled functions ready in {seconds:.1f} s "
+            f"({spent:.1f} s of processor time)",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()
