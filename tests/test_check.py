@@ -70,8 +70,9 @@ def test_what_is_allowed_comes_back_as_a_plain_number() -> None:
     assert check.one_of("by", "time", {"time": 1}) == "time"
 
 
-# The answers of the drills stand for themselves, in the same wording; the others are no input.
-APART = {"drills.py", "derivations", "simulations"}
+# The answers of the drills stand for themselves, in the same wording; the others refuse files,
+# formulas and fields of a form.
+APART = {"drills.py", "derivations", "simulations", "interview"}
 
 
 def test_no_other_wording_is_in_use() -> None:
