@@ -1,16 +1,34 @@
 """`python -m course.derivations [WHICH] [--id ID] [--json] [--record]`: settle the claims."""
 
+import functools
 import json
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import click
 
+import course
+from course import CHAPTERS
 from course.derivations import Claim, Outcome, before, claims, figure_text, records, run
 
 _STYLE = {"holds": "green", "holds only if": "yellow", "false": "red"}
 Result = tuple[Claim, Outcome | None, str]
+
+
+@functools.cache
+def _notebook(chapter: int) -> str:
+    """Source of the chapter's notebook; empty where the course is installed without it."""
+    topic = next(item.topic for item in CHAPTERS if item.number == chapter)
+    folder = Path(course.__file__).parents[1] / "notebooks" / "source"
+    path = folder / f"{chapter:02d}_{topic}.py"
+    return path.read_text(encoding="utf-8") if path.exists() else ""
+
+
+def shown(claim: Claim) -> bool:
+    """Whether the chapter's notebook names the claim."""
+    return f'"{claim.id}"' in _notebook(claim.chapter)
 
 
 def _as_data(claim: Claim, outcome: Outcome | None, error: str) -> dict[str, Any]:
@@ -20,6 +38,7 @@ def _as_data(claim: Claim, outcome: Outcome | None, error: str) -> dict[str, Any
         "claim": claim.claim,
         "source": claim.source,
         "answerable": claim.formula is not None,
+        "shown": shown(claim),
         "disagreements": [error] if outcome is None else list(outcome.disagreements),
     }
     if outcome is not None:
@@ -61,6 +80,7 @@ def _print_table(results: list[Result]) -> None:
             for name, value in outcome.finding.figures.items():
                 right.append(f"\n  {name} = {figure_text(value)}", style="cyan")
         left.append(f"\nchapter {claim.chapter}", style="dim")
+        left.append("" if shown(claim) else "\nin no notebook", style="dim")
         for text in [error] if outcome is None else outcome.disagreements:
             right.append(f"\n  DISAGREES: {text}", style="bold red")
         table.add_row(left, right)
@@ -95,7 +115,12 @@ def _record(results: list[Result], whole: bool) -> int:
     return refused
 
 
-def _select(which: str | None, ids: tuple[str, ...]) -> list[Claim]:
+def select(which: str | None, ids: tuple[str, ...]) -> list[Claim]:
+    """The claims of a chapter's number, a topic or a file; of these, those with the ids, if any.
+
+    Raises:
+        click.UsageError: where there is none.
+    """
     try:
         if which is None or which.isdecimal():
             selected = claims(int(which) if which else None)
@@ -127,7 +152,7 @@ def main(which: str | None, ids: tuple[str, ...], as_json: bool, record: bool) -
     The exit code is 1 if a check fails or disagrees with the record.
     """
     start = time.perf_counter()
-    selected = _select(which, ids)
+    selected = select(which, ids)
     results = _settled(selected)
     if record:
         sys.exit(1 if _record(results, whole=not ids) else 0)

@@ -375,9 +375,9 @@ def test_a_slow_proof_is_given_up_and_the_alarm_restored():
 
     before = signal.getsignal(signal.SIGALRM)
     text = "2*sqrt(m/k)*" + "*".join(f"(sin({i}*m)^2+cos({i}*m)^2)" for i in range(1, 8))
-    start = time.perf_counter()
+    start = time.process_time()
     assert _check("semi_implicit_limit", text[:200]).correct
-    assert time.perf_counter() - start < 20
+    assert time.process_time() - start < 20
     assert signal.getsignal(signal.SIGALRM) is before
     assert signal.getitimer(signal.ITIMER_REAL) == (0.0, 0.0)
 

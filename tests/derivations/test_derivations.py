@@ -1,18 +1,22 @@
 """Every claim is settled again and compared with its record; and the doors to them."""
 
 import json
+import re
 import subprocess
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
 
 from course import derivations
 from course.derivations import Verdict, claim, claims, records, run
-from course.derivations.__main__ import main
+from course.derivations.__main__ import main, select, shown
 
 ALL = claims()
+FILE = "rigid_body.time_step"
+QUICK = "determinant_one_is_stable"
 
 
 @pytest.mark.parametrize("item", ALL, ids=lambda item: item.id)
@@ -100,67 +104,76 @@ def test_importing_is_light():
     assert result.stdout.strip() == "[]", result.stdout + result.stderr
 
 
-def _command(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "course.derivations", *arguments],
+@pytest.fixture
+def changed(monkeypatch):
+    """Changes a real claim for one test."""
+
+    def change(**fields):
+        item = replace(derivations.CLAIMS[QUICK], **fields)
+        monkeypatch.setitem(derivations.CLAIMS, QUICK, item)
+        derivations.run.cache_clear()
+
+    yield change
+    derivations.run.cache_clear()
+
+
+def test_command_prints_a_table_of_80_columns():
+    result = subprocess.run(
+        [sys.executable, "-m", "course.derivations", "--id", "semi_implicit_limit"],
         capture_output=True,
         text=True,
         env={"COLUMNS": "80", "PATH": "/usr/bin:/bin", "HOME": "/nonexistent", "LANG": "C.UTF-8"},
     )
-
-
-def test_command_prints_a_table_of_80_columns():
-    result = _command("--id", "semi_implicit_limit")
     assert result.returncode == 0, result.stdout + result.stderr
     assert "semi_implicit_limit" in result.stdout and "limit_ms = 6.3246" in result.stdout
     assert max(len(line) for line in result.stdout.splitlines()) <= 80
 
 
 def test_command_prints_json():
-    result = _command("1", "--id", "determinant_one_is_stable", "--json")
+    result = CliRunner().invoke(main, ["1", "--id", QUICK, "--json"])
     (data,) = json.loads(result.stdout)
     assert data["verdict"] == "holds only if" and data["condition"]
     assert data["figures"]["outer_at_2_1"] == pytest.approx(-1.877328, rel=1e-6)
     assert data["disagreements"] == []
+    assert result.exit_code == 0
 
 
-def test_command_exits_with_1_when_something_disagrees():
-    code = (
-        "import sys; from course import derivations as d; from dataclasses import replace;"
-        "d.claims(); i = 'determinant_one_is_stable';"
-        "d.CLAIMS[i] = replace(d.CLAIMS[i], corrected='It is always stable.');"
-        "from course.derivations.__main__ import main;"
-        "main(['--id', i])"
-    )
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert result.returncode == 1
-    assert "DISAGREES" in result.stdout
+def test_command_exits_with_1_when_something_disagrees(changed):
+    changed(corrected="It is always stable.")
+    result = CliRunner().invoke(main, ["--id", QUICK])
+    assert result.exit_code == 1 and "DISAGREES" in result.output
 
 
-def test_a_check_that_breaks_is_reported_not_raised():
-    code = (
-        "from course import derivations as d; from dataclasses import replace;"
-        "d.claims(); i = 'determinant_one_is_stable';"
-        "d.CLAIMS[i] = replace(d.CLAIMS[i], check=lambda found: 1 / 0);"
-        "from course.derivations.__main__ import main;"
-        "main(['--id', i])"
-    )
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert result.returncode == 1
-    assert "ZeroDivisionError" in result.stdout
+def test_a_check_that_breaks_is_reported_not_raised(changed):
+    changed(check=lambda found: 1 / 0)
+    result = CliRunner().invoke(main, ["--id", QUICK])
+    assert result.exit_code == 1 and "ZeroDivisionError" in result.output
 
 
 @pytest.mark.parametrize("arguments", [("77",), ("juggling",), ("--id", "no_such_claim")])
 def test_command_refuses_what_is_not_there(arguments):
-    result = _command(*arguments)
-    assert result.returncode == 2
+    result = CliRunner().invoke(main, arguments)
+    assert result.exit_code == 2
     assert arguments[-1] in result.stderr
 
 
-# --- writing the record -------------------------------------------------------------------------
+def test_command_selects_by_chapter_topic_and_file():
+    assert select("1", ()) == claims(1) == select("rigid_body", ())
+    assert {item.file for item in select(FILE, ())} == {FILE}
+    assert select(None, ()) == claims()
 
-FILE = "rigid_body.time_step"
-QUICK = "determinant_one_is_stable"
+
+def test_what_a_notebook_shows_is_a_claim_of_its_chapter():
+    sources = Path(__file__).parents[2] / "notebooks" / "source"
+    for path in sources.glob("[0-9][0-9]_*.py"):
+        named = set(re.findall(r'\b(?:show|answer|figure)\(\s*"(\w+)"', path.read_text("utf-8")))
+        there = {item.id for item in ALL if item.chapter == int(path.name[:2]) and shown(item)}
+        assert named <= there, path.name
+    assert shown(derivations.CLAIMS["semi_implicit_limit"])
+    assert not shown(derivations.CLAIMS[QUICK])
+
+
+# --- writing the record -------------------------------------------------------------------------
 
 
 @pytest.fixture
@@ -202,16 +215,13 @@ def test_record_prints_what_changes_and_touches_only_what_was_asked_for(copied):
     assert path.read_text(encoding="utf-8") == right
 
 
-def test_record_refuses_a_claim_that_fails_by_itself(copied, monkeypatch):
+def test_record_refuses_a_claim_that_fails_by_itself(copied, changed):
     path, command = copied
     right = path.read_text(encoding="utf-8")
-    item = replace(derivations.CLAIMS[QUICK], corrected="Below 1.5 m.")
-    monkeypatch.setitem(derivations.CLAIMS, QUICK, item)
-    derivations.run.cache_clear()
+    changed(corrected="Below 1.5 m.")
     result = command("--id", QUICK)
     assert result.exit_code == 1 and "NOT WRITTEN: '1.5 m'" in result.output
     assert path.read_text(encoding="utf-8") == right
-    derivations.run.cache_clear()
 
 
 def test_record_drops_a_claim_that_is_gone(copied):
