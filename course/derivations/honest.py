@@ -108,11 +108,13 @@ class _Check:
         value = self.outer.get(name)
         if isinstance(value, ModuleType):
             return value.__name__.split(".")[0] not in ("numpy", "math")
-        return callable(value) and name not in _LOOKS and not isinstance(value, type)
+        if not callable(value) or isinstance(value, type) or name in _LOOKS:
+            return False
+        return not _returns_a_literal(value)
 
     def _computes(self, function: ast.AST) -> bool:
         if isinstance(function, ast.Name):
-            return function.id in self.outer and function.id not in _LOOKS
+            return function.id not in self.sources and self._outer_computes(function.id)
         if isinstance(function, ast.Attribute):
             root: ast.AST = function
             while isinstance(root, ast.Attribute):
@@ -134,6 +136,18 @@ class _Check:
             name = getattr(value.func, "attr", getattr(value.func, "id", ""))
             return name in _LOOKS and any(self.excuses(argument) for argument in value.args)
         return any(self.excuses(child) for child in ast.iter_child_nodes(value))
+
+
+def _returns_a_literal(function: Callable[..., Any]) -> bool:
+    """Whether all that a function can return is written there: it names and calls nothing."""
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
+    except (OSError, TypeError, SyntaxError):  # a builtin, something compiled, a lambda
+        return False
+    values = [node.value for node in ast.walk(tree) if isinstance(node, ast.Return) and node.value]
+    return bool(values) and not any(
+        isinstance(node, ast.Name | ast.Call) for value in values for node in ast.walk(value)
+    )
 
 
 def constants(function: Callable[..., Any]) -> list[str]:
