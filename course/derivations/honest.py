@@ -58,9 +58,11 @@ class _Check:
         elif isinstance(node, ast.withitem) and node.optional_vars is not None:
             self._bind(node.optional_vars, node.context_expr)
         elif isinstance(node, ast.FunctionDef):
-            for inner in ast.walk(node):
-                if isinstance(inner, ast.Return | ast.Yield) and inner.value is not None:
-                    self.sources[node.name].append(inner.value)
+            inside = list(ast.walk(node))
+            returns = [x.value for x in inside if isinstance(x, ast.Return | ast.Yield) and x.value]
+            self.sources[node.name] += returns
+            if len(returns) > 1:  # what chooses between them counts
+                self.sources[node.name] += [x.test for x in inside if isinstance(x, ast.If)]
         elif isinstance(node, ast.Import | ast.ImportFrom):
             for alias in node.names:
                 self.sources[alias.asname or alias.name.split(".")[0]].append(_COMPUTES)
@@ -139,15 +141,15 @@ class _Check:
 
 
 def _returns_a_literal(function: Callable[..., Any]) -> bool:
-    """Whether all that a function can return is written there: it names and calls nothing."""
+    """Whether a function can return one thing only, which is written there."""
     try:
         tree = ast.parse(textwrap.dedent(inspect.getsource(function)))
     except (OSError, TypeError, SyntaxError):  # a builtin, something compiled, a lambda
         return False
     values = [node.value for node in ast.walk(tree) if isinstance(node, ast.Return) and node.value]
-    return bool(values) and not any(
-        isinstance(node, ast.Name | ast.Call) for value in values for node in ast.walk(value)
-    )
+    if len({ast.dump(value) for value in values}) != 1:  # none, or it chooses
+        return False
+    return not any(isinstance(node, ast.Name | ast.Call) for node in ast.walk(values[0]))
 
 
 def constants(function: Callable[..., Any]) -> list[str]:

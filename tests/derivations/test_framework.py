@@ -238,6 +238,11 @@ def computed_everywhere(found):
     def of(terms):
         return total(terms)
 
+    def odd(terms):
+        if total(terms) % 2:
+            return True
+        return False
+
     sums = []
     for terms in range(1, 5):
         sums.append(of(terms))
@@ -249,7 +254,7 @@ def computed_everywhere(found):
     found.statement = "Added."
     found.heard(any(s == n for n, s in enumerate(sums, 2)))
     found.corrected(
-        good, first == 1, others[0] == 4, largest == 4, math.gcd(sums[0], 2) == 1,
+        good, odd(3), first == 1, others[0] == 4, largest == 4, math.gcd(sums[0], 2) == 1,
         "rk4" in integrators.INTEGRATORS, all(map(bool, sums)), np.linalg.norm(sums) > 1,
     )  # fmt: skip
 
