@@ -149,5 +149,6 @@ def picture(measured: WorkPrecision, path: str | Path) -> Path:
     from matplotlib.figure import Figure
 
     from course.measure.figure import draw, write_picture
+
     figure = Figure(figsize=(10.0, 4.2), layout="constrained")
     return write_picture(draw(measured.panels(), figure=figure), path)

@@ -8,11 +8,12 @@ import time
 
 import hypothesis.strategies as st
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from course import derivations
 from course.derivations import claims
 from course.derivations.answer import Formula, Symbol, answer_formula, parse, to_sympy
+from tests.budget import examples
 
 ANSWERABLE = [item for item in claims() if item.formula is not None]
 
@@ -160,7 +161,7 @@ _TREES = st.sampled_from(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @given(_TREES.flatmap(lambda t: st.tuples(st.just(t[0]), _rewritings(t[1]))))
 def test_generated_rewritings_pass(case):
     id, text = case
@@ -169,7 +170,7 @@ def test_generated_rewritings_pass(case):
         assert result.correct, (text, result.message)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(
     st.floats(0.1, 10).filter(lambda c: abs(c - 2) > 1e-6),
     st.integers(-3, 3),
@@ -351,14 +352,14 @@ def test_there_are_enough_hostile_texts():
     assert len(set(HOSTILE)) >= 30
 
 
-@settings(max_examples=300, deadline=None)
+@examples(300)
 @given(st.text(alphabet="mk2.()+-*/^<=esqrtxp09 _,[]'\"", max_size=60))
 def test_any_text_gets_an_answer(text):
     result = _check("semi_implicit_limit", text)
     assert isinstance(result.correct, bool) and result.message
 
 
-@settings(max_examples=100, deadline=None)
+@examples(100)
 @given(st.text(max_size=250))
 def test_any_unicode_gets_an_answer(text):
     assert _check("semi_implicit_limit", text).message

@@ -5,12 +5,13 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from course.drills import fk3
 from course.oracles.pinocchio import PlanarChain
+from tests.budget import examples
 
 lengths = arrays(float, 3, elements=st.floats(0.0, 10.0))
 angles = arrays(float, 3, elements=st.floats(-20.0, 20.0))
@@ -26,21 +27,19 @@ def exactly(lengths, thetas):
         return np.array([[float(p.real), float(p.imag)] for p in points])
 
 
-@settings(deadline=None)
 @given(lengths, angles)
 def test_it_agrees_with_40_digits(lengths, thetas) -> None:
     allowed = 1e-15 * (1.0 + lengths.sum()) * (4.0 + np.abs(thetas).sum())
     assert np.abs(fk3(lengths, thetas) - exactly(lengths, thetas)).max() <= allowed
 
 
-@settings(max_examples=50, deadline=None)
+@examples(50)
 @given(lengths, angles)
 def test_it_agrees_with_pinocchio(lengths, thetas) -> None:
     allowed = 1e-14 * (1.0 + lengths.sum()) * (1.0 + np.abs(thetas).sum())
     assert np.abs(fk3(lengths, thetas) - PlanarChain(lengths).positions(thetas)).max() <= allowed
 
 
-@settings(deadline=None)
 @given(lengths, angles)
 def test_links_keep_their_length_and_joints_their_angle(lengths, thetas) -> None:
     points = fk3(lengths, thetas)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from course.rigid_body.differentiable import (
@@ -29,6 +29,7 @@ from course.rigid_body.differentiable import (
     trajectory,
 )
 from course.rigid_body.planar import box_parameters, rollout
+from tests.budget import examples
 
 torch.set_num_threads(1)
 
@@ -112,7 +113,7 @@ def test_a_push_moves_what_static_friction_cannot_hold():
     np.testing.assert_array_equal(left, -moved)
 
 
-@settings(max_examples=80, deadline=None)
+@examples(80)
 @given(
     st.floats(0.0, 1.0),
     st.floats(0.0, 2.0),

@@ -3,13 +3,14 @@
 import numba
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from course.charts import build
 from course.rigid_body import events
 from course.rigid_body.integrators import INTEGRATORS, rk4, velocity_verlet
 from course.rigid_body.problems import bounce_height, bounce_times
+from tests.budget import examples
 
 GRAVITY = 9.80665
 
@@ -49,7 +50,7 @@ def test_every_integrator_can_be_cut(name):
     assert np.log2(errors[-2] / errors[-1]) == pytest.approx(INTEGRATORS[name].order, abs=0.2)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(height=st.floats(1e-3, 5.0), speed=st.floats(-5.0, 5.0), extra=st.floats(1e-3, 2.0))
 def test_the_time_of_a_fall_is_found_to_rounding(height, speed, extra):
     # RK4 is exact on a parabola, so the event's time is its root.

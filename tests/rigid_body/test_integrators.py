@@ -6,11 +6,12 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from course.rigid_body import integrators, problems, quaternion
 from course.rigid_body.integrators import INTEGRATORS, System, evaluations_per_step, simulate
+from tests.budget import examples
 
 PROBLEMS = problems.all_problems()
 # Step counts in the asymptotic range of each problem, coarse enough to stay above rounding.
@@ -82,7 +83,7 @@ def test_implicit_midpoint_keeps_quadratic_invariants_of_the_free_body() -> None
     st.floats(1e-3, 0.2),
     st.sampled_from(sorted(INTEGRATORS)),
 )
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_a_turned_world_gives_the_turned_result(rates, turn, dt, name) -> None:
     """Left invariance: turning the world before or after a free step is the same."""
     q0, params = quaternion.exp(np.array([0.3, -0.2, 0.5])), np.array([1.0, 2.0, 2.5])

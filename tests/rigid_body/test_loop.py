@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from course.rigid_body.loop import (
@@ -20,6 +20,7 @@ from course.rigid_body.loop import (
     run,
     trace_table,
 )
+from tests.budget import examples
 
 
 def counting(state, force, dt):
@@ -77,7 +78,7 @@ def test_counts_stay_exact_when_frames_come_as_floating_point_sixtieths():
     assert loop.totals.pictures == real // Fraction(1, 60)
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(st.lists(st.floats(min_value=0.0, max_value=0.2), min_size=1, max_size=12))
 def test_how_real_time_is_cut_changes_nothing_bit_for_bit(frames):
     cut: list = []

@@ -4,12 +4,13 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from course.derivations.rigid_body import linear
 from course.measure import stability
 from course.rigid_body import oscillator
+from tests.budget import examples
 
 ZETAS = (0.05, 0.3, 0.7, 1.0, 1.6)
 EXPLICIT = tuple(m for m in oscillator.METHODS if m != "implicit_midpoint")
@@ -79,7 +80,7 @@ def test_closed_forms():
     assert limit("rk4", 100.0) == pytest.approx(2.785293563 / 200.0, rel=1e-4)
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(st.sampled_from(EXPLICIT), st.floats(0.01, 3.0), st.floats(0.01, 0.99))
 def test_every_step_below_the_limit_is_stable(method, zeta, fraction):
     assert _growth(method, fraction * oscillator.limit(method, zeta), zeta) <= 1.0 + 1e-9

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
@@ -23,6 +23,7 @@ from course.rigid_body.planar import (
     step_boxes,
 )
 from course.rigid_body.planar_contact import CLEAR, HIT, first_impact, impact, newton_impact
+from tests.budget import examples
 
 G = STANDARD_GRAVITY
 
@@ -275,7 +276,7 @@ def test_impact_agrees_with_integration_over_the_impulse() -> None:
     assert kinds == {"sticks", "slides", "reverses"}
 
 
-@settings(max_examples=500, deadline=None)
+@examples(500)
 @given(vx=speeds, vy=speeds, omega=speeds, **boxes)
 def test_impact_properties(vx, vy, omega, w, h, angle, shape, e, mu) -> None:
     inertia = shape * (w * w + h * h) / 12
@@ -298,7 +299,7 @@ def test_impact_properties(vx, vy, omega, w, h, angle, shape, e, mu) -> None:
         assert (pt, pn) == (0, 0)
 
 
-@settings(max_examples=150, deadline=None)
+@examples(150)
 @given(vx=speeds, vy=st.floats(-10, -0.01), omega=speeds, **boxes)
 def test_normal_work_given_back_is_e_squared(vx, vy, omega, w, h, angle, shape, e, mu) -> None:
     """The work of compression is read off an impact with e = 0, that of both from e itself."""
@@ -345,7 +346,7 @@ def test_newtons_rule_gains_energy_where_ours_does_not() -> None:
     assert gains == pytest.approx([0.921822, -0.074195], abs=1e-6)
 
 
-@settings(max_examples=500, deadline=None)
+@examples(500)
 @given(vx=speeds, vy=speeds, omega=speeds, **boxes)
 def test_resting_face_contact_properties(vx, vy, omega, w, h, angle, shape, e, mu) -> None:
     """Two inelastic contacts: always a case that fits, no approach, no energy, Coulomb's cone."""

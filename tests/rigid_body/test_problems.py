@@ -4,11 +4,12 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from course.rigid_body import problems, quaternion
 from course.rigid_body.integrators import simulate
+from tests.budget import examples
 
 CLOSED = [name for name, problem in problems.all_problems().items() if problem.closed_form]
 
@@ -44,7 +45,7 @@ def test_closed_form_satisfies_the_equation_of_motion(name: str) -> None:
     st.floats(0.0, 200.0),
     st.tuples(st.floats(0.5, 1.0), st.floats(1.2, 1.8)),
 )
-@settings(max_examples=60, deadline=None)
+@examples(60)
 def test_tumble_keeps_energy_and_momentum_at_any_time(w1, w3, t, moments) -> None:
     inertia = (moments[0], moments[1], 2.0 * moments[0] * 0.9 + 0.3 * moments[1])
     inertia = (inertia[0], inertia[1], min(inertia[0] + inertia[1], max(inertia[2], 1.9)))

@@ -8,12 +8,13 @@ import mujoco
 import numba
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from course.compiled import MATRIX, VECTOR, compiled
 from course.rigid_body import quaternion as quat
+from tests.budget import examples
 
 mpmath.mp.dps = 50
 
@@ -43,7 +44,7 @@ AXES = [
 
 
 # A busy machine is no defect of the code: no example has a deadline.
-unhurried = settings(deadline=None)
+unhurried = examples(100)
 
 
 @pytest.fixture(autouse=True)
@@ -201,7 +202,7 @@ def test_exp_and_log_at_the_edges(angle, axis):
 
 
 @given(axes, angles)
-@settings(max_examples=300, deadline=None)
+@examples(300)
 def test_exp_and_log_are_exact_to_1e_14(axis, angle):
     check_exp_and_log(axis * angle)
 
@@ -278,7 +279,7 @@ def test_double_cover(q):
 
 
 @given(quaternions, axes, angles, st.sampled_from([1.0, -1.0]))
-@settings(max_examples=200, deadline=None)
+@examples(200)
 def test_angle_between_against_50_digits(p, axis, angle, sign):
     q = sign * quat.product(p, quat.exp(axis * angle))
     relative = exact_product(p * [1, -1, -1, -1], q)
@@ -504,7 +505,7 @@ def test_derivative_is_the_product_and_the_slope_of_the_exact_turn(q, omega):
 
 
 @given(axes, st.floats(0.1, 20.0), st.floats(1e-3, 0.05))
-@settings(max_examples=20, deadline=None)
+@examples(20)
 def test_added_quaternions_grow_as_the_closed_form_says(axis, speed, h):
     omega, q, steps = axis * speed, quat.identity(), 200
     for _ in range(steps):

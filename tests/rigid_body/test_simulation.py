@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from course.rigid_body.planar import FLIGHT_COEFFICIENT
@@ -30,6 +30,7 @@ from course.simulations.rigid_body import (
     scene_axes,
     simulation,
 )
+from tests.budget import examples
 
 
 def after(seconds, controls):
@@ -58,7 +59,7 @@ ends = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@examples(60)
 @given(ends)
 def test_every_combination_of_ends_stays_finite(values):
     controls = Controls(**values)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from course.measure import stability
@@ -19,10 +19,11 @@ from course.rigid_body import planar, problems, quaternion
 from drills.cards import Card, cards
 from drills.grade import is_starter
 from solutions import rigid_body as solutions
+from tests.budget import examples
 from tools import notebooks
 
 # A busy machine is no defect of the code: no example has a deadline.
-unhurried = settings(deadline=None, max_examples=60)
+unhurried = examples(60)
 
 
 @pytest.fixture(autouse=True)
@@ -512,7 +513,7 @@ def test_tumble_is_mujocos_free_body():
     assert omega == pytest.approx(theirs[1], abs=1e-8)
 
 
-@settings(deadline=None, max_examples=15)
+@examples(15)
 @given(
     unit_quaternions(), vectors(3, 3.0), st.sampled_from([(1.0, 2.0, 2.5), (3, 2, 1.5), (1, 1, 1)])
 )

@@ -3,11 +3,12 @@
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from course.rigid_body import RigidBody, advance_bodies, problems, quaternion
 from course.rigid_body.spatial import inertia_tensor, newton_euler_acceleration
+from tests.budget import examples
 
 finite = st.floats(-3, 3)
 vector = st.lists(finite, min_size=3, max_size=3).map(np.array)
@@ -39,7 +40,7 @@ def test_tumble_in_a_tilted_body_frame_is_the_same_motion() -> None:
 
 
 @given(vector, vector, vector, vector)
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_newton_and_euler_hold_in_the_world(force, point, spin, turn) -> None:
     """d(momentum)/dt = force and d(angular momentum)/dt = (point - centre) x force."""
     body = RigidBody(1.7, tilted_tensor(), v=np.concatenate([[0.2, -0.4, 0.1], spin]))

@@ -7,12 +7,13 @@ from typing import Any
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy import special, stats
 
 from course.drills import DomainRandomizer
 from course.oracles.mujoco import randomize as oracle
+from tests.budget import examples
 
 N = 400  # draws of a distribution test
 RARE = 1e-4  # seeds are fixed, so that a test of a distribution passes or fails for good
@@ -37,7 +38,7 @@ def factors(model: Any, default: Any) -> np.ndarray:
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_every_array_is_that_of_a_model_compiled_with_the_new_values(seed: int) -> None:
     model, data = scene()
     default = copy.copy(model)
@@ -253,7 +254,7 @@ def test_a_damped_joint_stops_as_the_drawn_damping_says() -> None:
 
 
 @given(seed=st.integers(0, 2**32 - 1), times=st.integers(1, 5))
-@settings(max_examples=25, deadline=None)
+@examples(25)
 def test_restore_is_bit_for_bit(seed: int, times: int) -> None:
     model, data = scene()
     before = bytes_of(model)

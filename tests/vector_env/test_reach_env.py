@@ -8,13 +8,14 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 from gymnasium.wrappers import vector as wrappers
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from course.oracles.gymnasium import check, sync_vector_env
 from course.oracles.mujoco.reach import MujocoArmReach, MujocoArmReachVector
 from course.vector_env import Arm, ArmReach, ArmReachVector, ProcessVectorEnv, VectorizedEnv
 from course.vector_env.reach import CONTROL_STEP, RADIUS, acceleration
+from tests.budget import examples
 from tests.vector_env.test_vector_env import identical
 
 PAIRS = [(ArmReach, ArmReachVector), (MujocoArmReach, MujocoArmReachVector)]
@@ -92,7 +93,7 @@ def test_what_differs_between_the_models_is_the_integrator() -> None:
     assert euler[0] / euler[1] == pytest.approx(2.0, abs=0.3)
 
 
-@settings(max_examples=30, deadline=None)
+@examples(30)
 @given(st.lists(st.floats(-3, 3), min_size=4, max_size=4), st.integers(0, 20))
 def test_the_closed_form_conserves_energy_and_gains_what_the_motors_give(state, seed) -> None:
     """Without damping the power of the torques is the rate of the kinetic energy."""
@@ -224,7 +225,7 @@ def test_arms_differ_and_agree_between_the_models() -> None:
     assert np.max(np.abs(theirs.step(actions)[0] - ours.step(actions)[0])) > 1e-4
 
 
-@settings(max_examples=15, deadline=None)
+@examples(15)
 @given(st.integers(1, 40), st.integers(0, 1000))
 def test_what_happens_in_one_does_not_depend_on_the_others(n, seed) -> None:
     many, few = ArmReachVector(n, max_steps=9), ArmReachVector(1, max_steps=9)

@@ -18,11 +18,12 @@ import pytest
 from gymnasium import spaces
 from gymnasium.error import ClosedEnvironmentError
 from gymnasium.vector import AutoresetMode
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from course.oracles.gymnasium import sync_vector_env
 from course.vector_env import ProcessVectorEnv, VectorizedEnv, WorkerError
+from tests.budget import examples
 
 ROOT = Path(__file__).resolve().parents[2]
 MODES = ["SameStep", "NextStep"]
@@ -265,7 +266,7 @@ class Copying(gymnasium.Wrapper):
         return observation.copy(), *rest
 
 
-@settings(max_examples=20, deadline=None)
+@examples(20)
 @given(
     n=st.integers(1, 6), seed=st.integers(0, 2**31), ends=st.integers(1, 6), clock=st.integers(1, 6)
 )
