@@ -110,123 +110,76 @@ def test_which_numbers_count_as_typed(text, typed):
 
 # --- constants --------------------------------------------------------------------------------
 
-
-def constant_fact(found):
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(total(3) == 3)
-    found.corrected(True)
-
-
-def constant_by_name(found):
-    right = 2 + 2 == 4
-    fine = [right, bool(np.all(np.array([True])))]
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(total(3) == 3)
-    found.corrected(all(fine))
-
-
-def constant_beside(found):
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(total(3) == 3)
-    found.corrected(total(3) == 9, 9 == 9)
-
-
-def constant_excuse(found):
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(total(3) == 3)
-    found.corrected(total(3) == 10 or True)
-
-
-def constant_mirror(found):
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(total(3) == 3)
-    found.corrected(bool(total(3) == total(3)))
+SQUARE = (SAID[0], "They add up to n^2.")
 
 
 def _yes(whatever):
     return True
 
 
-def constant_helper(found):
-    def sure():
-        return True
-
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(total(3) == 3)
-    found.corrected(total(3) == 9, sure())
-    found.corrected(_yes(2 + 2))
-
-
-def constant_verdict(found):
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(False)
-    found.corrected(total(3) == 9)
-
-
-def constant_figure(found):
-    found.figure("of_three", 9)
-    found.statement = "Added."
-    found.heard(total(3) == 3)
-    found.corrected(total(3) == 9)
-
-
-def constant_draws(found):
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(
-        total(3) == 3, only_if="n is 1", inside=[total(1) == 1] * 8, outside=np.zeros(8, bool)
-    )
-    found.corrected(total(3) == 9)
-
-
-def given_unused(found):
-    found.given("terms", 4)
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(total(3) == 3)
-    found.corrected(total(3) == 9)
-
-
 def _by_another(found):
     found.corrected(True)
 
 
-def handed_on(found):
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(total(3) == 3)
-    found.corrected(total(3) == 9)
-    _by_another(found)
+@pytest.fixture
+def written(tmp_path):
+    """Writes a small claim with some of its lines changed; returns what is wrong with it."""
+
+    def write(**changes):
+        lines = {
+            "first": "pass",
+            "figure": 'found.figure("of_three", total(3))',
+            "heard": "found.heard(total(3) == 3)",
+            "corrected": "found.corrected(total(3) == 9)",
+        } | changes
+        body = "".join(f"    {line}\n" for line in lines.values())
+        path = tmp_path / "small.py"
+        path.write_text(f'def small(found):\n    found.statement = "Added."\n{body}')
+        names = dict(globals())
+        exec(compile(path.read_text(), path, "exec"), names)
+        return settle(only(names["small"], *SQUARE), {})
+
+    return write
 
 
 @pytest.mark.parametrize(
-    ("check", "said"),
+    ("change", "said"),
     [
-        (constant_fact, "a fact is constant, not computed: True"),
-        (constant_by_name, "a fact is constant, not computed: all(fine)"),
-        (constant_beside, "a fact is constant, not computed: 9 == 9"),
-        (constant_excuse, "a fact is constant, not computed: total(3) == 10 or True"),
-        (constant_mirror, "a fact is constant, not computed: bool(total(3) == total(3))"),
-        (constant_helper, "a fact is constant, not computed: sure()"),
-        (constant_helper, "a fact is constant, not computed: _yes(2 + 2)"),
-        (constant_verdict, "a verdict is constant, not computed: False"),
-        (constant_figure, "a figure is typed, not computed"),
-        (constant_draws, "not computed: np.zeros(8, bool)"),
-        (given_unused, "is not used; what is given must go in"),
-        (handed_on, "found is handed on"),
+        ({"corrected": "found.corrected(True)"}, "a fact is constant, not computed: True"),
+        ({"corrected": "found.corrected(total(3) == 9, 9 == 9)"}, "not computed: 9 == 9"),
+        ({"corrected": "found.corrected(total(3) == 10 or True)"}, "total(3) == 10 or True"),
+        (
+            {"corrected": "found.corrected(bool(total(3) == total(3)))"},
+            "bool(total(3) == total(3))",
+        ),
+        (
+            {"first": "fine = [2 + 2 == 4, bool(np.all(np.array([True])))]",
+             "corrected": "found.corrected(all(fine))"},
+            "a fact is constant, not computed: all(fine)",
+        ),
+        (
+            {"first": "sure = lambda: True", "corrected": "found.corrected(sure())"},
+            "a fact is constant, not computed: sure()",
+        ),
+        ({"corrected": "found.corrected(_yes(2 + 2))"}, "not computed: _yes(2 + 2)"),
+        ({"heard": "found.heard(False)"}, "a verdict is constant, not computed: False"),
+        ({"figure": 'found.figure("of_three", 9)'}, "a figure is typed, not computed"),
+        (
+            {"heard": "found.heard(total(3) == 3, only_if='n is 1', inside=[total(1) == 1] * 8, "
+                      "outside=np.zeros(8, bool))"},
+            "not computed: np.zeros(8, bool)",
+        ),
+        ({"first": 'found.given("terms", 4)'}, "is not used; what is given must go in"),
+        ({"first": "_by_another(found)"}, "found is handed on"),
     ],
-)
-def test_a_constant_is_refused(check, said):
-    faults = settle(only(check, SAID[0], "They add up to n^2."), {}).faults
-    assert any(said in text for text in faults)
-    assert len(faults) == (2 if check is constant_helper else 1)
+)  # fmt: skip
+def test_a_constant_is_refused(change, said, written):
+    (text,) = written(**change).faults
+    assert said in text
+
+
+def test_the_small_claim_is_sound_before_it_is_changed(written):
+    assert written().faults == ()
 
 
 def computed_everywhere(found):
@@ -261,97 +214,56 @@ def computed_everywhere(found):
 
 def test_what_is_computed_is_not_called_constant():
     assert constants(computed_everywhere) == []
-    assert not _faults(computed_everywhere, SAID[0], "They add up to n^2.")
+    assert not _faults(computed_everywhere, *SQUARE)
 
 
 # --- conditions -------------------------------------------------------------------------------
 
 
-def conditional(found):
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(
-        total(3) == 3,
-        only_if="n is smaller than {of_three:.0f}",
-        inside=[total(n) < 81 for n in range(1, 9)],
-        outside=[total(n) < 81 for n in range(9, 17)],
-    )
-    found.corrected(total(3) == 9)
+def _only_if(text, inside, outside, more="", holds="total(3) == 3"):
+    return {"heard": f"found.heard({holds}, only_if={text!r}, inside=[{inside}], "
+                     f"outside=[{outside}]{more})"}  # fmt: skip
 
 
-def condition_too_wide(found):
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(
-        total(3) == 3,
-        only_if="n is small",
-        inside=[total(n) < 81 for n in range(2, 10)],
-        outside=[total(n) < 81 for n in range(10, 18)],
-    )
-    found.corrected(total(3) == 9)
-
-
-def condition_too_narrow(found):
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(
-        total(3) == 3,
-        only_if="n is small",
-        inside=[total(n) < 810 for n in range(1, 9)],
-        outside=[total(n) < 810 for n in range(9, 17)],
-    )
-    found.corrected(total(3) == 9)
-
-
-def condition_at_one_point(found):
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(total(3) == 3, only_if="n is 1", inside=[total(1) == 1], outside=[total(2) == 2])
-    found.corrected(total(3) == 9)
-
-
-def condition_with_a_number(found):
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(
-        total(3) == 3, only_if="n is below 1.5", inside=[total(1) == 1], outside=[total(2) == 2],
-        cases=True,
-    )  # fmt: skip
-    found.corrected(total(3) == 9)
-
-
-def condition_of_what_holds(found):
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(
-        total(3) == 9, only_if="n is 1", inside=[total(1) == 1], outside=[total(2) == 2], cases=True
-    )
-    found.corrected(total(3) == 9)
-
-
-def test_a_condition_that_is_right():
-    outcome = settle(only(conditional), {})
+def test_a_condition_that_is_right(written):
+    inside, outside = (f"total(n) < 81 for n in range({n}, {n + 8})" for n in (1, 9))
+    outcome = written(**_only_if("n is smaller than {of_three:.0f}", inside, outside))
+    assert outcome.faults == ()
     assert outcome.finding.verdict is Verdict.CONDITIONAL
     assert outcome.condition == "n is smaller than 9"
-    assert not _faults(conditional, SAID[0], "They add up to n^2.")
 
 
 @pytest.mark.parametrize(
-    ("check", "said"),
+    ("change", "said"),
     [
-        (condition_too_wide, "the condition is not enough: 1 of 8 draws in it fail"),
-        (condition_too_narrow, "the condition is not needed: all 8 draws outside it hold"),
-        (condition_with_a_number, "'1.5' in the condition is typed"),
-        (condition_of_what_holds, "yet the claim holds in general"),
+        (
+            _only_if("n is small", "total(n) < 81 for n in range(2, 10)",
+                     "total(n) < 81 for n in range(10, 18)"),
+            "the condition is not enough: 1 of 8 draws in it fail",
+        ),
+        (
+            _only_if("n is small", "total(n) < 810 for n in range(1, 9)",
+                     "total(n) < 810 for n in range(9, 17)"),
+            "the condition is not needed: all 8 draws outside it hold",
+        ),
+        (
+            _only_if("n is below 1.5", "total(1) == 1", "total(2) == 2", ", cases=True"),
+            "'1.5' in the condition is typed",
+        ),
+        (
+            _only_if("n is 1", "total(1) == 1", "total(2) == 2", ", cases=True", "total(3) == 9"),
+            "yet the claim holds in general",
+        ),
+        (_only_if("", "total(1) == 1", "total(2) == 2"), "draws were given without a condition"),
     ],
-)
-def test_a_false_condition_is_found(check, said):
-    (text,) = _faults(check, SAID[0], "They add up to n^2.")
+)  # fmt: skip
+def test_a_false_condition_is_found(change, said, written):
+    (text,) = written(**change).faults
     assert said in text
 
 
-def test_a_condition_needs_draws():
-    first, second = _faults(condition_at_one_point, SAID[0], "They add up to n^2.")
+def test_a_condition_needs_draws(written):
+    first, second = written(**_only_if("n is 1", "total(1) == 1", "total(2) == 2")).faults
     assert first == "1 draws inside the condition; at least 8"
     assert second == "1 draws outside the condition; at least 8"
 
@@ -359,19 +271,12 @@ def test_a_condition_needs_draws():
 # --- facts, asks, names -------------------------------------------------------------------------
 
 
-def false_correction(found):
-    found.figure("of_three", total(3))
-    found.statement = "Added."
-    found.heard(total(3) == 3)
-    found.corrected(total(3) == 9, total(4) == 15)
-
-
 def empty(found):
     assert found.figures == {}
 
 
-def test_a_correction_that_does_not_hold_is_found():
-    (text,) = _faults(false_correction, SAID[0], "They add up to n^2.")
+def test_a_correction_that_does_not_hold_is_found(written):
+    (text,) = written(corrected="found.corrected(total(3) == 9, total(4) == 15)").faults
     assert "fact 2 of 2 is false" in text
 
 
