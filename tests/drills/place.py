@@ -5,14 +5,17 @@ import json
 import os
 import pty
 import select
+import signal
 import subprocess
 import sys
 import time
 import unittest.mock
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import jsonschema
+import pytest
 from click.testing import CliRunner
 
 from drills import cards as catalogue
@@ -40,15 +43,20 @@ class Place:
         kept.pop("COLUMNS", None)
         self.environment = {**kept, "LC_ALL": "C.UTF-8", "TERM": "xterm"}
         self.environment["COURSE_QUIET"] = "1"
+        self.started: list[subprocess.Popen[bytes]] = []
+        if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as it is in a shell's background
+            signal.signal(signal.SIGINT, signal.default_int_handler)
 
     def popen(self, *arguments: str, **options: Any) -> subprocess.Popen[bytes]:
         extra = options.pop("env", {})
-        return subprocess.Popen(
+        process = subprocess.Popen(
             [str(SCRIPT), *arguments],
             cwd=self.folder,
             env={**self.environment, **extra},
             **{"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, **options},
         )
+        self.started.append(process)
+        return process
 
     def script(self, *arguments: str, **extra: str) -> "Done":
         """The real console script, in a process of its own."""
@@ -86,6 +94,17 @@ class Place:
     def record(self, name: str = "verlet") -> dict[str, Any]:
         content = json.loads((self.work / "progress.json").read_text(encoding="utf-8"))
         return content["exercises"].get(name, {})
+
+
+@pytest.fixture(name="place")
+def a_place(tmp_path: Path) -> Iterator[Place]:
+    """A folder to work in; no process that was started stays, whatever a test finds."""
+    place = Place(tmp_path)
+    yield place
+    for process in place.started:
+        if process.poll() is None:
+            process.kill()
+            process.communicate()
 
 
 class Done:

@@ -25,13 +25,11 @@ from tests.drills.place import (
     VALIDATOR,
     WRONG,
     Place,
+    a_place,
     in_terminal,
 )
 
-
-@pytest.fixture
-def place(tmp_path: Path) -> Place:
-    return Place(tmp_path)
+__all__ = ["a_place"]
 
 
 # --- A newcomer's way -----------------------------------------------------------------------------

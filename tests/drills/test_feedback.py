@@ -1,7 +1,7 @@
 """What the learner reads, compared with golden files, and the same as HTML and data.
 
 To write the golden files anew after a wanted change, then read each of them:
-    WRITE_GOLDEN=1 .venv/bin/pytest tests/test_feedback.py
+    WRITE_GOLDEN=1 .venv/bin/pytest tests/drills/test_feedback.py
 """
 
 from __future__ import annotations

@@ -274,7 +274,7 @@ class Kernel:
         self.manager.start_kernel(env=environment, cwd=str(folder))
         self.client = self.manager.client()
         self.client.start_channels()
-        self.client.wait_for_ready(timeout=60)
+        self.client.wait_for_ready(timeout=120)
         self.run("from drills.notebook import badges, card, check, solution")
 
     def run(self, code: str, after_start: Callable[[], None] | None = None) -> dict[str, Any]:
@@ -293,7 +293,7 @@ class Kernel:
                 found["error"] = content["ename"]
                 found["traceback"] = "\n".join(content["traceback"])
 
-        self.client.execute_interactive(code, output_hook=hook, timeout=120)
+        self.client.execute_interactive(code, output_hook=hook, timeout=300)
         return found
 
     def record(self, name: str = "verlet") -> dict[str, Any]:
@@ -394,33 +394,6 @@ def test_a_mistake_is_a_sentence_and_never_raises(kernel: Kernel, code: str, sai
     assert "text/html" in shown
 
 
-def test_an_answer_that_would_end_the_kernel_does_not(kernel: Kernel) -> None:
-    kernel.run(
-        "import os\ndef verlet_step(q, v, a, acceleration, dt):\n    os.kill(os.getppid(), 9)\n"
-        "    os._exit(0)"
-    )
-    assert kernel.run("check(verlet_step)")["text/plain"].startswith("NOT RIGHT")
-    assert kernel.run("print(1 + 1)")["stream"] == "2\n"
-
-
-def test_a_chart_is_a_picture_and_a_table(kernel: Kernel) -> None:
-    kernel.run(RIGHT)
-    shown = kernel.run("check(verlet_step).chart()")
-    assert "yours" in shown["text/plain"] and len(shown["image/png"]) > 1000
-    kernel.run("def verlet_step(q, v, a, acceleration, dt):\n    return q, v, a")
-    assert "Only a right answer" in kernel.run("check(verlet_step).chart()")["text/plain"]
-
-
-def test_a_file_beside_the_notebook_does_not_shadow_a_package(kernel: Kernel) -> None:
-    shadow = kernel.work.parent / "click.py"
-    shadow.write_text("raise RuntimeError('the wrong one')")
-    try:
-        kernel.run(RIGHT)
-        assert kernel.run("check(verlet_step)")["text/plain"].startswith("RIGHT")
-    finally:
-        shadow.unlink()
-
-
 def below(pid: int) -> set[int]:
     """The processes below one, by /proc."""
     parents: dict[int, int] = {}
@@ -446,7 +419,7 @@ def test_an_interrupt_ends_the_grading_and_leaves_no_process(kernel: Kernel) -> 
     seen: set[int] = set()
 
     def interrupt() -> None:
-        deadline = time.monotonic() + 30
+        deadline = time.monotonic() + 120
         while len(below(pid)) < 2 and time.monotonic() < deadline:
             time.sleep(0.05)
         time.sleep(0.3)

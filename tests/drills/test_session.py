@@ -22,16 +22,14 @@ from tests.drills.place import (
     VALIDATOR,
     WRONG,
     Place,
+    a_place,
     descendants,
     in_terminal,
     next_line,
     until,
 )
 
-
-@pytest.fixture
-def place(tmp_path: Path) -> Place:
-    return Place(tmp_path)
+__all__ = ["a_place"]
 
 
 # --- Where the output goes ------------------------------------------------------------------------

@@ -7,12 +7,9 @@ from pathlib import Path
 import pytest
 
 from drills import cards as catalogue
-from tests.drills.place import RIGHT, Place
+from tests.drills.place import RIGHT, Place, a_place
 
-
-@pytest.fixture
-def place(tmp_path: Path) -> Place:
-    return Place(tmp_path)
+__all__ = ["a_place"]
 
 
 @pytest.mark.parametrize("name", catalogue.names())
