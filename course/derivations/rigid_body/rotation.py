@@ -1,8 +1,18 @@
 """Claims about the state of a body, Euler angles and quaternions."""
 
+import itertools
+from typing import Any
+
 import numpy as np
 
-from course.derivations import Finding, Verdict, claim
+from course.derivations import claim
+
+_AXES = np.eye(3)
+
+
+def _orders() -> list[Any]:
+    """The orders of three turns about body axes."""
+    return [o for o in itertools.product(range(3), repeat=3) if o[0] != o[1] != o[2]]
 
 
 def _state_rank(spatial: bool) -> tuple[int, int]:
@@ -13,7 +23,7 @@ def _state_rank(spatial: bool) -> tuple[int, int]:
     """
     from course.rigid_body import quaternion
 
-    marks = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    marks = np.column_stack((np.zeros(3), _AXES))
 
     def observed(state: np.ndarray) -> np.ndarray:
         if not spatial:
@@ -27,301 +37,381 @@ def _state_rank(spatial: bool) -> tuple[int, int]:
         turning = quaternion.rotate(q, np.cross(state[10:], marks.T).T)
         return np.concatenate([(arms.T + state[:3]).ravel(), (turning.T + state[7:10]).ravel()])
 
+    base = np.random.default_rng(1).uniform(0.1, 1.0, 13 if spatial else 6)
     if spatial:
-        base = np.array([0.1, 0.2, 0.3, 0.5, -0.5, 0.1, 0.7, 1.0, 2.0, 3.0, 0.4, 0.5, 0.6])
         base[3:7] = quaternion.normalise(base[3:7])
-    else:
-        base = np.array([0.1, 0.2, 0.3, 1.0, 2.0, 3.0])
-    size = 1e-6
-    jacobian = [
-        (observed(base + size * e) - observed(base - size * e)) / (2 * size)
-        for e in np.eye(base.size)
-    ]
+    moves = 1e-6 * np.eye(base.size)
+    jacobian = [(observed(base + e) - observed(base - e)) / 2e-6 for e in moves]
     return base.size, int(np.linalg.matrix_rank(np.array(jacobian), tol=1e-6))
 
 
+def _turns(order: Any, middle: float) -> np.ndarray:
+    """Body axes about which the three rates of an order turn, as rows, at a middle angle [rad].
+
+    The last turn is left at zero: it rotates all three axes alike.
+    """
+    from course.rigid_body import quaternion
+
+    a, b, c = order
+    back = quaternion.conjugate(quaternion.exp(middle * _AXES[b]))
+    return np.array([quaternion.rotate(back, _AXES[a]), _AXES[b], _AXES[c]])
+
+
+def _rank(rows: np.ndarray) -> int:
+    return int(np.linalg.matrix_rank(rows, tol=1e-12))
+
+
+def _spun(rate: np.ndarray, h: float, steps: int, after: Any = None) -> tuple[Any, Any]:
+    """Quaternions after `steps` of a steady spin, by adding the rate and by the exponential map.
+
+    Args:
+        rate: body rate [rad/s].
+        h: step [s].
+        steps: number of steps.
+        after: what is done to the first after each step, or None.
+    """
+    from course.rigid_body import quaternion
+
+    added = kept = quaternion.identity()
+    turn = quaternion.exp(h * rate)
+    for _ in range(steps):
+        added = added + h * quaternion.derivative(added, rate)
+        added = after(added) if after else added
+        kept = quaternion.product(kept, turn)
+    return added, kept
+
+
 @claim(
-    "state_is_six_quantities",
-    1,
     "Six quantities describe the state of a rigid body completely.",
-    verdict=Verdict.FALSE,
-    corrected="The state has 12 independent numbers: 3 for the position, 3 for the orientation and "
-    "6 for their rates. Six numbers give the pose alone, or the state of a planar body.",
-    figures={"independent": (12, 0), "pose": (6, 0)},
+    "The state has {independent:g} independent numbers: 3 for the position, 3 for the orientation "
+    "and 6 for their rates. Six numbers give the pose alone, or the state of a planar body.",
 )
-def _state_is_six_quantities() -> Finding:
-    rank = _state_rank(spatial=True)[1]
-    return Finding(
-        {"independent": rank, "pose": rank // 2},
-        f"The motion of four marked points tells {rank} directions of the state apart.",
-        holds=rank == 6,
-        corrected=rank == 12,
+def state_is_six_quantities(found):
+    rank = found.figure("independent", _state_rank(spatial=True)[1])
+    pose = found.figure("pose", rank // 2)
+    found.statement = (
+        f"The motion of four marked points tells {rank} directions of the state apart."
     )
+    found.heard(rank == 6)
+    found.corrected(rank == 12, pose == 6 == _state_rank(spatial=False)[1])
 
 
 @claim(
-    "state_with_quaternion",
-    1,
     "With a quaternion the state of a rigid body is 13 numbers.",
-    verdict=Verdict.HOLDS,
-    corrected="13 numbers are stored, 12 are independent: one goes to the unit length. MuJoCo's "
-    "free joint stores 7 positions and 6 velocities.",
-    figures={"stored": (13, 0), "independent": (12, 0), "mujoco_nq": (7, 0), "mujoco_nv": (6, 0)},
+    "{stored:g} numbers are stored, {independent:g} are independent: one goes to the unit length. "
+    "MuJoCo's free joint stores {mujoco_nq:g} positions and {mujoco_nv:g} velocities.",
 )
-def _state_with_quaternion() -> Finding:
+def state_with_quaternion(found):
     import mujoco
 
     stored, rank = _state_rank(spatial=True)
-    model = mujoco.MjModel.from_xml_string(
-        "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
-    )
-    return Finding(
-        {"stored": stored, "independent": rank, "mujoco_nq": model.nq, "mujoco_nv": model.nv},
-        f"{stored} numbers stored, rank {rank}; MuJoCo has nq + nv = {model.nq + model.nv}.",
-        holds=stored == 13 == model.nq + model.nv,
-        corrected=rank == 12 and (model.nq, model.nv) == (7, 6),
-    )
+    free = "<mujoco><worldbody><body><freejoint/><geom size='.1'/></body></worldbody></mujoco>"
+    model = mujoco.MjModel.from_xml_string(free)
+    found.figure("stored", stored)
+    found.figure("independent", rank)
+    found.figure("mujoco_nq", model.nq)
+    found.figure("mujoco_nv", model.nv)
+    found.statement = f"{stored} numbers stored, rank {rank}; MuJoCo has {model.nq} + {model.nv}."
+    found.heard(stored == 13 == model.nq + model.nv)
+    found.corrected(rank == stored - 1, (model.nq, model.nv) == (7, 6))
 
 
 @claim(
-    "planar_state",
-    1,
     "A rigid body that moves in a plane has six state numbers.",
-    verdict=Verdict.HOLDS,
-    corrected="Two for the position, one angle, and their three rates; all six are independent.",
-    figures={"stored": (6, 0), "independent": (6, 0)},
+    "Two for the position, one angle, and their three rates; all six are independent.",
 )
-def _planar_state() -> Finding:
+def planar_state(found):
+    from course.rigid_body import PlanarBody
+
     stored, rank = _state_rank(spatial=False)
-    return Finding(
-        {"stored": stored, "independent": rank},
-        f"{stored} numbers stored, rank {rank}.",
-        holds=stored == 6,
-        corrected=rank == 6,
-    )
+    found.figure("stored", PlanarBody().state.size)
+    found.figure("independent", rank)
+    found.statement = f"{stored} numbers stored, rank {rank}."
+    found.heard(stored == PlanarBody().state.size == 6)
+    found.corrected(rank == 6)
 
 
 @claim(
-    "gimbal_lock_rank",
-    1,
     "There is an orientation at which Euler angles lose a degree of freedom.",
-    verdict=Verdict.HOLDS,
-    corrected="At a pitch of +-90 degrees the matrix from ZYX angle rates to angular velocity has "
-    "rank 2. Near it the smallest singular value is sqrt(1 - |sin(pitch)|), so the trouble "
-    "begins long before.",
-    figures={
-        "rank_at_90": (2, 1e-6),
-        "rank_at_89": (3, 1e-6),
-        "smallest_at_89": (0.01234118, 1e-6),
-    },
+    "At a pitch of +-{lock_deg:g} degrees, whatever the other two, the matrix from ZYX angle rates "
+    "to angular velocity has rank {rank_at_90:g}. Near it the smallest singular value is sqrt(1 - "
+    "|sin(pitch)|), so the trouble begins long before: one orientation in a hundred lies within "
+    "{hundredth_deg:.1f} degrees of the lock.",
     source="Diebel, Representing attitude (2006)",
 )
-def _gimbal_lock_rank() -> Finding:
-    from course.rigid_body.quaternion import euler_zyx_rate_matrix
+def gimbal_lock_rank(found):
+    from course.rigid_body import quaternion
 
-    def smallest(pitch: float) -> float:
-        return float(np.linalg.svd(euler_zyx_rate_matrix(np.radians(pitch), 0.4))[1][-1])
+    def smallest(pitch: float, roll: float = 0.4) -> float:
+        matrix = quaternion.euler_zyx_rate_matrix(np.radians(pitch), roll)
+        return float(np.linalg.svd(matrix)[1][-1])
 
-    ranks = [
-        int(np.linalg.matrix_rank(euler_zyx_rate_matrix(np.radians(p), 0.4), tol=1e-12))
-        for p in (-90.0, 89.0, 90.0)
-    ]
-    law = max(
-        abs(smallest(p) - np.sqrt(1 - np.sin(np.radians(p)))) for p in (0.0, 30.0, 60.0, 85.0, 89.0)
+    def rank(pitch: float, roll: float = 0.4) -> int:
+        return _rank(quaternion.euler_zyx_rate_matrix(np.radians(pitch), roll))
+
+    lock = found.given("lock_deg", 90.0)
+    found.figure("rank_at_90", rank(lock))
+    found.figure("rank_at_89", rank(89.0))
+    found.figure("smallest_at_89", smallest(89.0))
+    q = quaternion.normalise(found.rng.normal(size=(4, 100_000)))
+    sines = np.abs(np.sin(quaternion.to_euler_zyx(q)[1]))
+    near = found.figure("hundredth_deg", np.degrees(np.arccos(0.99)))
+    found.statement = (
+        "Rank and smallest singular value of the chapter's rate matrix; of 100,000 random "
+        f"orientations {np.mean(sines > 0.99):.2%} have a pitch within {near:.1f} degrees of the "
+        "lock."
     )
-    return Finding(
-        {"rank_at_90": ranks[2], "rank_at_89": ranks[1], "smallest_at_89": smallest(89.0)},
-        "Rank and smallest singular value of the rate matrix that the chapter uses.",
-        holds=ranks[0] == ranks[2] == 2 and ranks[1] == 3,
-        corrected=law < 1e-9,
+    draws = found.rng.uniform((-89.9, -3), (89.9, 3), (50, 2))
+    found.heard(rank(-lock) == rank(lock) == 2)
+    found.corrected(
+        all(rank(side * lock, roll) == 2 for side in (-1, 1) for _, roll in draws),
+        all(rank(*d) == 3 for d in draws),
+        all(abs(smallest(*d) - np.sqrt(1 - abs(np.sin(np.radians(d[0]))))) < 1e-9 for d in draws),
+        abs(np.mean(sines > 0.99) - 0.01) < 0.002,
     )
 
 
 @claim(
-    "gimbal_lock_is_physical",
-    1,
-    "In gimbal lock the body can no longer turn about one of its axes.",
-    verdict=Verdict.FALSE,
-    corrected="The body turns as it likes; only the three angles cannot follow. A turn at 1 rad/s "
-    "about the lost axis asks for a yaw rate of 1 / cos(pitch).",
-    figures={
-        "turned_rad": (0.5, 1e-6),
-        "yaw_rate_at_89": (57.29869, 1e-6),
-        "yaw_rate_at_89_9": (572.9581, 1e-6),
-    },
+    "Euler angles are singular at one attitude.",
+    "At two circles of attitudes: nose straight up or straight down, and then any heading. There "
+    "yaw and roll turn about the same line, so their difference (their sum) is all that counts and "
+    "one of them can be chosen freely.",
 )
-def _gimbal_lock_is_physical() -> Finding:
+def gimbal_lock_at_one_attitude(found):
+    from course.rigid_body import quaternion
+
+    def locked(yaw: float, side: int, roll: float) -> np.ndarray:
+        return quaternion.from_euler_zyx(yaw, side * np.pi / 2, roll)
+
+    up, down = [locked(0.0, 1, 0.0), locked(0.0, -1, 0.0)]
+    angles = found.rng.uniform(-np.pi, np.pi, (100, 3))
+    same = max(
+        float(quaternion.angle_between(locked(y, s, r), locked(y + d, s, r + s * d)))
+        for y, r, d in angles for s in (-1, 1)
+    )  # fmt: skip
+    headings = [float(quaternion.angle_between(up, locked(y, 1, 0.0))) for y in angles[:, 0]]
+    found.figure("furthest_apart_rad", max(headings), 0.05)
+    found.figure("up_to_down_rad", quaternion.angle_between(up, down))
+    found.statement = (
+        f"Locked attitudes with one nose direction are up to {max(headings):.2f} rad apart; adding "
+        f"the same to yaw and roll moves nothing ({same:.0e} rad)."
+    )
+    found.heard(max(headings) < 1e-6)
+    found.corrected(same < 1e-7, max(headings) > 3)
+
+
+@claim(
+    "Point straight up, and turning left and rolling become the same motion.",
+    "They become the same motion of two angles, not of the body: it can still turn about three "
+    "axes. And where that happens is a choice: of the twelve orders of angles {locked_up:g} lock "
+    "with the x axis pointed straight up by a turn about y, the others elsewhere.",
+)
+def pointing_up_locks(found):
+    from course.rigid_body import quaternion
+
+    up = quaternion.exp(np.array([0.0, -np.pi / 2, 0.0]))  # takes the body's x axis to z
+
+    def locks(order: Any) -> bool:
+        """Whether the order is singular at the attitude `up`, from its matrix of direction cosines.
+
+        An order a-b-c locks where its first axis, fixed in the world, and its last, fixed in the
+        body, are parallel.
+        """
+        return bool(abs(quaternion.rotate(up, _AXES[order[2]])[order[0]]) > 1 - 1e-12)
+
+    locked = [order for order in _orders() if locks(order)]
+    zyx = quaternion.euler_zyx_rate_matrix(np.pi / 2, 0.3)
+    found.figure("locked_up", len(locked))
+    found.figure("rank_of_zyx", _rank(zyx))
+    found.statement = f"Locked there: {', '.join(''.join('xyz'[i] for i in o) for o in locked)}."
+    found.heard(
+        len(locked) == len(_orders()),
+        only_if="yaw and roll are the first and the last of the angles, the pitch between them",
+        inside=[locks((2, 1, 0))],
+        outside=[locks(order) for order in _orders() if order != (2, 1, 0)],
+        cases=True,
+    )
+    found.corrected(_rank(zyx) == 2, 0 < len(locked) < len(_orders()))
+
+
+@claim(
+    "In gimbal lock the body can no longer turn about one of its axes.",
+    "The body turns as it likes; only the three angles cannot follow. A turn at one rad/s about "
+    "the lost axis asks for a yaw rate of 1 / cos(pitch): {yaw_rate_at_89_9:.0f} rad/s at "
+    "{pitch_deg} degrees.",
+)
+def gimbal_lock_is_physical(found):
     from course.rigid_body import quaternion
 
     lost = np.array([0.0, 0.0, 1.0])  # body z, at roll 0: yaw and roll both turn about others
     start = quaternion.from_euler_zyx(0.3, np.pi / 2, 0.0)
     end = quaternion.product(start, quaternion.exp(0.5 * lost))
-    turned = float(quaternion.angle_between(start, end))
-    rates = [
-        float(np.linalg.solve(quaternion.euler_zyx_rate_matrix(np.radians(p), 0.0), lost)[0])
-        for p in (89.0, 89.9)
-    ]
-    expected = [1 / np.cos(np.radians(p)) for p in (89.0, 89.9)]
-    return Finding(
-        {"turned_rad": turned, "yaw_rate_at_89": rates[0], "yaw_rate_at_89_9": rates[1]},
-        f"At a pitch of 90 degrees a quaternion turns by {turned:g} rad about the lost axis.",
-        holds=turned < 0.4,
-        corrected=abs(turned - 0.5) < 1e-12 and np.allclose(rates, expected, rtol=1e-9),
+    turned = found.figure("turned_rad", float(quaternion.angle_between(start, end)))
+
+    def yaw_rate(pitch: float) -> float:
+        return float(np.linalg.solve(quaternion.euler_zyx_rate_matrix(pitch, 0.0), lost)[0])
+
+    found.figure("yaw_rate_at_89", yaw_rate(np.radians(89.0)))
+    found.figure("yaw_rate_at_89_9", yaw_rate(np.radians(found.given("pitch_deg", 89.9))))
+    found.statement = f"At the lock a quaternion turns by {turned:g} rad about the lost axis."
+    found.heard(turned < 0.4)
+    found.corrected(
+        abs(turned - 0.5) < 1e-12,
+        all(abs(yaw_rate(p) * np.cos(p) - 1) < 1e-9 for p in found.rng.uniform(-1.57, 1.57, 50)),
     )
 
 
 @claim(
-    "another_order_of_angles",
-    1,
     "Gimbal lock goes away with a better choice of the three angles.",
-    verdict=Verdict.FALSE,
-    corrected="Each of the twelve sequences has it, at a middle angle of +-90 degrees with three "
-    "different axes and at 0 or 180 with a repeated one. No three numbers cover all "
-    "orientations smoothly.",
-    figures={"sequences": (12, 0), "singular": (12, 0)},
+    "Each of the {sequences:g} sequences has it, at a middle angle of +-{lock_deg:g} degrees with "
+    "three different axes and at 0 or {half_turn_deg:g} with a repeated one. No three numbers "
+    "cover all orientations smoothly.",
     source="Stuelpnagel, On the parametrization of the three-dimensional rotation group (1964)",
 )
-def _another_order_of_angles() -> Finding:
-    from course.rigid_body import quaternion
-
-    axes = np.eye(3)
-    singular = {"three axes": 0, "repeated axis": 0}
-    sequences = [(a, b, c) for a in range(3) for b in range(3) for c in range(3) if a != b != c]
-    for a, b, c in sequences:
-        lock = 0.0 if a == c else np.pi / 2
-        back = quaternion.conjugate(quaternion.exp(lock * axes[b]))
-        # Body axes about which the three rates turn, after the middle turn (the last is free).
-        rates = np.array([quaternion.rotate(back, axes[a]), axes[b], axes[c]])
-        if np.linalg.matrix_rank(rates, tol=1e-12) == 2:
-            singular["repeated axis" if a == c else "three axes"] += 1
-    total = singular["three axes"] + singular["repeated axis"]
-    return Finding(
-        {"sequences": len(sequences), "singular": total},
-        f"{singular['three axes']} sequences of three axes and {singular['repeated axis']} with a "
-        "repeated one, each of rank 2 at its lock.",
-        holds=total < len(sequences),
-        corrected=total == len(sequences) == 12,
-    )
+def another_order_of_angles(found):
+    lock, half = found.given("lock_deg", 90), found.given("half_turn_deg", 180)
+    repeated = {order: order[0] == order[2] for order in _orders()}
+    places = {True: np.radians([0, half]), False: np.radians([-lock, lock])}
+    singular = [
+        order
+        for order, again in repeated.items()
+        if all(_rank(_turns(order, angle)) == 2 for angle in places[again])
+    ]
+    found.figure("sequences", len(repeated))
+    found.figure("singular", len(singular))
+    found.statement = f"{sum(repeated[o] for o in singular)} of the {len(singular)} repeat an axis."
+    found.heard(len(singular) < len(repeated))
+    found.corrected(len(singular) == len(repeated) == 12)
 
 
 @claim(
-    "quaternion_has_no_lock",
-    1,
     "A quaternion has no gimbal lock; the price is one more number and a constraint.",
-    verdict=Verdict.HOLDS,
-    corrected="The map from angular velocity to quaternion rate has all three singular values "
-    "equal to 1/2 at every orientation.",
-    figures={"smallest": (0.5, 1e-6), "largest": (0.5, 1e-6)},
+    "The map from angular velocity to quaternion rate has all three singular values equal to 1/2 "
+    "at every orientation. The price has a third part: q and -q are the same orientation.",
 )
-def _quaternion_has_no_lock() -> Finding:
+def quaternion_has_no_lock(found):
     from course.rigid_body import quaternion
 
-    points = np.random.default_rng(1).normal(size=(200, 4))
     values = []
-    for q in points:
-        q = quaternion.normalise(q)
-        rates = np.array([quaternion.derivative(q, e) for e in np.eye(3)])
-        values.append(np.linalg.svd(rates)[1])
+    for q in quaternion.normalise(found.rng.normal(size=(4, 200))).T:
+        values.append(np.linalg.svd([quaternion.derivative(q, e) for e in _AXES])[1])
     low, high = float(np.min(values)), float(np.max(values))
-    return Finding(
-        {"smallest": low, "largest": high},
-        "Singular values over 200 random orientations.",
-        holds=low > 0.1,
-        corrected=abs(low - 0.5) < 1e-12 and abs(high - 0.5) < 1e-12,
-    )
+    found.figure("smallest", low)
+    found.figure("largest", high)
+    found.statement = "Singular values over 200 random orientations."
+    found.heard(low > 0.1)
+    found.corrected(abs(low - 0.5) < 1e-12, abs(high - 0.5) < 1e-12)
 
 
 @claim(
-    "quaternion_is_unique",
-    1,
     "Every orientation has exactly one unit quaternion.",
-    verdict=Verdict.FALSE,
-    corrected="It has two, q and -q. A full turn takes q to -q, and comparing quaternions needs "
-    "the nearer sign: a straight line from q to -q' goes the long way round.",
-    figures={"dot_after_full_turn": (-1.0, 1e-6), "detour_rad": (3.041593, 1e-6)},
+    "It has two, q and -q. A full turn takes q to -q, and comparing quaternions needs the nearer "
+    "sign: half way between two orientations {apart_rad} rad apart the wrong sign lands "
+    "{detour_rad:.2f} rad away.",
 )
-def _quaternion_is_unique() -> Finding:
+def quaternion_is_unique(found):
     from course.rigid_body import quaternion
 
     q = quaternion.normalise(np.array([0.3, -0.5, 0.7, 0.2]))
     same = float(np.abs(quaternion.to_matrix(q) - quaternion.to_matrix(-q)).max())
-    turned = q
-    for _ in range(360):
-        turned = quaternion.product(turned, quaternion.exp(np.array([0.0, 0.0, np.pi / 180])))
-    full = float(q @ turned)
-    near = quaternion.product(q, quaternion.exp(np.array([0.2, 0.0, 0.0])))
-    naive = quaternion.normalise(0.5 * (q - near))  # midpoint with the wrong sign
-    detour = float(quaternion.angle_between(q, naive))
-    return Finding(
-        {"dot_after_full_turn": full, "detour_rad": detour},
-        f"The matrices of q and -q differ by {same:g}. Half way between two orientations 0.2 rad "
-        f"apart, the wrong sign lands {detour:.2f} rad away.",
-        holds=same > 1e-3,
-        corrected=same == 0.0 and abs(full + 1) < 1e-12 and detour > 1.0,
-    )
+    full = float(q @ quaternion.product(q, _spun(np.array([0.0, 0.0, np.pi / 180]), 1.0, 360)[1]))
+    apart = found.given("apart_rad", 0.2)
+    near = quaternion.product(q, quaternion.exp(np.array([apart, 0.0, 0.0])))
+    middle = quaternion.normalise(0.5 * (q - near))  # with the wrong sign
+    detour = float(quaternion.angle_between(q, middle))
+    found.figure("dot_after_full_turn", full)
+    found.figure("detour_rad", detour)
+    found.statement = f"The matrices of q and -q differ by {same:g}."
+    found.heard(same > 1e-3)
+    found.corrected(same == 0, abs(full + 1) < 1e-12, abs(detour - (np.pi - apart / 2)) < 1e-9)
 
 
 @claim(
-    "quaternion_norm_keeps_itself",
-    1,
     "The exact equation keeps the quaternion's length, so an integrator keeps it too.",
-    verdict=Verdict.FALSE,
-    corrected="Explicit Euler on the four numbers multiplies the length by "
-    "sqrt(1 + (omega h / 2)^2) at every step. The exponential map keeps it to rounding.",
-    figures={"length_after_10_s": (1.133147, 1e-6)},
+    "Explicit Euler on the four numbers multiplies the length by sqrt(1 + (omega h / 2)^2) at "
+    "every step: {length_after_10_s:.3f} after {steps:g} steps of {step_ms:g} ms at {rate:g} "
+    "rad/s. The exponential map keeps it to rounding.",
 )
-def _quaternion_norm_keeps_itself() -> Finding:
-    from course.rigid_body import quaternion
+def quaternion_norm_keeps_itself(found):
+    spin = np.array([0.0, 0.6, 0.8]) * found.given("rate", 10.0)
+    h, steps = found.given("step_ms", 1.0) / 1000, found.given("steps", 10_000)
+    added, kept = (np.linalg.norm(q) for q in _spun(spin, h, steps))
+    found.figure("length_after_10_s", added)
+    found.statement = f"Length {added:.6f}; by the exponential map {abs(kept - 1):.1e} off 1."
 
-    spin, h, steps = np.array([0.0, 6.0, 8.0]), 1e-3, 10_000
-    added = kept = np.array([1.0, 0.0, 0.0, 0.0])
-    turn = quaternion.exp(h * spin)
-    for _ in range(steps):
-        added = added + h * quaternion.derivative(added, spin)
-        kept = quaternion.product(kept, turn)
-    length, drift = float(np.linalg.norm(added)), abs(float(np.linalg.norm(kept)) - 1)
-    law = (1 + (10 * h / 2) ** 2) ** (steps / 2)
-    return Finding(
-        {"length_after_10_s": length},
-        f"10 rad/s at 1 ms for 10 s: length {length:.6f}; by the exponential map {drift:.1e} "
-        "off 1.",
-        holds=abs(length - 1) < 1e-6,
-        corrected=abs(length / law - 1) < 1e-9 and drift < 1e-11,
-    )
+    def off(rate: np.ndarray, step: float) -> float:
+        grown = (1 + (np.linalg.norm(rate) * step / 2) ** 2) ** 25
+        return float(np.linalg.norm(_spun(rate, step, 50)[0]) / grown - 1)
+
+    found.heard(abs(added - 1) < 1e-6)
+    found.corrected(
+        abs(kept - 1) < 1e-11,
+        all(abs(off(5 * rate, step)) < 1e-12 for *rate, step in found.rng.uniform(0, 0.3, (20, 4))
+            for rate in [np.array(rate)]),
+    )  # fmt: skip
 
 
 @claim(
-    "renormalising_repairs",
-    1,
     "Scaling the quaternion back to length one repairs the step that added its rate.",
-    verdict=Verdict.FALSE,
-    corrected="The length is right again, the angle is not: a steady spin advances by "
-    "2 atan(omega h / 2) instead of omega h per step, short by (omega h)^3 / 12. The "
-    "exponential map is exact there.",
-    figures={"behind_rad": (0.08320856, 1e-4), "leading_coefficient": (0.08333333, 1e-4)},
+    "The length is right again, the angle is not: a steady spin advances by 2 atan(omega h / 2) "
+    "instead of omega h per step, short by (omega h)^3 / 12 to leading order: {behind_rad:.3f} rad "
+    "after {steps:g} steps of {step_ms:g} ms at {rate:g} rad/s. The exponential map is exact "
+    "there.",
 )
-def _renormalising_repairs() -> Finding:
+def renormalising_repairs(found):
     import sympy
 
     from course.rigid_body import quaternion
 
-    rate, h, steps = 10.0, 1e-2, 1000
-    spin = np.array([0.0, 0.0, rate])
-    added = kept = np.array([1.0, 0.0, 0.0, 0.0])
-    for _ in range(steps):
-        added = quaternion.normalise(added + h * quaternion.derivative(added, spin))
-        kept = quaternion.product(kept, quaternion.exp(h * spin))
-    truth = quaternion.exp(np.array([0.0, 0.0, rate * h * steps]))
-    behind = float(quaternion.angle_between(truth, added))
-    exact = float(quaternion.angle_between(truth, kept))
+    def behind(rate: np.ndarray, h: float, steps: int) -> tuple[float, float, float]:
+        """How far (rescaled, by exponential, by the law) fall behind the true turn [rad]."""
+        truth = quaternion.exp(rate * h * steps)
+        ends = _spun(rate, h, steps, quaternion.normalise)
+        angle = np.linalg.norm(rate) * h
+        law = steps * (angle - 2 * np.arctan(angle / 2))
+        return *(float(quaternion.angle_between(truth, end)) for end in ends), law
+
+    rate, h = found.given("rate", 10.0), found.given("step_ms", 10.0) / 1000
+    rescaled, exact, law = behind(rate * _AXES[2], h, found.given("steps", 1000))
     u = sympy.Symbol("u", positive=True)
     lead = sympy.series(u - 2 * sympy.atan(u / 2), u, 0, 5).removeO().coeff(u, 3)
-    predicted = steps * (rate * h - 2 * np.arctan(rate * h / 2))
-    return Finding(
-        {"behind_rad": behind, "leading_coefficient": float(lead)},
-        f"10 rad/s at 10 ms for 10 s: {behind:.4f} rad behind, by exponential {exact:.1e} rad.",
-        holds=behind < 1e-6,
-        corrected=abs(behind / predicted - 1) < 1e-8
-        and exact < 1e-11
-        and lead == sympy.Rational(1, 12),
+    found.figure("behind_rad", rescaled, 1e-4)
+    found.figure("leading_coefficient", lead, 1e-4)
+    found.statement = f"{rescaled:.4f} rad behind, by the exponential map {exact:.1e} rad."
+    draws = [behind(x[:3] * 5, x[3], 20) for x in found.rng.uniform(0.01, 0.3, (20, 4))]
+    found.heard(rescaled < 1e-6)
+    found.corrected(
+        abs(rescaled / law - 1) < 1e-8, exact < 1e-11, lead == sympy.Rational(1, 12),
+        all(abs(a / c - 1) < 1e-6 and b < 1e-7 for a, b, c in draws),
+    )  # fmt: skip
+
+
+@claim(
+    "A quaternion that was added up instead of multiplied makes the energy grow.",
+    "It turns the picture wrong, and its length is off; but a free body's energy is a matter of "
+    "its body rates, and Euler's equations for those do not contain the quaternion: with the added "
+    "one they come out the same to the last bit. Growing energy has another cause.",
+)
+def added_quaternion_adds_energy(found):
+    from course.rigid_body import problems, quaternion, rk4
+
+    system, h = problems.tumble().system, 0.01
+    a, params = system.acceleration, system.params
+    right, wrong, v = system.q0, system.q0, system.v0
+    wrong_v = v
+    for _ in range(2000):
+        wrong = wrong + h * quaternion.derivative(wrong, wrong_v)
+        wrong_v = rk4(wrong, wrong_v, a, h, params)[1]
+        right, v = rk4(right, v, a, h, params)
+    apart = float(quaternion.angle_between(quaternion.normalise(wrong), right))
+    gain = problems.tumble_energy(wrong, wrong_v, params) / problems.tumble_energy(
+        system.q0, system.v0, params
     )
+    found.figure("attitude_off_rad", apart, 1e-3)
+    found.figure("energy_gained", round(float(gain) - 1, 6), 1e-6)
+    found.statement = (
+        f"2000 steps of RK4 at 10 ms: the attitudes are {apart:.4f} rad apart, the length is "
+        f"{np.linalg.norm(wrong):.3f}, and the energy has changed by {gain - 1:.0e} of itself."
+    )
+    found.heard(gain > 1.001)
+    found.corrected(np.array_equal(v, wrong_v), apart > 1e-3, abs(gain - 1) < 1e-6)
