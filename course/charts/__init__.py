@@ -21,16 +21,17 @@ Experiment = Callable[..., Iterator[Panel]]
 CHARTS: dict[str, tuple[Experiment, dict[str, Any]]] = {}
 
 
-def chart(experiment: Experiment | None = None, **layout: Any) -> Any:
-    """Register an experiment as a chart under its function's name; the function stays as it is.
+def chart(experiment: Experiment | None = None, *, name: str = "", **layout: Any) -> Any:
+    """Register an experiment as a chart; the function stays as it is.
 
     Args:
         experiment: a generator of panels that runs without arguments.
+        name: of the chart; default: the function's.
         **layout: of the whole figure, see `course.measure.figure.draw`.
     """
     if experiment is None:
-        return functools.partial(chart, **layout)
-    CHARTS[experiment.__name__] = experiment, layout
+        return functools.partial(chart, name=name, **layout)
+    CHARTS[name or experiment.__name__] = experiment, layout
     return experiment
 
 

@@ -308,40 +308,12 @@ def draw(result: WorkPrecision) -> Any:
     return figure.draw(result.panels())
 
 
-@chart
-def work_precision_oscillator() -> Iterator[Panel]:
-    """Work-precision on the linear oscillator."""
-    yield from work_precision("oscillator").panels()
-
-
-@chart
-def work_precision_pendulum() -> Iterator[Panel]:
-    """Work-precision on the pendulum."""
-    yield from work_precision("pendulum").panels()
-
-
-@chart
-def work_precision_tumble() -> Iterator[Panel]:
-    """Work-precision on the free asymmetric body."""
-    yield from work_precision("tumble").panels()
-
-
-@chart
-def work_precision_heavy_top() -> Iterator[Panel]:
-    """Work-precision on the heavy top."""
-    yield from work_precision("heavy_top").panels()
-
-
-@chart
-def work_precision_double_pendulum() -> Iterator[Panel]:
-    """Work-precision on the double pendulum."""
-    yield from work_precision("double_pendulum").panels()
-
-
-@chart
-def work_precision_box() -> Iterator[Panel]:
-    """Work-precision on the bouncing box."""
-    yield from box_work_precision().panels()
+for _problem in _STEPS:
+    chart(
+        lambda problem=_problem, **sizes: iter(work_precision(problem, **sizes).panels()),
+        name=f"work_precision_{_problem}",
+    )
+chart(lambda **sizes: iter(box_work_precision(**sizes).panels()), name="work_precision_box")
 
 
 # --- the same millisecond for all ---------------------------------------------------------------

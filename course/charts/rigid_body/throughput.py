@@ -15,7 +15,6 @@ from course.measure.timing import batches, calls, interleaved
 from course.measure.work_precision import machine
 from course.oracles.mujoco import box as mujoco_box
 from course.oracles.mujoco import free as mujoco_free
-from course.oracles.mujoco import kit as mujoco_kit
 from course.rigid_body import planar, problems, quaternion
 from course.rigid_body.integrators import Array
 from course.rigid_body.problems import STANDARD_GRAVITY
@@ -27,6 +26,10 @@ SIZES = (1, 10, 100, 1000, 10_000, 100_000)
 MIXED_FROM = 100_000
 
 
+Run = Callable[[int], tuple[Array, Any]]
+"""Takes so many steps from the start, the same one every time."""
+
+
 @dataclass(frozen=True)
 class Contender:
     """One way of stepping N bodies with one step size.
@@ -36,14 +39,14 @@ class Contender:
         key: row of `course.measure.figure.KEYS`.
         dt: step [s], the largest tried that meets the tolerance.
         error: its largest error at that step.
-        prepare: N -> function that takes so many steps of all N bodies.
+        prepare: N -> a run of N bodies.
     """
 
     name: str
     key: str
     dt: float
     error: float
-    prepare: Callable[[int], Callable[[int], Any]]
+    prepare: Callable[[int], Run]
 
 
 @dataclass(frozen=True)
@@ -102,19 +105,6 @@ def body_states(n: int, seed: int = 7) -> tuple[Array, Array]:
     return q, rng.normal(0.0, 1.0, (6, n))
 
 
-Prepare = Callable[[int], Callable[[int], Any]]
-
-
-def _from_the_start(runner: mujoco_kit.BatchRunner) -> Callable[[int], None]:
-    """Steps of MuJoCo's batch, from its first state every time."""
-
-    def run(steps: int) -> None:
-        runner.reset()
-        runner.step(steps)
-
-    return run
-
-
 def _coarsest(errors: Callable[[float], float], tolerance: float) -> tuple[float, float]:
     """The largest step of the list that meets the tolerance, as does the next finer one."""
     found = errors(_STEPS[0])
@@ -138,56 +128,37 @@ def box_contenders(samples: int = 24) -> list[Contender]:
     truth = np.array(
         [problems.frictionless_box(horizon, s, *BOX, restitution)[:2] for s in start.T]
     ).T
-    smooth = planar.box_parameters(1.0, *BOX, restitution=restitution, friction=0.0)
-    rough = planar.box_parameters(1.0, *BOX, restitution=restitution, friction=0.5)
-    half = (0.5 * BOX[0], 0.5 * BOX[1])
 
-    def ours_error(dt: float) -> float:
-        if dt > horizon:
-            return np.inf
-        steps = round(horizon / dt)
-        end, _ = planar.rollout(start, smooth, horizon / steps, steps, integrator="rk4")
-        return float(np.median(np.max(np.abs(end[:2] - truth), axis=0)))
+    def ours(state: Array, dt: float, friction: float = 0.5) -> Run:
+        box = planar.box_parameters(1.0, *BOX, restitution=restitution, friction=friction)
+        return lambda steps: planar.rollout(state, box, dt, steps, integrator="rk4")
 
-    def mujoco_error(dt: float) -> float:
-        if dt > 0.05:
-            return np.inf
-        steps = round(horizon / dt)
-        runner = mujoco_box.batch_boxes(
-            half, 1.0, start[:3], start[3:], horizon / steps, "Euler",
-            restitution=restitution, friction=0.0, gravity=STANDARD_GRAVITY,
-        )  # fmt: skip
-        q, _ = runner.run(steps)
-        return float(np.median(np.max(np.abs(q[:2] - truth), axis=0)))
+    def mujocos(state: Array, dt: float, friction: float = 0.5) -> Run:
+        return mujoco_box.batch_boxes(
+            (0.5 * BOX[0], 0.5 * BOX[1]), 1.0, state[:3], state[3:], dt, "Euler",
+            restitution=restitution, friction=friction, gravity=STANDARD_GRAVITY,
+        ).run  # fmt: skip
 
-    def states(n: int) -> Array:
-        return box_states(n) if n < MIXED_FROM else mixed_states(n)
+    def errors(engine: Callable[..., Run], longest: float) -> Callable[[float], float]:
+        def error(dt: float) -> float:
+            if dt > longest:
+                return np.inf
+            steps = round(horizon / dt)
+            end, _ = engine(start, horizon / steps, 0.0)(steps)
+            return float(np.median(np.max(np.abs(end[:2] - truth), axis=0)))
 
-    def ours(dt: float) -> Prepare:
-        def prepare(n: int) -> Callable[[int], Any]:
-            thrown = states(n)
-            return lambda steps: planar.rollout(thrown, rough, dt, steps, integrator="rk4")
+        return error
 
-        return prepare
+    def prepare(engine: Callable[..., Run], dt: float) -> Callable[[int], Run]:
+        return lambda n: engine(box_states(n) if n < MIXED_FROM else mixed_states(n), dt)
 
-    def mujocos(dt: float) -> Prepare:
-        def prepare(n: int) -> Callable[[int], Any]:
-            thrown = states(n)
-            return _from_the_start(
-                mujoco_box.batch_boxes(
-                    half, 1.0, thrown[:3], thrown[3:], dt, "Euler",
-                    restitution=restitution, friction=0.5, gravity=STANDARD_GRAVITY,
-                )
-            )  # fmt: skip
-
-        return prepare
-
-    dt_mujoco, error_mujoco = _coarsest(mujoco_error, BOX_TOLERANCE)
-    dt_ours, error_ours = _coarsest(ours_error, BOX_TOLERANCE)
+    ours_error, mujoco_error = errors(ours, horizon), errors(mujocos, 0.05)
+    dt, error = _coarsest(mujoco_error, BOX_TOLERANCE)
+    own, own_error = _coarsest(ours_error, BOX_TOLERANCE)
     return [
-        Contender("course", "course", dt_mujoco, ours_error(dt_mujoco), ours(dt_mujoco)),
-        Contender("mujoco.batch", "mujoco.batch", dt_mujoco, error_mujoco, mujocos(dt_mujoco)),
-        Contender("course, its own step", "course", dt_ours, error_ours, ours(dt_ours)),
+        Contender("course", "course", dt, ours_error(dt), prepare(ours, dt)),
+        Contender("mujoco.batch", "mujoco.batch", dt, error, prepare(mujocos, dt)),
+        Contender("course, its own step", "course", own, own_error, prepare(ours, own)),
     ]
 
 
@@ -195,55 +166,32 @@ def body_contenders(
     samples: int = 24, integrators: Sequence[str] = ("RK4", "Euler", "implicitfast")
 ) -> list[Contender]:
     """Free bodies, each at the coarsest step that keeps the attitude to 1 mrad for 1 s."""
-    q0, v0 = body_states(samples)
-    fine, _ = advance_bodies(q0, v0, INERTIA, 5e-4, 2000)
-    gravity = (0.0, 0.0, -STANDARD_GRAVITY)
+    start = body_states(samples)
+    fine, _ = advance_bodies(*start, INERTIA, 5e-4, 2000)
 
-    def attitude(q: Array) -> float:
-        return float(np.max(quaternion.angle_between(quaternion.normalise(q[3:]), fine[3:])))
+    def ours(q: Array, v: Array, dt: float) -> Run:
+        gravity = (0.0, 0.0, -STANDARD_GRAVITY)
+        return lambda steps: advance_bodies(q, v, INERTIA, dt, steps, gravity, OURS)
 
-    def ours_error(name: str) -> Callable[[float], float]:
+    def mujocos(name: str) -> Callable[[Array, Array, float], Run]:
+        return lambda q, v, dt: (
+            mujoco_free.batch_free_bodies(INERTIA, q, v, dt, name, gravity=STANDARD_GRAVITY).run
+        )
+
+    def contender(name: str, key: str, engine: Callable[[Array, Array, float], Run]) -> Contender:
         def error(dt: float) -> float:
             steps = round(DURATION / dt)
-            q, _ = advance_bodies(q0, v0, INERTIA, DURATION / steps, steps, gravity, name)
-            return attitude(q)
+            q, _ = engine(*start, DURATION / steps)(steps)
+            off = quaternion.angle_between(quaternion.normalise(q[3:]), fine[3:])
+            return float(np.max(off))
 
-        return error
+        dt, reached = _coarsest(error, BODY_TOLERANCE)
+        return Contender(name, key, dt, reached, lambda n: engine(*body_states(n), dt))
 
-    def mujoco_error(name: str) -> Callable[[float], float]:
-        def error(dt: float) -> float:
-            steps = round(DURATION / dt)
-            q, _ = mujoco_free.batch_free_bodies(
-                INERTIA, q0, v0, DURATION / steps, name, gravity=STANDARD_GRAVITY
-            ).run(steps)
-            return attitude(q)
-
-        return error
-
-    def ours(name: str, dt: float) -> Prepare:
-        def prepare(n: int) -> Callable[[int], Any]:
-            q, v = body_states(n)
-            return lambda steps: advance_bodies(q, v, INERTIA, dt, steps, gravity, name)
-
-        return prepare
-
-    def mujocos(name: str, dt: float) -> Prepare:
-        def prepare(n: int) -> Callable[[int], Any]:
-            return _from_the_start(
-                mujoco_free.batch_free_bodies(
-                    INERTIA, *body_states(n), dt, name, gravity=STANDARD_GRAVITY
-                )
-            )
-
-        return prepare
-
-    dt, error = _coarsest(ours_error(OURS), BODY_TOLERANCE)
-    found = [Contender(f"course {OURS}", OURS, dt, error, ours(OURS, dt))]
-    for name in integrators:
-        dt, error = _coarsest(mujoco_error(name), BODY_TOLERANCE)
-        key = f"mujoco.batch, {name}"
-        found.append(Contender(f"mujoco.batch {name}", key, dt, error, mujocos(name, dt)))
-    return found
+    return [contender(f"course {OURS}", OURS, ours)] + [
+        contender(f"mujoco.batch {name}", f"mujoco.batch, {name}", mujocos(name))
+        for name in integrators
+    ]
 
 
 def measure_rates(
