@@ -204,3 +204,23 @@ def stability_map(
     growth = np.array([[f(float(a), float(b)) for a in x] for b in y], dtype=float)
     growth[~np.isfinite(growth)] = math.inf
     return Map(x, y, growth, slack)
+
+
+def batch_map(
+    step: Callable[[Array, Array, Array, Array], Sequence[Array]],
+    x_values: Array,
+    y_values: Array,
+    slack: float = 1e-9,
+) -> Map:
+    """The same for a linear step of one degree of freedom, all points of the grid as one batch.
+
+    Args:
+        step: (q, v, x, y), each of shape (1, N) -> (q, v) after the step.
+        x_values, y_values, slack: as for `stability_map`.
+    """
+    x, y = (grid.reshape(1, -1) for grid in np.meshgrid(x_values, y_values))
+    one, zero = np.ones(x.shape), np.zeros(x.shape)
+    columns = [np.concatenate(step(q, v, x, y)) for q, v in ((one, zero), (zero, one))]
+    values = np.linalg.eigvals(np.stack(columns, axis=1).transpose(2, 0, 1))
+    growth = np.max(np.abs(values), axis=1)
+    return Map(x_values, y_values, growth.reshape(y_values.size, x_values.size), slack)

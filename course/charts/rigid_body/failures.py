@@ -173,19 +173,13 @@ def growth_map(method: str, omega_dt: Array, zeta: Array) -> Map:
         method: a name in INTEGRATORS.
         omega_dt, zeta: ascending values, shapes (nx,) and (ny,).
     """
-    x, z = (grid.ravel() for grid in np.meshgrid(omega_dt, zeta))
-    # A step of 1 s at the natural frequency x; speeds in units of it, so that the matrix is the
-    # one of (q, v / omega).
-    params = np.stack([x, z])
-    columns = []
-    for q0, v0 in ((1.0, 0.0), (0.0, 1.0)):
-        q, v = INTEGRATORS[method].step(
-            np.full((1, x.size), q0), v0 * x[None], problems.oscillator_acceleration, 1.0, params
-        )
-        columns.append(np.stack([q[0], v[0] / x]))
-    matrices = np.stack(columns, axis=1).transpose(2, 0, 1)
-    growth = np.max(np.abs(np.linalg.eigvals(matrices)), axis=1)
-    return Map(omega_dt, zeta, growth.reshape(zeta.size, omega_dt.size))
+
+    def step(q: Array, v: Array, x: Array, z: Array) -> tuple[Array, Array]:
+        # A step of 1 s at the natural frequency x.
+        params = np.concatenate([x, z])
+        return INTEGRATORS[method].step(q, v, problems.oscillator_acceleration, 1.0, params)
+
+    return stability.batch_map(step, omega_dt, zeta)
 
 
 def boundary_error(found: Map, method: str) -> float:
