@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from course.check import one_of, refused
 
@@ -129,8 +129,8 @@ class Series:
     key: str = ""
     style: str = "-"
     theory: Callable[[Any], Any] | None = None
-    low: ArrayLike | None = None
-    high: ArrayLike | None = None
+    low: Any = None
+    high: Any = None
     note: str = ""
     marker: str | None = None
     hollow: bool = False

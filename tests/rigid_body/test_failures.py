@@ -244,6 +244,15 @@ def test_a_box_rests_with_a_rest_speed_and_chatters_without():
     assert impacts.mujoco_box_at_rest("Euler", "impulse", 1.0).noise < 1e-5
 
 
+def test_the_chart_of_chatter_counts_every_bounce_and_both_kinds_of_boxes():
+    impacts_, speeds, bounces = build("chatter", duration=0.2, points=13)
+    assert [len(s.y) for s in impacts_.series] == [5, 3] == [len(s.y) for s in speeds.series]
+    assert len({name for s in impacts_.series for name in s.y}) == 8
+    theory, every, cut = bounces.series
+    assert every.y.tolist() == theory.y.tolist()
+    assert cut.y[-1] < every.y[-1] and (cut.y[:4] == every.y[:4]).all()
+
+
 def test_bounces_pile_up_as_the_geometric_series_says():
     e, end = 0.7, impacts.zeno_end(1.0, 0.7)
     first = math.sqrt(2.0 / 9.80665)

@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 
+from course.charts import build
 from course.charts import vector_env as chart
 
 
@@ -29,6 +30,17 @@ def test_runge_kutta_meets_the_tolerance_with_one_step_and_euler_needs_many() ->
     assert error(closed, 2) == pytest.approx(coarse / 16, rel=0.3)
     first, second = (error(euler, s) for s in (8, 16))
     assert first / second == pytest.approx(2.0, abs=0.3) and second > chart.TOLERANCE
+
+
+def test_the_chart_has_every_contender_at_every_size_it_is_asked_for() -> None:
+    speed, accuracy, cost = build(
+        "vector_env", sizes=(1, 2), substeps=(1, 2), busy=(0, 4000), repeats=1
+    )
+    assert [s.label for s in speed.series] == [*chart.CONTENDERS]
+    assert all(s.x == [1, 2] and min(s.low) > 0.0 for s in speed.series)
+    closed, rk4, _ = accuracy.series
+    assert closed.tags == ["1", "2"] and closed.y == pytest.approx(rk4.y, rel=1e-6)
+    assert [len(s.y) for s in cost.series] == [2, 2, 2] and len(cost.lines) == 1
 
 
 def test_the_truth_is_converged() -> None:

@@ -278,7 +278,7 @@ def _table(rates: Sequence[Rate]) -> str:
 
 
 def _panel(title: str, y: str, rates: Sequence[Rate], per_step: bool) -> Panel:
-    panel = Panel(title, "number of bodies N", y, scale="log", legend="center right")
+    panel = Panel(title, "number of bodies N", y, scale="log")
     panel.footer = machine(max(r.busy for r in rates)) + "; one core"
     for who in dict.fromkeys(r.who for r in rates):
         rows = [r for r in rates if r.who == who]
