@@ -88,7 +88,8 @@ def judge_of(
             for index in attempt.rng.permutation(len(drawn)):
                 answers.append(answer(attempt, drawn[index]))
         finally:
-            attempt.shown = told([a for a in answers if a.parts])
+            with np.errstate(all="ignore"):  # what came back may be as large as it likes
+                attempt.shown = told([a for a in answers if a.parts])
         if {check.reason for check in attempt.report.checks} & MALFORMED:
             return
         last(attempt, answers)

@@ -62,8 +62,9 @@ def _angle(case: Case) -> float:
 def told(answers: Sequence[Answer]) -> str:
     """NaN where nothing turns; a turn that is lost where all larger ones are right."""
     for a in answers:
-        if _angle(a.case) < 1e-100 and np.array_equal(a.got, np.full(4, np.nan), equal_nan=True):
-            return "zero_over_zero"
+        if _angle(a.case) < 1e-100 and isinstance(a.got, np.ndarray) and a.got.dtype.kind == "f":
+            if a.got.size and np.isnan(a.got).all():
+                return "zero_over_zero"
     wrong = [a for a in answers if not all(a.right)]
     if wrong and all(a.case.label == TINY for a in wrong):
         got, q = wrong[0].got, wrong[0].case.args[0]
