@@ -1,0 +1,77 @@
+"""The charts of exercises: what `chart_of` makes of a plan, in this process."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from course.measure.work_precision import WorkPrecision
+from drills import cards
+from drills import exercise as exercises
+from drills.attempt import Attempt, Place
+from drills.chart import Plan, chart_of
+from drills.report import Report
+from drills.verify import in_this_process
+
+
+def charted(name: str, text: str, seed: int = 0, plan: Plan | None = None) -> WorkPrecision:
+    """An answer's chart, or that of a plan, without a child."""
+    card, made = cards.card(name), exercises.of(name)
+    draw = made.chart
+    if plan is not None:
+        draw = chart_of("?", lambda attempt: plan, tolerance=0.1, error_unit="m", failed_above=9.0)
+    assert draw is not None
+    solution = card.solution_text()
+    places = [in_this_process(card, one, "answer") for one in (text, solution)]
+    for place in places:
+        place.load()
+    return draw(Attempt(card, places[0], Report(name, seed, "", text), made.given), places[1])
+
+
+def test_yours_and_the_worked_answer_are_asked_the_same() -> None:
+    """A wrong answer is off on the chart, a library has settings of its own, a failure is one."""
+
+    def ask(place: Place, turn: float) -> tuple[float, float]:
+        return place.call("fk3", np.ones(3), np.array([turn, 0.0, 0.0]))[3][0], 2.0 / turn
+
+    plan = Plan(
+        settings=[0.5, 0.25],
+        ask=ask,
+        truth=3.0,
+        check=3.0,
+        ours={"far off": lambda turn: (20.0, 1.0)},
+        libraries={"exact": lambda turn: (3.0, 7.0)},
+        own_settings={"exact": [4.0]},
+    )
+    solution = cards.card("fk3").solution_text()
+    found = charted("fk3", solution.replace("np.cumsum(thetas)", "0.0 * thetas"), plan=plan)
+    kinds = [(curve.name, curve.style, len(curve.points)) for curve in found.curves]
+    assert kinds == [
+        ("yours", "yours", 2),
+        ("worked answer", "ours", 2),
+        ("far off", "ours", 2),
+        ("exact", "oracle", 1),
+    ]
+    assert max(point.error for point in found.curve("yours").points) < 1e-300
+    errors = [point.error for point in found.curve("worked answer").points]
+    assert errors == pytest.approx([3.0 - 3.0 * np.cos(0.5), 3.0 - 3.0 * np.cos(0.25)])
+    assert [point.count for point in found.curve("worked answer").points] == [4.0, 8.0]
+    assert all(point.failure for point in found.curve("far off").points)
+    assert found.curve("exact").points[0].parameter == 4.0
+
+
+def check_chart(name: str) -> None:
+    """The worked answer lies on its own curve, and something meets the tolerance."""
+    found = charted(name, cards.card(name).solution_text())
+    yours, worked, *others = found.curves
+    assert (yours.name, yours.style, worked.style) == ("yours", "yours", "ours")
+    assert any(curve.style == "oracle" for curve in others)
+    assert [p.parameter for p in yours.points] == [p.parameter for p in worked.points]
+    assert [p.error for p in yours.points] == [p.error for p in worked.points]
+    assert found.tolerance is not None and found.reference_uncertainty < 0.1 * found.tolerance
+    assert found.pick() is not None
+
+
+@pytest.mark.parametrize("name", ["fk3", "stable_step"])
+def test_the_chart_of_an_exercise(name: str) -> None:
+    check_chart(name)
