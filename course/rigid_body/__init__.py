@@ -19,7 +19,7 @@ from course.rigid_body.integrators import (
     simulate,
     velocity_verlet,
 )
-from course.rigid_body.planar import PlanarBody, rollout, step_boxes
+from course.rigid_body.planar import PlanarBody, advance_boxes, step_boxes
 from course.rigid_body.spatial import RigidBody, advance_bodies
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "System",
     "Trajectory",
     "advance_bodies",
+    "advance_boxes",
     "evaluations_per_step",
     "explicit_euler",
     "explicit_midpoint",
@@ -37,7 +38,6 @@ __all__ = [
     "retract",
     "rk4",
     "rk4_renormalised",
-    "rollout",
     "semi_implicit_euler",
     "simulate",
     "step_boxes",

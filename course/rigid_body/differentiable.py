@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from course.check import count, finite, positive, refused, vector
+from course.rigid_body.integrators import STANDARD_GRAVITY
 
 NAMES = ("restitution", "friction", "mass")
 
@@ -55,7 +56,7 @@ def _number(value: Any) -> float:
 
 
 @dataclass(frozen=True)
-class Scene:
+class Setup:
     """What is known about the motion beforehand.
 
     Position and velocity may be torch scalars; then gradients flow to them as well.
@@ -77,7 +78,7 @@ class Scene:
     position: tuple[Any, Any]
     velocity: tuple[Any, Any] = (0.0, 0.0)
     push: tuple[tuple[float, float, float], ...] = ()
-    gravity: float = 9.81
+    gravity: float = STANDARD_GRAVITY
     rest_speed: float = 1e-3
 
     def __post_init__(self) -> None:
@@ -129,7 +130,7 @@ def _check_times(times: Any) -> np.ndarray:
     return vector("times", times, (None,), low=0.0, unit="s")
 
 
-def _push_after(scene: Scene, time: float) -> tuple[float, float]:
+def _push_after(scene: Setup, time: float) -> tuple[float, float]:
     """The push from `time` on [N], and until when it stays [s]."""
     for start, end, force in scene.push:
         if time < start:
@@ -165,7 +166,7 @@ def _impact(vx: Any, vy: Any, e: Any, mu: Any, rest_speed: float) -> tuple[Any, 
     return (vx - limit if vx > 0 else vx + limit), bounce, 0.0
 
 
-def segments(parameters: Any, scene: Scene, end: float) -> Iterator[Segment]:
+def segments(parameters: Any, scene: Setup, end: float) -> Iterator[Segment]:
     """The motion from event to event.
 
     Args:
@@ -227,7 +228,7 @@ def segments(parameters: Any, scene: Scene, end: float) -> Iterator[Segment]:
             vx = 0.0
 
 
-def trajectory(parameters: Any, scene: Scene, times: Any) -> Any:
+def trajectory(parameters: Any, scene: Setup, times: Any) -> Any:
     """Where the block is at given times.
 
     Args:
@@ -268,7 +269,7 @@ def _positions_and_velocities(table: Any, times: Any, xp: Any) -> Any:
     )
 
 
-def jacobian(parameters: Sequence[float] | np.ndarray, scene: Scene, times: Any) -> np.ndarray:
+def jacobian(parameters: Sequence[float] | np.ndarray, scene: Setup, times: Any) -> np.ndarray:
     """Derivative of the trajectory with respect to the parameters.
 
     Reverse-mode automatic differentiation, all outputs in one batch, through the event times.
@@ -320,7 +321,7 @@ class Recording:
 
 def record(
     parameters: Sequence[float] | np.ndarray,
-    scene: Scene,
+    scene: Setup,
     times: Any,
     noise: float,
     generator: np.random.Generator,
@@ -341,7 +342,7 @@ def record(
     return Recording(np.asarray(times, float), generator.normal(exact, noise), noise)
 
 
-def loss(parameters: Any, recorded: Recording, scene: Scene) -> Any:
+def loss(parameters: Any, recorded: Recording, scene: Setup) -> Any:
     """Half the sum of squared residuals in units of the noise: minus the log-likelihood.
 
     Args:
@@ -360,7 +361,7 @@ def loss(parameters: Any, recorded: Recording, scene: Scene) -> Any:
 
 
 def gradient(
-    parameters: Sequence[float] | np.ndarray, recorded: Recording, scene: Scene
+    parameters: Sequence[float] | np.ndarray, recorded: Recording, scene: Setup
 ) -> np.ndarray:
     """Gradient of the loss, by reverse-mode differentiation.
 
@@ -424,7 +425,7 @@ class Information:
 
 
 def information(
-    parameters: Sequence[float] | np.ndarray, scene: Scene, times: Any, noise: float = 1e-3
+    parameters: Sequence[float] | np.ndarray, scene: Setup, times: Any, noise: float = 1e-3
 ) -> Information:
     """What positions recorded at given times would tell about the parameters.
 
@@ -515,7 +516,7 @@ class Recovery:
 
 def recover(
     recorded: Recording,
-    scene: Scene,
+    scene: Setup,
     guess: Sequence[float] | np.ndarray,
     iterations: int = 60,
 ) -> Recovery:
@@ -593,7 +594,7 @@ def naive_drop(
     restitution: Any,
     dt: float,
     duration: float,
-    gravity: float = 9.81,
+    gravity: float = STANDARD_GRAVITY,
     clamp: bool = True,
 ) -> Any:
     """Height of a dropped body at the end, by fixed steps that ignore the time of impact.
@@ -674,7 +675,7 @@ def drop_gradients(height: float, restitution: float, duration: float) -> DropGr
     torch = _torch()
     h = torch.tensor(height, dtype=torch.float64, requires_grad=True)
     parameters = torch.tensor([restitution, 0.0, 1.0], dtype=torch.float64, requires_grad=True)
-    out = trajectory(parameters, Scene(position=(0.0, h)), [duration])[1, 0]
+    out = trajectory(parameters, Setup(position=(0.0, h)), [duration])[1, 0]
     out.backward()
     by_restitution = 0.0 if parameters.grad is None else float(parameters.grad[0])
     return DropGradients(_number(out), float(h.grad), by_restitution)

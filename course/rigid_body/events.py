@@ -18,8 +18,15 @@ import numpy as np
 from numba.extending import register_jitable
 
 from course.check import count, one_of, positive, refused
-from course.rigid_body.integrators import INTEGRATORS, Array, Step, System, Trajectory
-from course.rigid_body.problems import STANDARD_GRAVITY, Problem, pendulum
+from course.rigid_body.integrators import (
+    INTEGRATORS,
+    STANDARD_GRAVITY,
+    Array,
+    Step,
+    System,
+    Trajectory,
+)
+from course.rigid_body.problems import Problem, pendulum
 
 Gap = Callable[[Any], Any]
 Reset = Callable[[Any, Any], tuple[Any, Any]]
@@ -57,6 +64,7 @@ def time_of_event(q, v, step, acceleration, dt, params, gap):
         if high - low <= _WIDTH * dt:
             break
         middle = 0.5 * (low + high)
+        # Two steps of regula falsi, then a bisection: fast, and sure to end.
         if trial % 3 < 2:
             secant = (low * gap_high - high * gap_low) / (gap_high - gap_low)
             # A root on the bracket's very end would leave the other end where it is.
@@ -65,6 +73,7 @@ def time_of_event(q, v, step, acceleration, dt, params, gap):
         value = gap(end)
         if value >= 0.0:
             low, gap_low = middle, value
+            # The same side twice: the other end's value is halved, or it would stay for ever.
             if kept == 1:
                 gap_high = 0.5 * gap_high
             kept = 1
@@ -103,6 +112,7 @@ def step_with_event(q, v, step, acceleration, dt, params, gap, reset):
     hits = 0
     while True:
         q1, v1 = step(q, v, acceleration, left, params)
+        # No event in what is left, or below the ground from the start: nothing to find.
         if not (gap(q1) < 0.0 and gap(q) >= 0.0):
             return q1, v1, hits
         if hits == EVENT_LIMIT:

@@ -31,6 +31,8 @@ from course.check import count, one_of, positive, refused, vector
 from course.compiled import MATRIX, VECTOR, acceleration_type, compiled, function_argument
 from course.rigid_body.quaternion import cross, derivative, exp, normalise, product
 
+STANDARD_GRAVITY = 9.80665  # m/s^2, by definition (3rd CGPM, 1901)
+
 Array = NDArray[np.float64]
 Acceleration = Callable[[Any, Any, Any], Any]
 Step = Callable[..., tuple[Any, Any]]
@@ -299,12 +301,14 @@ class Integrator:
 
     Attributes:
         name: name of the step function.
+        label: what a reader sees: on a chart, in a menu.
         step: the step function.
         order: theoretical order of accuracy.
         symplectic: whether it preserves phase-space area for forces that depend on q alone.
     """
 
     name: str
+    label: str
     step: Step
     order: int
     symplectic: bool
@@ -313,13 +317,13 @@ class Integrator:
 INTEGRATORS: dict[str, Integrator] = {
     item.name: item
     for item in (
-        Integrator("explicit_euler", explicit_euler, 1, False),
-        Integrator("semi_implicit_euler", semi_implicit_euler, 1, True),
-        Integrator("velocity_verlet", velocity_verlet, 2, True),
-        Integrator("explicit_midpoint", explicit_midpoint, 2, False),
-        Integrator("implicit_midpoint", implicit_midpoint, 2, True),
-        Integrator("rk4", rk4, 4, False),
-        Integrator("rk4_renormalised", rk4_renormalised, 4, False),
+        Integrator("explicit_euler", "explicit Euler", explicit_euler, 1, False),
+        Integrator("semi_implicit_euler", "semi-implicit Euler", semi_implicit_euler, 1, True),
+        Integrator("velocity_verlet", "velocity Verlet", velocity_verlet, 2, True),
+        Integrator("explicit_midpoint", "explicit midpoint", explicit_midpoint, 2, False),
+        Integrator("implicit_midpoint", "implicit midpoint", implicit_midpoint, 2, True),
+        Integrator("rk4", "RK4", rk4, 4, False),
+        Integrator("rk4_renormalised", "RK4, renormalised", rk4_renormalised, 4, False),
     )
 }
 
@@ -382,7 +386,7 @@ def advance(q, v, step, acceleration, dt, steps, params):
     return q, v
 
 
-def rollout(q, v, step, acceleration, dt, records, every, params):
+def advance_recorded(q, v, step, acceleration, dt, records, every, params):
     """`records` times `every` steps; states before the first and after each `every` steps."""
     qs = np.empty((records + 1,) + q.shape)
     vs = np.empty((records + 1,) + v.shape)
@@ -412,14 +416,17 @@ def compiled_parts(acceleration: Acceleration, integrator: str, ndim: int) -> tu
         ndim: 1 for one body, 2 for a batch.
 
     Returns:
-        (run, step, acceleration), all compiled for states of that dimension; run is `rollout` for
-        one body and `advance` for a batch, whose states one seldom wants to keep.
+        (run, step, acceleration), all compiled for states of that dimension; run is
+        `advance_recorded` for one body and `advance` for a batch, whose states one seldom wants to
+        keep.
     """
     array = VECTOR if ndim == 1 else MATRIX
     step_type = _step_type(array)
     first = (array, array, types.FunctionType(step_type), acceleration_type(array), numba.float64)
     if ndim == 1:
-        run = compiled(rollout, types.UniTuple(MATRIX, 2)(*first, numba.int64, numba.int64, VECTOR))
+        run = compiled(
+            advance_recorded, types.UniTuple(MATRIX, 2)(*first, numba.int64, numba.int64, VECTOR)
+        )
     else:
         run = compiled(advance, types.UniTuple(array, 2)(*first, numba.int64, VECTOR))
     return (
@@ -466,7 +473,7 @@ def simulate(
         if use_compiled:
             run, step, acceleration = compiled_parts(system.acceleration, str(integrator), 1)
         else:
-            run, acceleration = rollout, system.acceleration
+            run, acceleration = advance_recorded, system.acceleration
             step = INTEGRATORS[integrator].step if isinstance(integrator, str) else integrator
         # A copy of the start: a step of the reader's may work in place.
         q0, v0 = system.q0.copy(), system.v0.copy()

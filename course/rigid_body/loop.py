@@ -306,6 +306,7 @@ class FixedStepLoop:
         totals = self.totals
         while True:
             end_of_step = (totals.steps + 1) * self._dt_ticks
+            # A step that ends with the picture comes first: the picture lies between two states.
             if end_of_step <= available and end_of_step <= self._next_picture:
                 self._step(totals.steps * self._dt_ticks)
             elif self._next_picture <= available:
@@ -338,6 +339,7 @@ class FixedStepLoop:
         phases = self.phases
         end = start + self._dt_ticks
         now = self._seconds(start)
+        # Exposed before control runs, so that without delay it sees this very picture.
         if start >= self._next_camera:
             self._expose(start, now)
         if start >= self._next_control:

@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from course.check import POSITIVE, count, one_of, positive, refused, vector
 from course.compiled import MATRIX, compiled
+from course.rigid_body.integrators import STANDARD_GRAVITY
 from course.rigid_body.planar_contact import (
     GAP_TOLERANCE,
     HIT,
@@ -46,8 +47,6 @@ from course.rigid_body.planar_contact import (
 )
 
 Array = NDArray[np.float64]
-
-STANDARD_GRAVITY = 9.80665  # m/s^2
 
 # c of x + h v + c h^2 a, by integrator, for a force that is constant over the step.
 FLIGHT_COEFFICIENT: dict[str, float] = {
@@ -80,28 +79,35 @@ def _advance(
     passes = 0
     while resolve:
         passes += 1
+        # Bounces that pile up without end would keep the loop here for ever.
         if impacts >= limit or passes > 4 * limit:
             failed = 1
             break
         corners = lowest_corners(angle, width, height)
         rx, ry, rx2, ry2 = corners
         touch = GAP_TOLERANCE * radius
+        # Below the ground only by rounding, or because it was put there: no impulse undoes that.
         if y + ry < -touch:
             y = -ry
         fall = min(left * vy, 0.0) + min(coefficient * ay * left * left, 0.0)
         swing = radius * left * (abs(omega) + coefficient * abs(alpha) * left)
+        # Too high to come down in what is left of the step, however it turns.
         if y + ry + fall - swing > touch:
             break
+        # A corner touches: it hits, it is held, or it is about to leave.
         if y + ry <= touch:
             vn, vn2 = vy + omega * rx, vy + omega * rx2
             flat = y + ry2 <= touch
             speed = min(vn, vn2) if flat else vn
+            # It hits. Only a new look tells what touches after the impulse.
             if speed < -SPEED_TOLERANCE:
                 bounced = speed < -rest_speed
                 vx, vy, omega, bad = collide(vx, vy, omega, corners, box, bounced)
                 impacts += 1
                 failed |= bad
                 continue
+            # Held is what the forces press down and does not leave by itself: a corner that has
+            # just bounced leaves at any speed, one that rests only above the rest speed.
             slow = SPEED_TOLERANCE if bounced else max(rest_speed, SPEED_TOLERANCE)
             first = vn <= slow
             second = flat and vn2 <= slow
@@ -112,6 +118,7 @@ def _advance(
                     x, y, angle, vx, vy, omega, ax, ay, alpha, corners, box, left, coefficient,
                     flat, first, second,
                 )  # fmt: skip
+                # Held up to an event: what is left of the step goes on from there.
                 if outcome != 0:
                     bounced = False
                     failed |= outcome < 0
@@ -119,6 +126,7 @@ def _advance(
                     if left <= 0.0:
                         return x, y, angle, vx, vy, omega, impacts, failed
                     continue
+        # Free until the next impact, and if there is none until the end of the step.
         tau, outcome = first_impact(
             y, angle, vy, omega, ay, alpha, width, height, left, coefficient
         )
@@ -134,6 +142,8 @@ def _advance(
         left -= tau
         if left <= 0.0:
             return x, y, angle, vx, vy, omega, impacts, failed
+    # What is left of the step is flight; nobody has looked for the ground in it if impacts are not
+    # resolved or were too many, so it is looked for at the end.
     x = flight(x, vx, ax, left, coefficient)
     y = flight(y, vy, ay, left, coefficient)
     angle = flight(angle, omega, alpha, left, coefficient)
@@ -155,6 +165,7 @@ def _step_boxes(
     """`steps` steps of every box, one box after the other; the first bad box or -1 comes back."""
     each = parameters.shape[1] > 1 or forces.shape[1] > 1
     for j in range(state.shape[1]):
+        # What boxes share is prepared once, with the first of them.
         if each or j == 0:
             k = min(j, parameters.shape[1] - 1)
             f = min(j, forces.shape[1] - 1)
@@ -184,6 +195,7 @@ def _step_boxes(
             if settles and lies_still(y, angle, vx, vy, omega, width, height):
                 break
             fall = min(dt * vy, 0.0) + min(coefficient * ay * dt * dt, 0.0)
+            # High above the ground, where most steps are: no corner can reach it.
             if not ground or y + fall > radius:
                 x = flight(x, vx, ax, dt, coefficient)
                 y = flight(y, vy, ay, dt, coefficient)
@@ -287,18 +299,26 @@ def prepare(
     ground: bool = True,
     max_events: int = 64,
 ) -> Run:
-    """`rollout` with everything checked but the state, for many short runs of the same boxes.
+    """`advance_boxes` with all checked but the state, for many short runs of the same boxes.
 
     Args:
         n: number of boxes.
-        parameters, dt, gravity, forces, integrator, resolve_impacts, ground, max_events: as for
-            `rollout`.
+        parameters: (7, N) or (7, 1), from `box_parameters`.
+        dt: step [s], positive.
+        gravity: acceleration downwards, or the vector (gx, gy) [m/s^2].
+        forces: (3, N) or (3,): force in world axes and torque about the centre of mass, constant
+            over all the steps [N, N m].
+        integrator: a name in `FLIGHT_COEFFICIENT`.
+        resolve_impacts: find impacts within the step.
+        ground: whether there is ground at y = 0.
+        max_events: impacts of one box within one step. What is left of a step after that many
+            is made without bouncing, and counted as not resolved.
 
     Returns:
-        Function (state (6, n), steps, out=None) -> (new state, counts), as `rollout` returns.
+        Function (state (6, n), steps, out=None) -> (new state, counts), as `advance_boxes` returns.
 
     Raises:
-        ValueError: as for `rollout`.
+        ValueError: as for `advance_boxes`.
     """
     parameters = np.ascontiguousarray(parameters, dtype=float)
     if parameters.ndim != 2 or parameters.shape[0] != 7 or parameters.shape[1] not in (1, n):
@@ -339,19 +359,14 @@ def prepare(
     return run
 
 
-def rollout(
+def advance_boxes(
     state: Array,
     parameters: Array,
     dt: float,
     steps: int,
     *,
-    gravity: ArrayLike = STANDARD_GRAVITY,
-    forces: ArrayLike | None = None,
-    integrator: str = "semi_implicit_euler",
-    resolve_impacts: bool = True,
-    ground: bool = True,
-    max_events: int = 64,
     out: Array | None = None,
+    **options: Any,
 ) -> tuple[Array, NDArray[np.int64]]:
     """Advance N boxes by many steps in one compiled call.
 
@@ -371,15 +386,8 @@ def rollout(
         parameters: (7, N) or (7, 1), from `box_parameters`.
         dt: step [s], positive.
         steps: how many, not negative.
-        gravity: acceleration downwards, or the vector (gx, gy) [m/s^2].
-        forces: (3, N) or (3,): force in world axes and torque about the centre of mass, constant
-            over all the steps [N, N m].
-        integrator: a name in `FLIGHT_COEFFICIENT`.
-        resolve_impacts: find impacts within the step.
-        ground: whether there is ground at y = 0.
-        max_events: impacts of one box within one step. What is left of a step after that many
-            is made without bouncing, and counted as not resolved.
         out: (6, N) array for the result; a new one if left out.
+        options: gravity, forces, integrator, resolve_impacts, ground, max_events: see `prepare`.
 
     Returns:
         (new state, counts): counts (2, N) has the number of impacts of each box, and how many
@@ -391,25 +399,14 @@ def rollout(
     state = np.ascontiguousarray(state, dtype=float)
     if state.ndim != 2 or state.shape[0] != 6:
         raise refused("state.shape", state.shape, "(6, N)")
-    run = prepare(
-        state.shape[1],
-        parameters,
-        dt,
-        gravity=gravity,
-        forces=forces,
-        integrator=integrator,
-        resolve_impacts=resolve_impacts,
-        ground=ground,
-        max_events=max_events,
-    )
-    return run(state, steps, out)
+    return prepare(state.shape[1], parameters, dt, **options)(state, steps, out)
 
 
 def step_boxes(
     state: Array, parameters: Array, dt: float, **options: Any
 ) -> tuple[Array, NDArray[np.int64]]:
-    """One step of N boxes: `rollout` with one step, and its options."""
-    return rollout(state, parameters, dt, 1, **options)
+    """One step of N boxes: `advance_boxes` with one step, and its options."""
+    return advance_boxes(state, parameters, dt, 1, **options)
 
 
 @dataclass
@@ -519,12 +516,12 @@ class PlanarBody:
         gravity: ArrayLike = STANDARD_GRAVITY,
         integrator: str = "semi_implicit_euler",
     ) -> None:
-        """Advance by dt and clear the collected force; see `rollout` for the arguments.
+        """Advance by dt and clear the collected force; see `advance_boxes` for the arguments.
 
         Raises:
             ValueError: an argument, or an attribute set since, is out of its range.
         """
-        state, counts = rollout(
+        state, counts = advance_boxes(
             vector("state", self.state, (6,)).reshape(6, 1),
             self.parameters,
             dt,

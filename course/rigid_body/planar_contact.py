@@ -140,8 +140,9 @@ def newton_impact(vt, vn, rx, ry, inverse_mass, inverse_inertia, restitution, fr
         return 0.0, 0.0
     dn = -(1.0 + restitution) * vn
     pt, pn = stopping_impulse(vt, -dn, rx, ry, inverse_mass, inverse_inertia)
-    if abs(pt) <= friction * pn:
+    if abs(pt) <= friction * pn:  # it sticks
         return pt, pn
+    # It slides on as it came; a corner without speed slides the way that sticking would have held.
     if vt > 0.0 or (vt == 0.0 and pt < 0.0):
         k = -friction
     else:
@@ -165,11 +166,11 @@ def one_contact(vt, vn, rx, ry, inverse_mass, inverse_inertia, friction):
     if vn >= 0.0:
         return 0.0, 0.0
     pt, pn = stopping_impulse(vt, vn, rx, ry, inverse_mass, inverse_inertia)
-    if abs(pt) <= friction * pn:
+    if abs(pt) <= friction * pn:  # it sticks
         return pt, pn
-    if pn > 0.0:
+    if pn > 0.0:  # friction gives what it can of the impulse that would have stopped it
         k = -friction if pt < 0.0 else friction
-    else:
+    else:  # the ground would have to pull to stop it: friction acts against the sliding
         k = -friction if vt > 0.0 else friction
     pn = -vn / (inverse_mass + inverse_inertia * rx * (rx - ry * k))
     return k * pn, pn
@@ -186,8 +187,10 @@ def two_contacts(vx, vy, omega, rx1, rx2, ry, inverse_mass, inverse_inertia, fri
         (vx, vy, omega, active): the new velocities, and which corners carry: 0 none, 1 the
         first, 2 the second, 3 both; -1 if no case fits (then everything is stopped).
     """
+    # Apart: neither corner approaches.
     if vy + omega * rx1 >= 0.0 and vy + omega * rx2 >= 0.0:
         return vx, vy, omega, 0
+    # Both carry: the face stays down, if neither corner has to pull.
     pn = -vy / inverse_mass
     if pn > 0.0:
         pt = -vx / inverse_mass
@@ -198,6 +201,7 @@ def two_contacts(vx, vy, omega, rx1, rx2, ry, inverse_mass, inverse_inertia, fri
         p1 = (moment - pn * rx2) / (rx1 - rx2)
         if p1 >= 0.0 and pn - p1 >= 0.0:
             return 0.0 if sticks else vx + inverse_mass * pt, 0.0, 0.0, 3
+    # One carries and the other leaves: each is tried, by stick or slide and then jammed.
     for case in range(4):
         first = case % 2 == 0
         rx = rx1 if first else rx2
@@ -219,12 +223,13 @@ def two_contacts(vx, vy, omega, rx1, rx2, ry, inverse_mass, inverse_inertia, fri
 @register_jitable
 def _safe_time(gap, rate, bound, horizon):
     """The earliest time at which gap + rate t - bound t^2/2 can be zero; horizon if later."""
+    # Even the fastest fall allowed by the bound stays above the ground.
     if gap + horizon * (rate - 0.5 * bound * horizon) > 0.0:
         return horizon
     root = math.sqrt(rate * rate + 2.0 * bound * gap)
-    if rate < 0.0:
+    if rate < 0.0:  # comes down: the form of the root without cancellation
         return min(horizon, 2.0 * gap / (root - rate))
-    if bound > 0.0:
+    if bound > 0.0:  # rises, and may be driven back
         return min(horizon, (rate + root) / bound)
     return horizon
 
@@ -262,6 +267,7 @@ def first_impact(y, angle, vy, omega, ay, alpha, width, height, horizon, coeffic
         rise = vy + 2.0 * coefficient * ay * tau
         turn = omega + 2.0 * coefficient * alpha * tau
         fall = min(left * rise, 0.0) + min(coefficient * ay * left * left, 0.0)
+        # Above the reach of every corner up to the horizon.
         if centre + fall > radius:
             return horizon, CLEAR
         theta = flight(angle, omega, alpha, tau, coefficient)
@@ -292,15 +298,15 @@ def first_impact(y, angle, vy, omega, ay, alpha, width, height, horizon, coeffic
 @register_jitable
 def _time_to_turn(turn, omega, beta):
     """The first positive time at which omega t + beta t^2 = turn (not zero), or infinity."""
-    if turn < 0.0:
+    if turn < 0.0:  # the same problem seen from the other side
         turn, omega, beta = -turn, -omega, -beta
     square = omega * omega + 4.0 * beta * turn
-    if square < 0.0:
+    if square < 0.0:  # turns back before it gets there
         return math.inf
     root = math.sqrt(square)
-    if omega + root > 0.0 and omega >= 0.0:
+    if omega + root > 0.0 and omega >= 0.0:  # on its way: the form without cancellation
         return 2.0 * turn / (omega + root)
-    if beta > 0.0:
+    if beta > 0.0:  # moves away now and is driven back
         return (root - omega) / (2.0 * beta)
     return math.inf
 
@@ -361,19 +367,23 @@ def collide(vx, vy, omega, corners, box, elastic):
     inverse_mass, width, height, inverse_inertia, restitution, friction, _ = box
     rx, ry, rx2, ry2 = corners
     vn = vy + omega * rx
+    # A face lies on the ground: which part of it takes the impulse?
     both = ry2 - ry <= GAP_TOLERANCE * (width + height)
     if both:
         vn2 = vy + omega * rx2
+        # Too slow to bounce: both corners stop, each as far as it must.
         if not elastic:
             middle = 0.5 * (ry + ry2)
             vx, vy, omega, active = two_contacts(
                 vx, vy, omega, rx, rx2, middle, inverse_mass, inverse_inertia, friction
             )
             return vx, vy, omega, 1 if active < 0 else 0
+        # It lands as a whole: one impulse at its middle, so that a flat drop bounces flat.
         if vn < 0.0 and vn2 < 0.0 and abs(vn2 - vn) <= -FACE_TOLERANCE * (vn + vn2):
             rx = 0.5 * (rx + rx2)
             ry = 0.5 * (ry + ry2)
             vn = vy + omega * rx
+        # Else the faster corner goes first; the other has its turn in the next event.
         elif vn2 < vn:
             rx = rx2
             ry = ry2
@@ -399,6 +409,8 @@ def collide_late(x, y, angle, vx, vy, omega, box):
     failed = 0
     if y + ry < 0.0:
         both = ry2 - ry <= GAP_TOLERANCE * (width + height)
+        # One impulse may send the other corner down, so it is looked again; the eighth and last is
+        # without bounce, which ends it.
         for k in range(8):
             speed = vy + omega * rx
             if both:
@@ -430,13 +442,15 @@ def sustain(
     rx, ry, rx2, ry2 = corners
     free_x, free_y, free_omega = vx + left * ax, vy + left * ay, omega + left * alpha
     active = 0
+    # A face is down: both corners share the load.
     if first and second:
         ry = 0.5 * (ry + ry2)
         new_x, new_y, new_omega, active = two_contacts(
             free_x, free_y, free_omega, rx, rx2, ry, inverse_mass, inverse_inertia, friction
         )
-        if active == 0:
+        if active == 0:  # pushed off the ground
             return x, y, angle, vx, vy, omega, 0.0, 0
+        # The face stays on the ground: it slides or rests, without turning.
         if active == 3 or active == -1:
             used = left
             x_rate = (new_x - vx) / left
@@ -451,6 +465,7 @@ def sustain(
             angle = math.floor(angle / QUARTER_TURN + 0.5) * QUARTER_TURN
             y = height_on_face(angle, width, height)
             return x, y, angle, new_x, 0.0, 0.0, used, 1 if active == 3 else -1
+    # One corner is down.
     else:
         if second:
             rx, ry = rx2, ry2
@@ -459,7 +474,7 @@ def sustain(
         vt = free_x - free_omega * ry - turned * rx
         vn = free_y + free_omega * rx - turned * ry
         pt, pn = one_contact(vt, vn, rx, ry, inverse_mass, inverse_inertia, friction)
-        if pn <= 0.0:
+        if pn <= 0.0:  # it leaves by itself
             return x, y, angle, vx, vy, omega, 0.0, 0
         new_x = free_x + inverse_mass * pt
         new_y = free_y + inverse_mass * pn
@@ -468,11 +483,11 @@ def sustain(
     ax, ay, alpha = (new_x - vx) / left, (new_y - vy) / left, (new_omega - omega) / left
     used, face = time_to_face(angle, omega, coefficient * alpha, left, flat)
     x = flight(x, vx, ax, min(used, left), coefficient)
-    if used <= left:
+    if used <= left:  # down on a face within the step: the angle is the face's, to the last bit
         new_x, new_y, new_omega = vx + used * ax, vy + used * ay, omega + used * alpha
         angle = face
         y = height_on_face(angle, width, height)
-    else:
+    else:  # still on its corner, which is kept on the ground
         used = left
         angle = flight(angle, omega, alpha, left, coefficient)
         _, ry, _, _ = lowest_corners(angle, width, height)

@@ -14,9 +14,7 @@ from numba.extending import register_jitable
 
 from course.check import refused
 from course.rigid_body import quaternion
-from course.rigid_body.integrators import Array, System, _coordinate_rate
-
-STANDARD_GRAVITY = 9.80665  # m/s^2, CGPM 1901
+from course.rigid_body.integrators import STANDARD_GRAVITY, Array, System, _coordinate_rate
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,10 @@ from numba.extending import register_jitable
 from numpy.typing import ArrayLike
 
 from course.check import one_of, positive, refused, vector
-from course.rigid_body.integrators import INTEGRATORS, Array, compiled_parts
+from course.rigid_body.integrators import INTEGRATORS, STANDARD_GRAVITY, Array, compiled_parts
 from course.rigid_body.quaternion import conjugate, rotate, unit_quaternion
+
+DOWNWARDS = (0.0, 0.0, -STANDARD_GRAVITY)  # m/s^2
 
 
 @register_jitable
@@ -58,7 +60,9 @@ def newton_euler_acceleration(q, v, params):
         result[i] = params[i]
         torque[i] = params[3 + i]
         momentum[i] = params[6 + 3 * i] * v[3] + params[7 + 3 * i] * v[4] + params[8 + 3 * i] * v[5]
+    # The inertia is constant in the body frame only, so the torque goes there.
     torque = rotate(conjugate(q[3:]), torque)
+    # The body turns under its angular momentum: less omega x (I omega), the gyroscopic term.
     net_x = torque[0] - (v[4] * momentum[2] - v[5] * momentum[1])
     net_y = torque[1] - (v[5] * momentum[0] - v[3] * momentum[2])
     net_z = torque[2] - (v[3] * momentum[1] - v[4] * momentum[0])
@@ -148,7 +152,7 @@ class RigidBody:
     def step(
         self,
         dt: float,
-        gravity: ArrayLike = (0.0, 0.0, -9.80665),
+        gravity: ArrayLike = DOWNWARDS,
         integrator: str = "rk4",
     ) -> None:
         """Advance by dt [s] under gravity and the gathered wrench, which is then cleared.
@@ -179,7 +183,7 @@ class RigidBody:
         self.q, self.v = step(self.q, self.v, newton_euler_acceleration, dt, params)
         self.force, self.torque = np.zeros(3), np.zeros(3)
 
-    def energy(self, gravity: ArrayLike = (0.0, 0.0, -9.80665)) -> tuple[float, float, float]:
+    def energy(self, gravity: ArrayLike = DOWNWARDS) -> tuple[float, float, float]:
         """Kinetic, potential (zero at the world's origin) and total energy [J]."""
         spin = self.v[3:]
         kinetic = 0.5 * self.mass * self.v[:3] @ self.v[:3] + 0.5 * spin @ (
@@ -204,7 +208,7 @@ def advance_bodies(
     inertia: ArrayLike,
     dt: float,
     steps: int,
-    gravity: ArrayLike = (0.0, 0.0, -9.80665),
+    gravity: ArrayLike = DOWNWARDS,
     integrator: str = "rk4_renormalised",
 ) -> tuple[Array, Array]:
     """Many equal bodies in free flight, advanced together by the compiled integrator.

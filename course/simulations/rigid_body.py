@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from course.rigid_body.integrators import INTEGRATORS, STANDARD_GRAVITY
 from course.rigid_body.planar import FLIGHT_COEFFICIENT, PARAMETERS, box_parameters, prepare
 from course.rigid_body.planar_contact import flight
 from course.simulations.canvas import (
@@ -45,15 +46,7 @@ SLIDERS = {
     "friction": Slider("Friction", 0.0, 2.0, 0.05),
     "rest_speed": Slider("Rest speed", 0.0, 0.2, 0.01, "m/s"),
 }
-INTEGRATORS = {
-    "explicit Euler": "explicit_euler",
-    "semi-implicit Euler": "semi_implicit_euler",
-    "velocity Verlet": "velocity_verlet",
-    "explicit midpoint": "explicit_midpoint",
-    "implicit midpoint": "implicit_midpoint",
-    "Runge-Kutta 4": "rk4",
-}
-_SHOWN = {name: shown for shown, name in INTEGRATORS.items()}
+MENU = {INTEGRATORS[name].label: name for name in FLIGHT_COEFFICIENT}
 
 TUMBLING = (0.0, 2.5, -0.35, -0.5, 0.0, 1.0)
 FLAT = (0.0, 2.5, 0.0, 0.5, 0.0, 0.0)
@@ -79,7 +72,7 @@ class Controls:
         start: x, y, angle, vx, vy, omega [m, rad, m/s, rad/s].
     """
 
-    gravity: float = 9.8
+    gravity: float = round(STANDARD_GRAVITY, 1)  # a value of the slider
     restitution: float = 0.70
     timestep: float = 2.0
     friction: float = 0.5
@@ -349,7 +342,7 @@ def _scene(state: State, controls: Controls) -> list[Item]:
             Line(sample, colour, 2.0, dash, 0.7),
             Text(np.array([x + 0.38, y - low]), words, INK, 11.5),
         ]
-    title = f"{_SHOWN[controls.integrator]}, {controls.timestep:g} ms"
+    title = f"{INTEGRATORS[controls.integrator].label}, {controls.timestep:g} ms"
     title += ", impacts found in time" if controls.resolve_impacts else ", impacts noticed late"
     items.append(Text(np.array([_SCENE[0], _SCENE[3]]), title, INK, 13.0, "left", "bottom",
                       (0.0, 8.0), bold=True))  # fmt: skip
@@ -475,7 +468,7 @@ MODEL = Model(
     title=TITLE,
     controls=Controls(),
     sliders=SLIDERS,
-    menus={"integrator": ("Integrator", INTEGRATORS)},
+    menus={"integrator": ("Integrator", MENU)},
     switches={"resolve_impacts": "find impact times within the step"},
     presets=PRESETS,
     initial=initial,

@@ -134,6 +134,7 @@ def _judge(q, v, target, steps, actions, arm, limit):
     terminated, truncated = np.empty(n, np.bool_), np.empty(n, np.bool_)
     for i in range(n):
         distance = _look(q, v, target, arm, i, observations[i])
+        # The reward counts the torque that acted, not the one that was asked for.
         a1, a2 = _held(actions[i, 0]), _held(actions[i, 1])
         rewards[i] = -distance - EFFORT_COST * (a1 * a1 + a2 * a2)
         steps[i] += 1
@@ -148,6 +149,7 @@ def _held(action):
 
 def _move_arms(q, v, target, steps, actions, arm, limit, substeps):
     """Step N arms in place; the torques stop at their limits. Returns what `_judge` returns."""
+    # The torque is held during the control step, so it travels with the parameters.
     for i in range(q.shape[1]):
         arm[9, i] = arm[7, i] * _held(actions[i, 0])
         arm[10, i] = arm[8, i] * _held(actions[i, 1])
@@ -172,11 +174,13 @@ def _start_arms(draws, ids, q, v, target, steps, arm):
     observations = np.empty((ids.size, 8))
     for k in range(ids.size):
         i = ids[k]
+        # In a fixed order of draws, so that one arm of a batch starts as a single one does.
         for j in range(2):
             q[j, i] = np.pi * (2.0 * draws[k, j] - 1.0)
             v[j, i] = 0.0
         near = abs(arm[5, i] - arm[6, i]) + REACH_NEAR
         far = REACH_FAR * (arm[5, i] + arm[6, i])
+        # The square of the radius is uniform, and so the target over the area.
         radius = np.sqrt(near * near + draws[k, 2] * (far * far - near * near))
         angle = 2.0 * np.pi * draws[k, 3]
         target[0, i], target[1, i] = radius * np.cos(angle), radius * np.sin(angle)

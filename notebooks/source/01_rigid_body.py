@@ -923,7 +923,7 @@ answer("semi_implicit_limit", "sqrt(m/k)")
 
 # %%
 from course.rigid_body.differentiable import (
-    Scene,
+    Setup,
     drop_gradients,
     information,
     naive_drop_gradients,
@@ -931,7 +931,7 @@ from course.rigid_body.differentiable import (
     recover,
 )
 
-scene = Scene((0.0, 0.5), (2.0, 0.0), push=((1.2, 1.5, 8.0),))
+scene = Setup((0.0, 0.5), (2.0, 0.0), push=((1.2, 1.5, 8.0),))
 times = np.linspace(0.0, 2.0, 101)
 truth = (0.6, 0.25, 1.3)
 recorded = record(truth, scene, times, noise=1e-3, generator=np.random.default_rng(0))
@@ -944,8 +944,8 @@ print(recover(recorded, scene, guess=(0.4, 0.4, 1.0)))
 
 # %%
 for label, poor in (
-    ("a vertical drop", Scene((0.0, 0.5))),
-    ("a block that sticks under a push", Scene((0.0, 0.0), push=((0.2, 1.0, 2.0),))),
+    ("a vertical drop", Setup((0.0, 0.5))),
+    ("a block that sticks under a push", Setup((0.0, 0.0), push=((0.2, 1.0, 2.0),))),
 ):
     print(f"--- {label}\n{information(truth, poor, times)}\n")
 

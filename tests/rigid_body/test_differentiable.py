@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from course.rigid_body.differentiable import (
     NAMES,
     Recording,
-    Scene,
+    Setup,
     drop_gradients,
     gradient,
     information,
@@ -28,22 +28,22 @@ from course.rigid_body.differentiable import (
     segments,
     trajectory,
 )
-from course.rigid_body.planar import box_parameters, rollout
+from course.rigid_body.planar import advance_boxes, box_parameters
 from tests.budget import examples
 
 torch.set_num_threads(1)
 
-G = 9.81
-THROW = Scene((0.0, 0.5), (2.0, 0.0), push=((0.1, 0.4, 3.0), (1.0, 1.4, 8.0)))
+G = 9.80665
+THROW = Setup((0.0, 0.5), (2.0, 0.0), push=((0.1, 0.4, 3.0), (1.0, 1.4, 8.0)))
 TRUTH = np.array([0.6, 0.25, 1.3])
 TIMES = np.linspace(0.0, 2.0, 101)
 
-CASES: dict[str, tuple[Scene, Any]] = {
+CASES: dict[str, tuple[Setup, Any]] = {
     "throw": (THROW, TRUTH),
-    "rough": (Scene((0.0, 1.0), (1.0, 2.0), push=((0.3, 2.0, 4.0),)), np.array([0.4, 0.9, 0.7])),
-    "backwards": (Scene((3.0, 0.2), (-4.0, 1.0), push=((0.5, 0.9, 6.0),)), [0.8, 0.3, 2.0]),
-    "slide": (Scene((0.0, 0.0), (1.5, 0.0), push=((0.8, 1.2, 5.0),)), np.array([0.5, 0.3, 1.0])),
-    "elastic": (Scene((0.0, 0.8), (3.0, 0.0), push=((0.0, 2.0, 1.0),)), np.array([0.95, 0.1, 1.5])),
+    "rough": (Setup((0.0, 1.0), (1.0, 2.0), push=((0.3, 2.0, 4.0),)), np.array([0.4, 0.9, 0.7])),
+    "backwards": (Setup((3.0, 0.2), (-4.0, 1.0), push=((0.5, 0.9, 6.0),)), [0.8, 0.3, 2.0]),
+    "slide": (Setup((0.0, 0.0), (1.5, 0.0), push=((0.8, 1.2, 5.0),)), np.array([0.5, 0.3, 1.0])),
+    "elastic": (Setup((0.0, 0.8), (3.0, 0.0), push=((0.0, 2.0, 1.0),)), np.array([0.95, 0.1, 1.5])),
 }
 
 
@@ -70,7 +70,7 @@ def test_a_drop_and_two_bounces():
     first = v / G
     second = first + 2 * e * v / G
     x, y, vx, vy = trajectory(
-        [e, 0.3, 1.0], Scene((0.2, h)), [0.3, first, first + 0.1, second + 1e-6]
+        [e, 0.3, 1.0], Setup((0.2, h)), [0.3, first, first + 0.1, second + 1e-6]
     )
     assert y[0] == pytest.approx(h - 0.5 * G * 0.3**2, abs=1e-14)
     assert y[1] == pytest.approx(0.0, abs=1e-14)
@@ -83,7 +83,7 @@ def test_a_drop_and_two_bounces():
 def test_a_slide_stops_where_it_should():
     v, mu = 1.5, 0.3
     stop = v / (mu * G)
-    out = trajectory([0.5, mu, 2.0], Scene((0.0, 0.0), (v, 0.0)), [stop / 2, stop + 1])
+    out = trajectory([0.5, mu, 2.0], Setup((0.0, 0.0), (v, 0.0)), [stop / 2, stop + 1])
     assert out[0, 1] == pytest.approx(v * v / (2 * mu * G), abs=1e-14)
     assert out[2, 0] == pytest.approx(v / 2, abs=1e-14)
     assert out[2, 1] == 0.0
@@ -94,14 +94,14 @@ def test_friction_at_an_impact_slips_or_sticks():
     v = math.sqrt(2 * G * h)
     after = [v / G + 1e-3]
     for vx, mu in ((4.0, 0.2), (-4.0, 0.2), (1.0, 0.4), (-1.0, 0.4)):
-        got = trajectory([e, mu, 1.0], Scene((0.0, h), (vx, 0.0)), after)[2, 0]
+        got = trajectory([e, mu, 1.0], Setup((0.0, h), (vx, 0.0)), after)[2, 0]
         limit = mu * (1 + e) * v
         assert got == pytest.approx(math.copysign(max(abs(vx) - limit, 0.0), vx), abs=1e-14)
 
 
 def test_a_push_moves_what_static_friction_cannot_hold():
     push, m = 6.0, 2.0
-    scene = Scene((0.0, 0.0), push=((0.5, 1.5, push),))
+    scene = Setup((0.0, 0.0), push=((0.5, 1.5, push),))
     held = trajectory([0.5, 0.31, m], scene, [0.4, 1.0, 3.0])
     np.testing.assert_array_equal(held, 0.0)
     mu = 0.2
@@ -109,7 +109,7 @@ def test_a_push_moves_what_static_friction_cannot_hold():
     moved = trajectory([0.5, mu, m], scene, [1.5, 10.0])
     assert moved[0, 0] == pytest.approx(0.5 * a, abs=1e-14)
     assert moved[0, 1] == pytest.approx(0.5 * a + a * a / (2 * mu * G), abs=1e-13)
-    left = trajectory([0.5, mu, m], Scene((0.0, 0.0), push=((0.5, 1.5, -push),)), [1.5, 10.0])
+    left = trajectory([0.5, mu, m], Setup((0.0, 0.0), push=((0.5, 1.5, -push),)), [1.5, 10.0])
     np.testing.assert_array_equal(left, -moved)
 
 
@@ -123,14 +123,14 @@ def test_a_push_moves_what_static_friction_cannot_hold():
 )
 def test_without_a_push_energy_never_grows_and_the_ground_holds(e, mu, y, vx, vy):
     times = np.linspace(0, 2, 300)
-    _, y, vx, vy = trajectory([e, mu, 1.0], Scene((0.0, y), (vx, vy)), times)
+    _, y, vx, vy = trajectory([e, mu, 1.0], Setup((0.0, y), (vx, vy)), times)
     energy = 0.5 * (vx**2 + vy**2) + G * y
     assert np.all(np.diff(energy) <= 1e-9 * (1 + energy[0]))
     assert y.min() > -1e-12
 
 
 def test_mass_alone_changes_nothing_without_a_push():
-    scene = Scene((0.0, 0.5), (2.0, 0.0))
+    scene = Setup((0.0, 0.5), (2.0, 0.0))
     light, heavy = (trajectory([0.6, 0.2, m], scene, TIMES) for m in (0.1, 50.0))
     np.testing.assert_array_equal(light, heavy)
 
@@ -138,7 +138,7 @@ def test_mass_alone_changes_nothing_without_a_push():
 def test_cutting_off_the_small_bounces_keeps_the_tangential_velocity():
     """The impulses of all bounces that are left out add up to that of the contact instead."""
     finals = [
-        trajectory([0.6, 0.1, 1.0], Scene((0.0, 0.5), (3.0, 0.0), rest_speed=s), [1.9])[:, 0]
+        trajectory([0.6, 0.1, 1.0], Setup((0.0, 0.5), (3.0, 0.0), rest_speed=s), [1.9])[:, 0]
         for s in (0.3, 1e-2, 1e-6)
     ]
     np.testing.assert_allclose(finals[0][2], finals[2][2], rtol=0, atol=1e-12)
@@ -160,7 +160,7 @@ def test_tensors_and_floats_give_the_same_numbers(case):
 @pytest.mark.parametrize("name", ["throw", "rough", "slide"])
 def test_agrees_with_the_planar_box_that_cannot_turn(name):
     scene, (e, mu, m) = CASES[name]
-    scene = Scene(scene.position, scene.velocity, scene.push, gravity=G, rest_speed=0.01)
+    scene = Setup(scene.position, scene.velocity, scene.push, gravity=G, rest_speed=0.01)
     height, dt, steps = 0.2, 1e-3, 2000
     box = box_parameters(
         m, 0.3, height, inertia=1e9, restitution=e, friction=mu, rest_speed=scene.rest_speed
@@ -172,7 +172,7 @@ def test_agrees_with_the_planar_box_that_cannot_turn(name):
     for start, end in pairwise(edges):
         force = sum(f for a, b, f in scene.push if a <= (start + 0.5) * dt < b)
         for n in range(start, end, 50):
-            state, _ = rollout(
+            state, _ = advance_boxes(
                 state,
                 box,
                 dt,
@@ -242,17 +242,17 @@ def test_derivative_after_the_second_bounce_in_closed_form():
 
 def test_derivatives_of_a_slide_and_of_a_push_in_closed_form():
     v, mu, m, push, t = 1.5, 0.3, 2.0, 8.0, 0.4
-    J = jacobian([0.5, mu, m], Scene((0.0, 0.0), (v, 0.0)), [3.0])
+    J = jacobian([0.5, mu, m], Setup((0.0, 0.0), (v, 0.0)), [3.0])
     np.testing.assert_allclose(J[0, 0], [0, -v * v / (2 * mu**2 * G), 0], atol=1e-13)
     np.testing.assert_array_equal(J[1:], 0.0)
-    J = jacobian([0.5, mu, m], Scene((0.0, 5.0), push=((0.0, 1.0, push),)), [t])
+    J = jacobian([0.5, mu, m], Setup((0.0, 5.0), push=((0.0, 1.0, push),)), [t])
     np.testing.assert_allclose(J[0, 0], [0, 0, -0.5 * push * t * t / m**2], atol=1e-13)
 
 
 def test_derivative_of_a_slipping_impact_in_closed_form():
     h, e, mu, vx = 1.0, 0.5, 0.2, 4.0
     v = math.sqrt(2 * G * h)
-    J = jacobian([e, mu, 1.0], Scene((0.0, h), (vx, 0.0)), [v / G + 0.05])
+    J = jacobian([e, mu, 1.0], Setup((0.0, h), (vx, 0.0)), [v / G + 0.05])
     np.testing.assert_allclose(J[2, 0], [-mu * v, -(1 + e) * v, 0], atol=1e-13)
 
 
@@ -275,7 +275,7 @@ def test_a_finite_difference_across_the_impact_blows_up():
     impact = v / G
 
     def speed(height):
-        return trajectory([e, 0.0, 1.0], Scene((0.0, height)), [impact])[3, 0]
+        return trajectory([e, 0.0, 1.0], Setup((0.0, height)), [impact])[3, 0]
 
     for step in (1e-2, 1e-4, 1e-6):
         quotient = (speed(h + step) - speed(h - step)) / (2 * step)
@@ -389,7 +389,7 @@ def test_the_loss_never_rises():
 
 
 def test_a_vertical_drop_says_nothing_about_friction_and_mass():
-    scene = Scene((0.0, 1.0))
+    scene = Setup((0.0, 1.0))
     told = information(TRUTH, scene, TIMES)
     assert told.identified == (True, False, False)
     assert np.isinf(told.standard_errors[1:]).all()
@@ -403,7 +403,7 @@ def test_a_vertical_drop_says_nothing_about_friction_and_mass():
 
 
 def test_a_sticking_block_gives_only_a_bound_on_friction():
-    scene = Scene((0.0, 0.0), push=((0.2, 1.0, 3.0), (1.0, 1.5, 2.0)))
+    scene = Setup((0.0, 0.0), push=((0.2, 1.0, 3.0), (1.0, 1.5, 2.0)))
     told = information([0.5, 0.6, 1.0], scene, TIMES)
     assert told.identified == (False, False, False)
     assert told.friction_at_least == pytest.approx(3.0 / G)
@@ -415,22 +415,22 @@ def test_a_sticking_block_gives_only_a_bound_on_friction():
 
 def test_a_sticking_impact_gives_its_own_bound():
     h, e, vx = 1.0, 0.5, 1.0
-    told = information([e, 0.8, 1.0], Scene((0.0, h), (vx, 0.0)), TIMES)
+    told = information([e, 0.8, 1.0], Setup((0.0, h), (vx, 0.0)), TIMES)
     assert not told.identified[1]
     assert told.friction_at_least == pytest.approx(vx / ((1 + e) * math.sqrt(2 * G * h)))
 
 
 def test_free_flight_says_nothing_about_mass_unless_it_is_pushed():
     times = np.linspace(0, 0.4, 41)
-    assert information(TRUTH, Scene((0.0, 2.0), (1.0, 1.0)), times).unknown == NAMES
-    pushed = information(TRUTH, Scene((0.0, 2.0), push=((0.0, 1.0, 5.0),)), times)
+    assert information(TRUTH, Setup((0.0, 2.0), (1.0, 1.0)), times).unknown == NAMES
+    pushed = information(TRUTH, Setup((0.0, 2.0), push=((0.0, 1.0, 5.0),)), times)
     assert pushed.identified == (False, False, True)
 
 
 def test_a_constant_push_on_a_slide_tells_one_combination_only():
     """The acceleration is push / m - mu g: heavier and smoother looks like lighter and rougher."""
     push, (_, mu, m) = 8.0, TRUTH
-    scene = Scene((0.0, 0.0), push=((0.0, 5.0, push),))
+    scene = Setup((0.0, 0.0), push=((0.0, 5.0, push),))
     told = information([0.5, mu, m], scene, TIMES)
     assert told.identified == (False, False, False)
     assert told.singular_values[0] > 1e3
@@ -439,7 +439,7 @@ def test_a_constant_push_on_a_slide_tells_one_combination_only():
     np.testing.assert_allclose(
         np.abs(told.directions[0]), np.abs(strong) / np.linalg.norm(strong), atol=1e-9
     )
-    let_go = information([0.5, mu, m], Scene((0.0, 0.0), push=((0.0, 0.5, push),)), TIMES)
+    let_go = information([0.5, mu, m], Setup((0.0, 0.0), push=((0.0, 0.5, push),)), TIMES)
     assert let_go.identified == (False, True, True)
 
 
@@ -455,8 +455,8 @@ def test_standard_errors_scale_with_noise():
 
 def test_numbers_need_no_torch():
     code = (
-        "import sys; from course.rigid_body.differentiable import Scene, trajectory;"
-        "trajectory([0.5, 0.2, 1.0], Scene((0.0, 1.0)), [0.1, 0.9]);"
+        "import sys; from course.rigid_body.differentiable import Setup, trajectory;"
+        "trajectory([0.5, 0.2, 1.0], Setup((0.0, 1.0)), [0.1, 0.9]);"
         "assert 'torch' not in sys.modules"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
@@ -500,7 +500,7 @@ def test_refuses_impossible_parameters(parameters, named):
 )
 def test_refuses_impossible_scenes(bad, named):
     with pytest.raises(ValueError, match=named):
-        Scene(**bad)
+        Setup(**bad)
 
 
 def test_refuses_other_bad_input():

@@ -18,8 +18,8 @@ from course.rigid_body.planar import (
     FLIGHT_COEFFICIENT,
     STANDARD_GRAVITY,
     PlanarBody,
+    advance_boxes,
     box_parameters,
-    rollout,
     step_boxes,
 )
 from course.rigid_body.planar_contact import CLEAR, HIT, first_impact, impact, newton_impact
@@ -383,7 +383,7 @@ def test_elastic_frictionless_box_keeps_its_energy_over_100_impacts() -> None:
     start, vx = energies(state, parameters), state[3].copy()
     total = np.zeros(20, dtype=int)
     while total.min() < 100:
-        state, counts = rollout(state, parameters, 0.002, 500, integrator="velocity_verlet")
+        state, counts = advance_boxes(state, parameters, 0.002, 500, integrator="velocity_verlet")
         total += counts[0]
         assert not counts[1].any()
     np.testing.assert_allclose(energies(state, parameters), start, rtol=1e-10)
@@ -405,7 +405,7 @@ def test_bodies_lose_energy_stay_above_ground_and_come_to_rest(integrator: str, 
     start = energies(state, parameters)
     for _ in range(12):
         before = energies(state, parameters)
-        state, counts = rollout(state, parameters, dt, round(1 / dt), integrator=integrator)
+        state, counts = advance_boxes(state, parameters, dt, round(1 / dt), integrator=integrator)
         assert lowest(state, parameters).min() > -1e-8
         assert not counts[1].any()
         # Flight with c = 1 swings by m g^2 dt t/2 within one flight; contact is of first order.
@@ -423,7 +423,7 @@ def test_resolved_impacts_do_not_depend_on_dt() -> None:
     start = many(50, 2)
     ends = []
     for k in (1, 2, 4, 50):
-        state, counts = rollout(start, parameters, 0.02 / k, 50 * k, integrator="rk4")
+        state, counts = advance_boxes(start, parameters, 0.02 / k, 50 * k, integrator="rk4")
         ends.append((state, counts[0]))
     # A box that has come to slow impacts has met sustained contact, which is of first order.
     few = ends[0][1] <= 3
@@ -447,7 +447,7 @@ def test_detected_late_is_of_first_order_and_resolved_is_exact() -> None:
             for shift in np.linspace(0, 1, 40, endpoint=False) * end / n:
                 y0, v0 = 0.1 + drop - 0.5 * G * shift**2, -G * shift
                 state = np.array([[0, y0, 0, 0, v0, 0.0]]).T
-                state, _ = rollout(
+                state, _ = advance_boxes(
                     state, box_parameters(restitution=e), end / n, int(n),
                     integrator="velocity_verlet", resolve_impacts=resolve,
                 )  # fmt: skip
@@ -463,14 +463,16 @@ def test_detected_late_is_of_first_order_and_resolved_is_exact() -> None:
 def test_translation_and_mirror_symmetry() -> None:
     start = many(40, 3)
     parameters = box_parameters()
-    end, counts = rollout(start, parameters, 0.004, 200, integrator="rk4")
+    end, counts = advance_boxes(start, parameters, 0.004, 200, integrator="rk4")
     moved = start.copy()
     moved[0] += 64.0
-    other, _ = rollout(moved, parameters, 0.004, 200, integrator="rk4")
+    other, _ = advance_boxes(moved, parameters, 0.004, 200, integrator="rk4")
     np.testing.assert_allclose(other[0] - 64.0, end[0], atol=1e-11)
     assert np.array_equal(other[1:], end[1:])
     sign = np.array([-1.0, 1, -1, -1, 1, -1])[:, None]
-    mirrored, mirrored_counts = rollout(sign * start, parameters, 0.004, 200, integrator="rk4")
+    mirrored, mirrored_counts = advance_boxes(
+        sign * start, parameters, 0.004, 200, integrator="rk4"
+    )
     assert np.array_equal(counts, mirrored_counts)
     np.testing.assert_allclose(sign * mirrored, end, atol=1e-12)
 
@@ -482,7 +484,7 @@ def test_a_batch_equals_its_bodies_one_by_one() -> None:
     forces = rng.normal(size=(3, n)) * [[0.2], [0.2], [0.01]]
     start = many(n, 5)
     kept = start.copy(), parameters.copy(), forces.copy()
-    end, counts = rollout(start, parameters, 0.002, 600, forces=forces)
+    end, counts = advance_boxes(start, parameters, 0.002, 600, forces=forces)
     assert all(map(np.array_equal, kept, (start, parameters, forces)))
     for j in range(n):
         state = start[:, j : j + 1]
@@ -501,13 +503,14 @@ def test_a_batch_equals_its_bodies_one_by_one() -> None:
 
 def test_the_same_numbers_without_compilation() -> None:
     code = (
-        "import numpy as np, sys; from course.rigid_body.planar import rollout, box_parameters\n"
+        "import numpy as np, sys\n"
+        "from course.rigid_body.planar import advance_boxes, box_parameters\n"
         "s = np.frombuffer(bytes.fromhex(sys.argv[1])).reshape(6, -1)\n"
-        "s, c = rollout(s, box_parameters(), 0.005, 300)\n"
+        "s, c = advance_boxes(s, box_parameters(), 0.005, 300)\n"
         "print(s.tobytes().hex(), c.tobytes().hex())"
     )
     start = many(4, 8)
-    end, counts = rollout(start, box_parameters(), 0.005, 300)
+    end, counts = advance_boxes(start, box_parameters(), 0.005, 300)
     out = subprocess.run(
         [sys.executable, "-c", code, start.tobytes().hex()],
         env=os.environ | {"NUMBA_DISABLE_JIT": "1"},
@@ -531,7 +534,7 @@ def test_a_box_at_rest_stays_bit_for_bit(integrator: str, quarter: int) -> None:
     start = np.array([[0.3, y, quarter * np.pi / 2, 0, 0, 0]]).T
     # Pushed, so that the shortcut for a box at rest is not what is tested.
     for force in ([0.0, 0.0, 0.0], [1.0, -2.0, 0.05]):
-        end, counts = rollout(
+        end, counts = advance_boxes(
             start, box_parameters(), 0.002, 1_000_000, forces=force, integrator=integrator
         )
         assert np.array_equal(end, start)

@@ -13,8 +13,8 @@ from course.simulations.canvas import Pointer, encode
 from course.simulations.panel import Panel
 from course.simulations.rigid_body import (
     FLAT,
-    INTEGRATORS,
     MASS,
+    MENU,
     PRESETS,
     SLIDERS,
     TUMBLING,
@@ -91,7 +91,7 @@ def test_bad_controls_are_named(bad):
 def test_defaults_of_the_panel():
     c = Controls()
     assert (c.gravity, c.restitution, c.timestep) == (9.8, 0.70, 2.0)
-    assert set(INTEGRATORS.values()) == set(FLIGHT_COEFFICIENT)
+    assert set(MENU.values()) == set(FLIGHT_COEFFICIENT)
     with pytest.raises(ValueError, match="seconds"):
         advance(initial(c), c, -1.0)
 

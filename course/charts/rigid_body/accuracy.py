@@ -18,11 +18,12 @@ from course.oracles.mujoco import oscillator as mujoco_oscillator
 from course.rigid_body import planar, problems
 from course.rigid_body.integrators import (
     INTEGRATORS,
+    STANDARD_GRAVITY,
     Array,
     evaluations_per_step,
     simulate,
 )
-from course.rigid_body.problems import STANDARD_GRAVITY, Problem
+from course.rigid_body.problems import Problem
 
 
 @dataclass(frozen=True)
@@ -238,12 +239,12 @@ def box_work_precision(repeats: int = 5, counts: tuple[int, ...] = _BOX_STEPS) -
     parameters = planar.box_parameters(
         1.0, *BOX_SIZE, restitution=BOX_RESTITUTION, friction=0.0, rest_speed=0.0
     )
-    fine, _ = planar.rollout(BOX_START[:, None], parameters, 1e-3, 1000, integrator="rk4")
+    fine, _ = planar.advance_boxes(BOX_START[:, None], parameters, 1e-3, 1000, integrator="rk4")
 
     def ours(label: str, integrator: str, resolve: bool) -> Method:
         def run(dt: float) -> Result:
             n = round(BOX_DURATION / dt)
-            end, _ = planar.rollout(
+            end, _ = planar.advance_boxes(
                 BOX_START[:, None],
                 parameters,
                 BOX_DURATION / n,

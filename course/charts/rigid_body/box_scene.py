@@ -14,7 +14,7 @@ from course.measure.timing import calls, interleaved
 from course.oracles.mujoco import box as mujoco_box
 from course.oracles.mujoco.box import add_air, spatial_box
 from course.rigid_body import planar
-from course.rigid_body.problems import STANDARD_GRAVITY
+from course.rigid_body.integrators import STANDARD_GRAVITY
 
 START = np.array([0.0, 1.0, 0.5, 0.0, 0.0, 0.0])
 SIZE = (0.3, 0.02, 0.2)  # width, depth, height [m]: a tile
@@ -52,7 +52,7 @@ def ours(start: np.ndarray = START, dt: float = 1e-3, **changes: float) -> float
     )
     state, heights = start[:, None].copy(), [start[1]]
     for _ in range(round(DURATION / dt)):
-        state, _ = planar.rollout(state, parameters, dt, 1, integrator="rk4")
+        state, _ = planar.advance_boxes(state, parameters, dt, 1, integrator="rk4")
         heights.append(state[1, 0])
     return apex(np.array(heights))
 
@@ -100,7 +100,13 @@ def _costs() -> tuple[float, float, float]:
                         gravity=STANDARD_GRAVITY)  # fmt: skip
     timed = interleaved(
         [
-            calls(partial(planar.rollout, integrator="rk4"), START[:, None], parameters, dt, steps),
+            calls(
+                partial(planar.advance_boxes, integrator="rk4"),
+                START[:, None],
+                parameters,
+                dt,
+                steps,
+            ),
             calls(flat.run, steps),
             calls(space.run, steps),
         ],

@@ -20,14 +20,7 @@ from course.oracles.mujoco.oscillator import oscillator_step as mujoco_step
 from course.rigid_body import oscillator, problems
 from course.rigid_body.integrators import INTEGRATORS, Array
 
-LABELS = {
-    "explicit_euler": "explicit Euler",
-    "semi_implicit_euler": "semi-implicit Euler",
-    "velocity_verlet": "velocity Verlet",
-    "explicit_midpoint": "explicit midpoint",
-    "implicit_midpoint": "implicit midpoint",
-    "rk4": "RK4",
-}
+LABELS = {name: INTEGRATORS[name].label for name in oscillator.METHODS}
 NO_LIMIT = 1e3  # omega dt up to which a method without a limit was tried
 
 Linear = Callable[[Array], Array]

@@ -351,12 +351,12 @@ def our_box_at_rest(
     box = planar.box_parameters(1.0, *_BOX, restitution=0.7, friction=0.5, rest_speed=rest_speed)
     state = np.array([[0.0], [0.3], [0.3], [0.0], [0.0], [0.0]])
     options: dict[str, Any] = {"integrator": integrator, "resolve_impacts": resolve_impacts}
-    state, _ = planar.rollout(state, box, dt, round(5.0 / dt), **options)
+    state, _ = planar.advance_boxes(state, box, dt, round(5.0 / dt), **options)
     steps = round(duration / dt)
     v = np.empty((3, steps))
     impacts = unresolved = 0
     for i in range(steps):
-        state, counts = planar.rollout(state, box, dt, 1, **options)
+        state, counts = planar.advance_boxes(state, box, dt, 1, **options)
         v[:, i] = state[3:, 0]
         impacts += int(counts[0, 0])
         unresolved += int(counts[1, 0])
@@ -417,7 +417,7 @@ def zeno_counts(
     start = np.array([[0.0], [0.1 + height], [0.0], [0.0], [0.0], [0.0]])
     counts = []
     for t in times:
-        _, found = planar.rollout(
+        _, found = planar.advance_boxes(
             start, box, float(t), 1, integrator="velocity_verlet", max_events=1000
         )
         counts.append(int(found[0, 0]))

@@ -16,8 +16,7 @@ from course.measure.work_precision import machine
 from course.oracles.mujoco import box as mujoco_box
 from course.oracles.mujoco import free as mujoco_free
 from course.rigid_body import planar, problems, quaternion
-from course.rigid_body.integrators import Array
-from course.rigid_body.problems import STANDARD_GRAVITY
+from course.rigid_body.integrators import STANDARD_GRAVITY, Array
 from course.rigid_body.spatial import advance_bodies
 
 SIZES = (1, 10, 100, 1000, 10_000, 100_000)
@@ -94,7 +93,9 @@ def mixed_states(n: int, groups: int = 20) -> Array:
     for i in range(groups):
         part = slice(i, n, groups)
         steps = round((i + 0.5) / groups * DURATION / 1e-3)
-        state[:, part], _ = planar.rollout(state[:, part], rough, 1e-3, steps, integrator="rk4")
+        state[:, part], _ = planar.advance_boxes(
+            state[:, part], rough, 1e-3, steps, integrator="rk4"
+        )
     return state
 
 
@@ -131,7 +132,7 @@ def box_contenders(samples: int = 24) -> list[Contender]:
 
     def ours(state: Array, dt: float, friction: float = 0.5) -> Run:
         box = planar.box_parameters(1.0, *BOX, restitution=restitution, friction=friction)
-        return lambda steps: planar.rollout(state, box, dt, steps, integrator="rk4")
+        return lambda steps: planar.advance_boxes(state, box, dt, steps, integrator="rk4")
 
     def mujocos(state: Array, dt: float, friction: float = 0.5) -> Run:
         return mujoco_box.batch_boxes(
@@ -263,7 +264,7 @@ def _limit_text(rates: list[Rate], name: str, bytes_per_body: int) -> str:
 def _at_rest(samples: int = 1000) -> float:
     """Share of the boxes of a run that lie still at its end, where the kernel skips them."""
     rough = planar.box_parameters(1.0, *BOX, restitution=0.5, friction=0.5)
-    end, _ = planar.rollout(box_states(samples), rough, 1e-3, round(DURATION / 1e-3))
+    end, _ = planar.advance_boxes(box_states(samples), rough, 1e-3, round(DURATION / 1e-3))
     return float(np.mean(np.all(end[3:] == 0.0, axis=0)))
 
 
