@@ -243,6 +243,9 @@ for name in ("free_fall_energy_error", "worked_step_100", "worked_step_500"):
 # %%
 show("semi_implicit_dissipates")
 
+# %%
+show("bounce_gives_the_loss_back")
+
 # %% [markdown]
 # Then the bounce. If the rule is "found below the floor: put it on the floor and turn the velocity round", the rule
 # itself creates energy: lifting the ball by the depth $d$ adds $mgd$, while its speed stays what it was at depth $d$.
