@@ -21,17 +21,9 @@ CATALOGUE = Path(__file__).parent / "catalogue"
 class UnknownExercise(ValueError):
     """No exercise has that name; `nearest` are the names that look like it."""
 
-    def __init__(self, name: str, known: dict[str, str]) -> None:
-        """Say what was meant.
-
-        Args:
-            name: that was typed.
-            known: names of exercises, by these names and by what an answer defines.
-        """
+    def __init__(self, name: str, known: list[str]) -> None:
         self.name = name
-        lower = {word.lower(): meant for word, meant in known.items()}
-        near = difflib.get_close_matches(name.lower(), lower, n=3, cutoff=0.5)
-        self.nearest = list(dict.fromkeys(lower[word] for word in near))
+        self.nearest = difflib.get_close_matches(name.lower(), known, n=3, cutoff=0.5)
         meant = f"; did you mean {' or '.join(self.nearest)}?" if self.nearest else ""
         super().__init__(f"no exercise is called {name!r}{meant}")
 
@@ -158,8 +150,7 @@ def card(name: str) -> Card:
     for one in cards():
         if one.name == name:
             return one
-    known = {c.entry: c.name for c in cards()} | {c.name: c.name for c in cards()}
-    raise UnknownExercise(name, known)
+    raise UnknownExercise(name, [c.name for c in cards()])
 
 
 @functools.cache

@@ -189,7 +189,7 @@ def test_a_slip_is_named_from_all_answers_also_when_the_run_is_stopped(
     [
         (lambda x: x.astype(np.float32), "single_precision"),
         (lambda x: x.round(5), "rounded"),
-        (lambda x: x.round(5) + 2e-5, ""),  # wrong by more than what rounding loses
+        (lambda x: (x + 2e-5).round(5), ""),  # wrong by more than what rounding loses
         (lambda x: x + 1e-7, ""),
         (lambda x: np.zeros_like(x), ""),
         (lambda x: x.tolist()[:-1], ""),
