@@ -87,6 +87,8 @@ class Found:
             The value.
         """
         self._name(name)
+        if not 0 <= tolerance <= 0.5:  # beyond it a figure says nothing
+            raise ValueError(f"tolerance of {name} is {tolerance}, allowed is 0 to 0.5")
         text = isinstance(value, str)
         self.figures[name] = value if text else float(value)
         self.tolerances[name] = 0.0 if text else tolerance

@@ -336,6 +336,12 @@ def test_a_figure_has_a_name_of_its_own(name):
         found.figure(name, 1)
 
 
+@pytest.mark.parametrize("tolerance", [-1e-6, 0.6, float("nan")])
+def test_a_tolerance_leaves_something_to_say(tolerance):
+    with pytest.raises(ValueError, match="allowed is 0 to 0.5"):
+        derivations.Found("odd_sum").figure("of_three", 9, tolerance)
+
+
 def test_a_claim_has_one_verdict():
     found = derivations.Found("odd_sum")
     found.heard(total(3) == 9)
