@@ -26,7 +26,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from course.check import POSITIVE, count, one_of, positive, refused, vector
 from course.measure.figure import Panel, Series, from_json, json_text, key_of, write
-from course.measure.timing import Timing, calls, interleaved
+from course.measure.timing import calls, interleaved
 
 Array = NDArray[np.float64]
 STYLES = ("ours", "oracle", "yours")
@@ -432,16 +432,6 @@ def measure(
     )
 
 
-@dataclass
-class _Job:
-    method: Method
-    parameter: float
-    error: float = math.inf
-    count: float = math.inf
-    failure: str = ""
-    timing: Timing | None = None
-
-
 def _measure_curves(
     methods: Sequence[Method],
     *,
@@ -453,58 +443,55 @@ def _measure_curves(
     check: Callable[[Sequence[float]], None] | None = None,
 ) -> tuple[tuple[Curve, ...], float]:
     """The curves, and the share of the timed rounds in which the machine was busy."""
-    jobs = [
-        _Job(method, float(parameter))
-        for method in methods
-        for parameter in sorted(method.parameters, reverse=True)
-    ]
+    runs = [(m, float(p)) for m in methods for p in sorted(m.parameters, reverse=True)]
     with np.errstate(all="ignore"):  # a diverging run is recorded, not printed
-        for job in jobs:  # the warm-up: compilation and caches, and the errors
-            _first_run(job, reference, error, failed_above)
-        alive = [job for job in jobs if not job.failure]
+        # The warm-up: compilation and caches, and the errors.
+        points = [_first_run(*run, reference, error, failed_above) for run in runs]
+        alive = [i for i, point in enumerate(points) if not point.failure]
         if check is not None:
-            check([job.error for job in alive])
-        samplers = [calls(job.method.run, job.parameter) for job in alive]
-        times = interleaved(samplers, repeats=repeats, sample=sample_time, warm=True)
-    for job, found in zip(alive, times, strict=True):
-        job.timing = found
+            check([points[i].error for i in alive])
+        samplers = [calls(method.run, parameter) for method, parameter in runs]
+        times = interleaved(
+            [samplers[i] for i in alive], repeats=repeats, sample=sample_time, warm=True
+        )
+    for i, found in zip(alive, times, strict=True):
+        # An error of exactly zero has no place on a log axis; a rounding is what it means.
+        exact = max(points[i].error, float(np.finfo(float).tiny))
+        points[i] = replace(
+            points[i], error=exact, time=found.median, low=found.low, high=found.high
+        )
     curves = []
     for method in methods:
-        points = tuple(_point(job) for job in jobs if job.method is method)
-        curves.append(Curve(method.name, method.style, method.unit, points, method.key))
+        own = tuple(p for p, (owner, _) in zip(points, runs, strict=True) if owner is method)
+        curves.append(Curve(method.name, method.style, method.unit, own, method.key))
     return tuple(curves), max((found.busy for found in times), default=0.0)
 
 
 def _first_run(
-    job: _Job, reference: Array, error: Callable[[Array, Array], float], failed_above: float
-) -> None:
+    method: Method,
+    parameter: float,
+    reference: Array,
+    error: Callable[[Array, Array], float],
+    failed_above: float,
+) -> Point:
+    """The point without its times."""
+    never, off, failure = math.inf, math.nan, ""
     try:
-        result = job.method.run(job.parameter)
-        answer = np.asarray(result.answer, dtype=float)
-        job.count = float(result.count)
+        result = method.run(parameter)
+        answer, spent = np.asarray(result.answer, dtype=float), float(result.count)
         if not np.all(np.isfinite(answer)):
-            job.failure = "the answer is not finite"
-            return
-        job.error = float(error(answer, reference))
+            failure = "the answer is not finite"
+        elif not math.isfinite(off := float(error(answer, reference))):
+            failure = "the error is not finite"
+        elif off > failed_above:
+            failure = f"error {off:.2e} above {failed_above:.2e}"
+        elif not math.isfinite(spent):
+            failure = "the count is not finite"
     except Exception as problem:  # any failure of a method is a result of the measurement
-        job.failure = f"{type(problem).__name__}: {problem}"
-        return
-    if not math.isfinite(job.error):
-        job.failure = "the error is not finite"
-    elif job.error > failed_above:
-        job.failure = f"error {job.error:.2e} above {failed_above:.2e}"
-    elif not math.isfinite(job.count):
-        job.failure = "the count is not finite"
-
-
-def _point(job: _Job) -> Point:
-    found = job.timing
-    if found is None:
-        never = math.inf
-        return Point(job.parameter, never, never, never, never, never, job.failure)
-    # An error of exactly zero has no place on a log axis; a rounding is what it means.
-    exact = max(job.error, float(np.finfo(float).tiny))
-    return Point(job.parameter, exact, job.count, found.median, found.low, found.high)
+        failure = f"{type(problem).__name__}: {problem}"
+    if failure:
+        return Point(parameter, never, never, never, never, never, failure)
+    return Point(parameter, off, spent, never, never, never)
 
 
 def machine(busy: float = 0.0) -> str:
