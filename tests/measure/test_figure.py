@@ -72,11 +72,11 @@ def test_a_name_finds_its_key(name, key):
 
 def test_a_method_looks_the_same_on_every_panel_and_others_take_what_is_left():
     x = [1.0, 2.0]
-    one = Panel("", series=[Series("a", x, x, "rk4"), Series("other", x, x)])
-    two = Panel("", series=[Series("first", x, x), Series("b", x, x, "rk4")])
+    one = Panel("", series=[Series("a", x, x, "explicit_euler"), Series("other", x, x)])
+    two = Panel("", series=[Series("first", x, x), Series("b", x, x, "explicit_euler")])
     left, right = _axes(one, two)
     looks = {(line.get_color(), line.get_marker()) for line in (left.lines[0], right.lines[1])}
-    assert looks == {KEYS["rk4"]}
+    assert looks == {KEYS["explicit_euler"]}
     colours = [line.get_color() for ax in (left, right) for line in ax.lines]
     assert len({*colours}) == 2 and colours[1] == colours[2]
 
