@@ -127,6 +127,12 @@ RIGHT = {
     "pid: nothing is integrated at a limit": edited(
         "pid", ("if not deeper:", "if self.u_min <= wanted <= self.u_max:")
     ),
+    "orientation: the negative of the quaternion": edited(
+        "orientation", ("return turned /", "return -turned /")
+    ),
+    "tumble: the negative of the quaternion": edited(
+        "tumble", ("return q, omega", "return -q, omega")
+    ),
     "vector_env: flags as lists and tuples": edited("vector_env")
     + STEPPED.format("o, r, list(t), tuple(u), tuple(i)"),
 }  # fmt: skip
