@@ -104,6 +104,15 @@ class Controller:
                 _number(command)
         return as_float64(got, w.shape, "the list of commands")
 
+    def compare(self, name: str, got: Any, expected: Any, **more: Any) -> bool:
+        """Check commands."""
+        said = {"tolerance": EXACT, "why": ROUNDING, "unit": "N m", "call": self.call, **more}
+        return self.attempt.compare(name, got, expected, **said)
+
+    def require(self, name: str, holds: bool, **more: Any) -> bool:
+        """Check a property of commands."""
+        return self.attempt.require(name, holds, **{"unit": "N m", "call": self.call, **more})
+
     def reset(self) -> None:
         """Reset it."""
         self.attempt.learner.method(self.handle, "reset")
@@ -145,15 +154,8 @@ def _proportional(attempt: Attempt) -> None:
     setpoints, measurements = rng.uniform(-2.0, 2.0, (2, 6))
     expected = controller.numbers.kp * (setpoints - measurements)
     got = controller.run(setpoints, measurements)
-    attempt.compare(
-        "proportional part alone",
-        got,
-        expected,
-        tolerance=EXACT,
-        unit="N m",
-        why=ROUNDING,
-        call=controller.call,
-        slip="error_sign" if _near(got, -expected) else "",
+    controller.compare(
+        "proportional part alone", got, expected, slip="error_sign" if _near(got, -expected) else ""
     )
 
 
@@ -175,19 +177,12 @@ def _integral(attempt: Attempt) -> None:
         slip = "integral_without_dt"
     elif _flattens(steps[:24], expected[0]):
         slip = "integral_clamped_small"
-    right = attempt.compare(
-        "what the integral gains in a sample",
-        steps[kept],
-        expected,
-        tolerance=EXACT,
-        unit="N m",
-        why=ROUNDING,
-        call=controller.call,
-        slip=slip,
+    right = controller.compare(
+        "what the integral gains in a sample", steps[kept], expected, slip=slip
     )
     if right:
         error, allowed = abs(got[24] - 25.0 * expected[0]), expected[0] * 1.01
-        attempt.require(
+        controller.require(
             "the integral begins at zero",
             bool(error <= allowed),
             sentence=f"After 25 samples the command is {got[24]:.6g} N m.",
@@ -195,9 +190,7 @@ def _integral(attempt: Attempt) -> None:
             expected=f"{25.0 * expected[0]:.6g}",
             error=float(error),
             tolerance=float(allowed),
-            unit="N m",
             why="rules of summing differ by one sample",
-            call=controller.call,
         )
 
 
@@ -223,14 +216,10 @@ def _derivative(attempt: Attempt) -> None:
     share = got / full
     spike = -numbers.kd * start / full
     at_start = spike / (dt * (ratio + 1)), spike / (dt * ratio)
-    attempt.compare(
+    controller.compare(
         "no derivative at the first update",
         got[0],
         0.0,
-        tolerance=EXACT,
-        unit="N m",
-        why=ROUNDING,
-        call=controller.call,
         slip="first_update_kick" if _between(share[0], *at_start) else "",
     )
     if attempt.failed:
@@ -239,14 +228,12 @@ def _derivative(attempt: Attempt) -> None:
     slip = "derivative_sign" if abs(last + full) <= 0.01 * abs(full) else ""
     if abs(last / full / dt - 1.0) <= 0.01:
         slip = "derivative_without_dt"
-    right = attempt.compare(
+    right = controller.compare(
         "derivative of a long ramp",
         last,
         full,
         tolerance=0.01 * abs(full),
-        unit="N m",
         why="after 12 tau a first-order low-pass is within 1e-4 of the slope",
-        call=controller.call,
         slip=slip,
     )
     if not right:
@@ -290,7 +277,7 @@ def _kick(attempt: Attempt) -> None:
     error = float(np.max(np.maximum(low - extra, extra - high)))
     kick = kd * step
     from_kick = kick / (numbers.tau + dt), kick / numbers.tau + high[0]
-    attempt.require(
+    controller.require(
         "a step of the set-point makes no kick",
         bool(error <= EXACT) and bool(np.max(np.abs(got[:4])) <= EXACT),
         sentence=f"When the set-point steps by {step:.4g} rad, the command goes to {got[4]:.6g} "
@@ -299,9 +286,7 @@ def _kick(attempt: Attempt) -> None:
         expected=f"{kp * step:.6g} N m and at most {high[0]:.4g} N m more with each sample",
         error=max(error, 0.0),
         tolerance=EXACT,
-        unit="N m",
         why=ROUNDING,
-        call=controller.call,
         slip="derivative_kick" if _between(extra[0], *from_kick) else "",
     )
 
@@ -322,14 +307,10 @@ def _limits(attempt: Attempt) -> None:
         errors = np.array([0.1, -0.1, far])
         got = controller.run(errors, 0.0)
         free = numbers.kp * errors
-        attempt.compare(
+        controller.compare(
             "the command keeps its limit",
             got,
             np.clip(free, numbers.u_min, numbers.u_max),
-            tolerance=EXACT,
-            unit="N m",
-            why=ROUNDING,
-            call=controller.call,
             slip="output_not_limited" if _near(got, free) else "",
         )
 
@@ -345,16 +326,7 @@ def _memory(attempt: Attempt) -> None:
         controller = Controller(attempt, numbers)
         controller.run([at, at, other], [other, at, other])
         controller.reset()
-        attempt.compare(
-            name,
-            controller.update(at, at),
-            0.0,
-            tolerance=EXACT,
-            unit="N m",
-            why=ROUNDING,
-            call=controller.call,
-            slip=slip,
-        )
+        controller.compare(name, controller.update(at, at), 0.0, slip=slip)
     if attempt.failed:
         return
     numbers = Numbers(4.0, 20.0, 0.3, 0.004, -3.0, 2.0, 0.012)
@@ -390,7 +362,7 @@ def _same(
     slip: str = "",
 ) -> None:
     """Two controllers that must do the same sums: the same bits."""
-    attempt.require(
+    controller.require(
         name,
         bool(np.array_equal(got, expected)),
         sentence=sentence,
@@ -398,9 +370,7 @@ def _same(
         expected=describe(expected),
         error=float(np.max(np.abs(got - expected))),
         tolerance=0.0,
-        unit="N m",
         why="the same sums of the same numbers",
-        call=controller.call,
         slip=slip,
     )
 
@@ -462,7 +432,7 @@ def _windup(attempt: Attempt) -> None:
         got = sign * controller.run(np.full(90, sign), 0.0)
         gain = numbers.ki * numbers.dt
         error = float(limit - got[-1])
-        attempt.require(
+        controller.require(
             "the integral can carry as much as the limits allow",
             bool(error <= 2.0 * gain),
             sentence=f"Under a constant error the command stops at {sign * got[-1]:.4g} N m; the "
@@ -471,9 +441,7 @@ def _windup(attempt: Attempt) -> None:
             expected=f"{sign * limit:.6g}",
             error=max(error, 0.0),
             tolerance=2.0 * gain,
-            unit="N m",
             why="what the integral gains in two samples",
-            call=controller.call,
             slip="integral_clamped_small" if _flattens(np.diff(got), gain) else "",
         )
 
@@ -547,7 +515,7 @@ def _loops(attempt: Attempt) -> None:
 
 def _kept(attempt: Attempt, controller: Controller) -> None:
     numbers, over = controller.numbers, controller.over
-    attempt.require(
+    controller.require(
         "limits kept in the loop",
         over <= EXACT,
         sentence=f"A command passes its limit by {over:.4g} N m.",
@@ -555,9 +523,7 @@ def _kept(attempt: Attempt, controller: Controller) -> None:
         expected=f"{numbers.u_min:.4g} to {numbers.u_max:.4g} N m",
         error=over,
         tolerance=EXACT,
-        unit="N m",
         why=ROUNDING,
-        call=controller.call,
     )
 
 
