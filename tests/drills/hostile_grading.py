@@ -34,6 +34,7 @@ from drills.report import Report
 from drills.sandbox import Child, Limits, places, tree
 
 HERE = Path(__file__).parent
+KINDS = ("ends", "floods", "processes", "forging", "files", "values", "unlucky")
 ROOT = places.HERE
 LINUX = sys.platform.startswith("linux")
 HOME = pwd.getpwuid(os.getuid()).pw_dir

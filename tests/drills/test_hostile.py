@@ -5,11 +5,10 @@ from __future__ import annotations
 import pytest
 
 from drills.reasons import Reason
-from tests.drills.hostile_grading import a_world, check_verdict, read, runnable
+from tests.drills.hostile_grading import KINDS, a_world, check_verdict, read, runnable
 
 __all__ = ["a_world"]
 
-KINDS = ("ends", "floods", "processes", "forging", "files", "values", "unlucky")
 ELSEWHERE = {
     Reason.NOT_ATTEMPTED,  # the starter
     Reason.UNREADABLE,  # files
