@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -56,7 +57,7 @@ def chart_of(
     *,
     tolerance: float,
     error_unit: str,
-    failed_above: float,
+    failed_above: float = math.inf,
     unit: str = "force evaluations",
     repeats: int = 3,
 ) -> Callable[[Attempt, Place], WorkPrecision]:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,13 +13,11 @@ from drills.attempt import Attempt, Place
 from drills.catalogue.rrt.replay import PROPERTIES, Fault, Run, faults
 from drills.catalogue.rrt.slips import SLIPS
 from drills.catalogue.rrt.worlds import GOAL, HIGH, LOW, START, World, clutter, refused, worlds
+from drills.chart import Plan, chart_of
 from drills.exercise import Exercise
 from drills.reasons import Reason
 from drills.sandbox import Limits, Raised
 from drills.values import Mismatch, as_float64, describe
-
-if TYPE_CHECKING:
-    from course.measure.work_precision import WorkPrecision
 
 Array = NDArray[np.float64]
 
@@ -274,48 +271,27 @@ def _report_cost(attempt: Attempt, world: World) -> None:
     )
 
 
-def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
+def queries(attempt: Attempt) -> Plan:
     """Queries left unsolved against the targets that one may draw, beside OMPL's RRT."""
-    from course.measure.work_precision import Method, Result, measure
     from course.oracles import ompl
 
     discs = clutter(np.random.default_rng(attempt.report.seed), 40, 0.3, 0.6)
     step, seeds = 0.5, list(range(1, 21))
-    bounds = np.array([LOW, HIGH])
+    query = START, GOAL, discs, np.array([LOW, HIGH]), step
     budgets = {1.0 / n: n for n in (50, 100, 200, 400, 800)}
 
-    def result(solved: int, drawn: int) -> Result:
+    def result(solved: int, drawn: int) -> tuple[list[float], float]:
         # Laplace's estimate: none unsolved of twenty is no proof that none ever will be.
-        return Result([(len(seeds) - solved + 1) / (len(seeds) + 2)], drawn / len(seeds))
+        return [(len(seeds) - solved + 1) / (len(seeds) + 2)], drawn / len(seeds)
 
-    def driven(child: Place) -> Callable[[float], Result]:
-        def run(setting: float) -> Result:
-            budget = budgets[setting]
-            told = child.given("drive", START, GOAL, discs, bounds, step, budget, seeds)
-            return result(*(int(n) for n in told))
+    def ask(place: Place, setting: float) -> tuple[list[float], float]:
+        return result(*map(int, place.given("drive", *query, budgets[setting], seeds)))
 
-        return run
-
-    def library(setting: float) -> Result:
-        plans = [
-            ompl.rrt(START, GOAL, discs, bounds, step, budgets[setting], seed) for seed in seeds
-        ]
+    def library(setting: float) -> tuple[list[float], float]:
+        plans = [ompl.rrt(*query, budgets[setting], seed) for seed in seeds]
         return result(sum(p.path is not None for p in plans), sum(p.samples for p in plans))
 
-    unit, settings = "targets drawn, mean of 20 runs", list(budgets)
-    return measure(
-        [
-            Method("yours", driven(attempt.learner.child), settings, style="yours", unit=unit),
-            Method("worked answer", driven(worked), settings, unit=unit),
-            Method("OMPL RRT", library, settings, style="oracle", unit=unit),
-        ],
-        [0.0],
-        reference_check=[0.0],
-        tolerance=0.1,
-        repeats=2,
-        question="RRT among discs, 20 runs; setting: 1 / targets allowed",
-        error_unit="share unsolved",
-    )
+    return Plan(list(budgets), ask, truth=[0.0], check=[0.0], libraries={"OMPL RRT": library})
 
 
 EXERCISE = Exercise(
@@ -328,6 +304,13 @@ EXERCISE = Exercise(
         "rrt([-2, 0], [2, 0], [[0, 0, 1]], [[-3, -3], [3, 3]], 1.5, 500, "
         "np.random.default_rng(3))[0].round(3)",
     ),
-    chart=chart,
+    chart=chart_of(
+        "RRT among discs, 20 runs; setting: 1 / targets allowed",
+        queries,
+        unit="targets drawn, mean of 20 runs",
+        tolerance=0.1,
+        error_unit="share unsolved",
+        repeats=2,
+    ),
     slips=SLIPS,
 )
