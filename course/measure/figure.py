@@ -374,7 +374,8 @@ def _draw_series(ax: Axes, series: Series, colour: str, marker: str, log_x: bool
     if series.theory is not None and x.size:
         ends = float(np.min(x)), float(np.max(x))
         dense = np.geomspace(*ends, 300) if log_x else np.linspace(*ends, 300)
-        dark = tuple(0.6 * part for part in to_rgb(colour))
+        # Over many points only black is seen.
+        dark = tuple((0.6 if x.size <= 40 else 0.0) * part for part in to_rgb(colour))
         ax.plot(dense, [series.theory(v) for v in dense], color=dark, linewidth=1.0, zorder=4)
     for word, a, b in zip(series.tags, x, y, strict=False):
         if math.isfinite(a) and math.isfinite(b):
