@@ -63,6 +63,19 @@ PARAMETERS = ("mass", "width", "height", "inertia", "restitution", "friction", "
 
 
 @register_jitable
+def _fly(x, y, angle, vx, vy, omega, ax, ay, alpha, tau, coefficient):
+    """The state after the time tau without contact."""
+    return (
+        flight(x, vx, ax, tau, coefficient),
+        flight(y, vy, ay, tau, coefficient),
+        flight(angle, omega, alpha, tau, coefficient),
+        vx + tau * ax,
+        vy + tau * ay,
+        omega + tau * alpha,
+    )
+
+
+@register_jitable
 def _advance(
     x, y, angle, vx, vy, omega, ax, ay, alpha, box, radius, dt, coefficient, resolve, limit
 ):
@@ -133,23 +146,15 @@ def _advance(
         bounced = bounced and tau == 0.0
         if outcome != HIT and outcome != UNFINISHED:
             break
-        x = flight(x, vx, ax, tau, coefficient)
-        y = flight(y, vy, ay, tau, coefficient)
-        angle = flight(angle, omega, alpha, tau, coefficient)
-        vx += tau * ax
-        vy += tau * ay
-        omega += tau * alpha
+        x, y, angle, vx, vy, omega = _fly(
+            x, y, angle, vx, vy, omega, ax, ay, alpha, tau, coefficient
+        )
         left -= tau
         if left <= 0.0:
             return x, y, angle, vx, vy, omega, impacts, failed
     # What is left of the step is flight; nobody has looked for the ground in it if impacts are not
     # resolved or were too many, so it is looked for at the end.
-    x = flight(x, vx, ax, left, coefficient)
-    y = flight(y, vy, ay, left, coefficient)
-    angle = flight(angle, omega, alpha, left, coefficient)
-    vx += left * ax
-    vy += left * ay
-    omega += left * alpha
+    x, y, angle, vx, vy, omega = _fly(x, y, angle, vx, vy, omega, ax, ay, alpha, left, coefficient)
     if failed != 0 or not resolve:
         if failed != 0:  # too many impacts: the rest of the step does not bounce
             box = (box[0], box[1], box[2], box[3], 0.0, box[5], box[6])
@@ -197,12 +202,9 @@ def _step_boxes(
             fall = min(dt * vy, 0.0) + min(coefficient * ay * dt * dt, 0.0)
             # High above the ground, where most steps are: no corner can reach it.
             if not ground or y + fall > radius:
-                x = flight(x, vx, ax, dt, coefficient)
-                y = flight(y, vy, ay, dt, coefficient)
-                angle = flight(angle, omega, alpha, dt, coefficient)
-                vx += dt * ax
-                vy += dt * ay
-                omega += dt * alpha
+                x, y, angle, vx, vy, omega = _fly(
+                    x, y, angle, vx, vy, omega, ax, ay, alpha, dt, coefficient
+                )
                 continue
             x, y, angle, vx, vy, omega, n, failed = _advance(
                 x, y, angle, vx, vy, omega, ax, ay, alpha, box, radius, dt,
