@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -161,28 +160,6 @@ def repeat_calls(
             expected=describe(before),
             call=describe_call(attempt.card.entry, args),
             reason=Reason.NOT_DETERMINISTIC,
-        )
-
-
-def refused(
-    attempt: Attempt, calls: Sequence[tuple[str, tuple[Any, ...]]], sentence: str, slip: str = ""
-) -> None:
-    """Check that the function refuses wrong arguments with a `ValueError`.
-
-    Args:
-        attempt: the grading, of a function.
-        calls: what is wrong, and the arguments.
-        sentence: what to say where they are accepted.
-        slip: what accepting them shows, unless another check failed before: a wrong formula may
-            accept them too, and then it is the formula that has to be named.
-    """
-    for label, args in calls:
-        attempt.require_error(
-            label,
-            partial(attempt.call, *args),
-            sentence=sentence,
-            call=describe_call(attempt.card.entry, args),
-            slip="" if attempt.failed else slip,
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ from numpy.typing import NDArray
 from drills.attempt import Attempt
 from drills.chart import Plan, chart_of
 from drills.exercise import Exercise, coarse_slips, slips
-from drills.judge import Answer, Case, coarse, judge_of, off, refused
+from drills.judge import Answer, Case, coarse, judge_of, off
+from drills.values import describe_call
 
 Array = NDArray[np.float64]
 
@@ -77,17 +79,21 @@ def _wrong_limits(coarse: Array, medium: Array, fine: Array, ratio: float = 2.0)
 def no_order(attempt: Attempt, answers: Sequence[Answer]) -> None:
     """Runs that must be refused."""
     start, away = attempt.rng.normal(size=(2, 3))
-    refused(
-        attempt,
-        (
-            ("two runs are equal", (start + away, start, start.copy(), 2.0)),
-            ("the differences grow", (start, start + away, start + 3.0 * away, 2.0)),
-            # There and back: both differences are equal to the last bit.
-            ("the differences stay as they are", (start, start + away, start.copy(), 2.0)),
-        ),
-        "Runs whose differences do not get smaller have no order; a number here would be believed.",
-        slip="no_order_not_refused",
-    )
+    for label, runs in (
+        ("two runs are equal", (start + away, start, start.copy(), 2.0)),
+        ("the differences grow", (start, start + away, start + 3.0 * away, 2.0)),
+        # There and back: both differences are equal to the last bit.
+        ("the differences stay as they are", (start, start + away, start.copy(), 2.0)),
+    ):
+        attempt.require_error(
+            label,
+            partial(attempt.call, *runs),
+            sentence="Runs whose differences do not get smaller have no order; a number here "
+            "would be believed.",
+            call=describe_call(attempt.card.entry, runs),
+            # A wrong formula may accept them too; then it is the formula that has to be named.
+            slip="" if attempt.failed else "no_order_not_refused",
+        )
 
 
 def extrapolated(attempt: Attempt) -> Plan:
