@@ -25,6 +25,7 @@ from typing import Any
 
 import numba
 from numba import types
+from numba.extending import overload
 
 # A cached function loads in a few hundredths of a second; only a real compilation is announced.
 _ANNOUNCE_AFTER = 0.5  # s
@@ -119,6 +120,27 @@ def compiled(function: Callable[..., Any], signature: Any) -> Callable[..., Any]
         timer.cancel()
     COMPILE_SECONDS[f"{name} {signature}"] = time.thread_time() - start
     return result
+
+
+def loop(function: Callable[..., Any], signature: Any) -> Callable[..., Any]:
+    """`function`, to be called from code that runs as plain Python and may be compiled itself.
+
+    Args:
+        function, signature: as for `compiled`.
+
+    Returns:
+        A function that is `compiled(function, signature)` where plain Python calls it, compiled at
+        the first call, and `function` itself, compiled along, where compiled code calls it.
+    """
+    ready: list[Callable[..., Any]] = []
+
+    def call(*arguments: Any) -> Any:
+        if not ready:
+            ready.append(compiled(function, signature))
+        return ready[0](*arguments)
+
+    overload(call, strict=False)(lambda *arguments: function)
+    return call
 
 
 def function_argument(function: Any) -> Callable[..., Any]:

@@ -19,7 +19,6 @@ first, then the next. A face that lands with the smallest tilt lands corner by c
 of no tilt this is not the flat landing: for rigid bodies that landing is truly discontinuous.
 """
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
@@ -30,7 +29,7 @@ from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import POSITIVE, count, one_of, positive, refused, vector
-from course.compiled import MATRIX, compiled
+from course.compiled import MATRIX, loop
 from course.rigid_body.integrators import STANDARD_GRAVITY
 from course.rigid_body.planar_contact import (
     GAP_TOLERANCE,
@@ -226,10 +225,8 @@ _SIGNATURE = types.int64(
 )  # fmt: skip
 
 
-@functools.cache
-def _kernel() -> Any:
-    """`_step_boxes` compiled; looked up once, since looking it up costs as much as a short run."""
-    return compiled(_step_boxes, _SIGNATURE)
+# Arguments as `_step_boxes` names them and `rollout` checks them; `out` may be `state` itself.
+step_boxes_loop = loop(_step_boxes, _SIGNATURE)
 
 
 def box_parameters(
@@ -334,7 +331,6 @@ def prepare(
     count("max_events", max_events, 1)
     gx, gy = _gravity(gravity)
     coefficient = FLIGHT_COEFFICIENT[one_of("integrator", integrator, FLIGHT_COEFFICIENT)]
-    kernel = _kernel()
 
     def run(state: Array, steps: int, out: Array | None = None) -> tuple[Array, NDArray[np.int64]]:
         count("steps", steps)
@@ -343,7 +339,7 @@ def prepare(
         elif out.shape != state.shape or out.dtype != state.dtype or not out.flags.c_contiguous:
             raise refused("out", (out.dtype.name, out.shape), f"C-ordered float64 {state.shape}")
         counts = np.empty((2, n), dtype=np.int64)
-        bad = kernel(
+        bad = step_boxes_loop(
             out, counts, state, parameters, force, gx, gy, float(dt), steps, coefficient,
             resolve_impacts, ground, max_events,
         )  # fmt: skip

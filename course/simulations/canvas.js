@@ -1,12 +1,29 @@
-// Draws the display list of course/simulations/canvas.py. One message is one frame: how to draw
-// each item (JSON) and all coordinates in world units (float32 pairs).
+// Draws what a pen wrote (course/simulations/pen.py): one frame is one array of float64, item after
+// item, each its kind, how many numbers follow, a style, and points in units of the window or words.
 
 const FONT = '"DejaVu Sans", "Segoe UI", "Helvetica Neue", Arial, sans-serif';
+const [CUT, LINE, POLYGON, DISC, ARROW, TEXT, READOUT] = [0, 1, 2, 3, 4, 5, 6];
+const ALIGN = { 0: "left", 0.5: "center", 1: "right" };
+const BASELINE = { 0: "bottom", 0.5: "middle", 1: "top" };
+const FAR = 1e7; // farther away than this a point is drawn here
+const SLACK = 2; // what is cut off may stand out by this much: half of a line [pixels]
+const MINUS = "\u2212";
+
+// A number as `written` in pen.py writes it.
+export function written(value, form) {
+  const digits = form % 20;
+  const size = Math.abs(value);
+  const power = form >= 40 || size >= 1e21;
+  const words = power ? size.toExponential(digits) : size.toFixed(digits);
+  const sign = value < 0 && Number(words) ? MINUS : form >= 20 && form < 40 ? "+" : "";
+  return sign + words.replace("e+", "e").replace("-", MINUS);
+}
 
 // `wide` comes from the observer: asking the element would lay out the whole notebook for a frame.
-function paint(canvas, frame, wide) {
-  const [xmin, xmax, ymin, ymax] = frame.window;
-  if (!wide) return false;
+// Returns the readouts, or nothing where there is no room yet.
+export function paint(canvas, paper, at, wide) {
+  const [xmin, xmax, ymin, ymax] = paper.window;
+  if (!wide) return null;
   const high = (wide * (ymax - ymin)) / (xmax - xmin);
   const ratio = window.devicePixelRatio || 1;
   const columns = Math.round(wide * ratio);
@@ -17,44 +34,77 @@ function paint(canvas, frame, wide) {
     canvas.style.height = `${high}px`;
   }
   const context = canvas.getContext("2d");
-  const scale = columns / (xmax - xmin); // device pixels for one world unit
-  const size = columns / frame.width; // device pixels for one pixel of the frame
-  const px = (x) => (x - xmin) * scale;
-  const py = (y) => (ymax - y) * scale;
-  const at = frame.coordinates;
+  const scale = columns / (xmax - xmin); // device pixels for one unit of the window
+  const size = columns / paper.width; // device pixels for one pixel of the paper
+  const near = (value) => Math.min(Math.max(value, -FAR), FAR);
+  const px = (x) => (near(x) - xmin) * scale;
+  const py = (y) => (ymax - near(y)) * scale;
 
   context.setTransform(1, 0, 0, 1, 0, 0);
   context.globalAlpha = 1;
-  context.fillStyle = frame.background;
+  context.fillStyle = paper.background;
   context.fillRect(0, 0, columns, rows);
   context.lineJoin = "round";
   context.lineCap = "butt";
+  context.save();
 
   const fillAndStroke = (fill, edge, width) => {
-    if (fill) {
-      context.fillStyle = fill;
+    if (fill >= 0) {
+      context.fillStyle = paper.colours[fill];
       context.fill();
     }
-    if (edge) {
-      context.strokeStyle = edge;
+    if (edge >= 0) {
+      context.strokeStyle = paper.colours[edge];
       context.lineWidth = width * size;
       context.stroke();
     }
   };
+  const join = (from, to) => {
+    let words = "";
+    for (let k = from; k < to; k += 2)
+      words += at[k] < 0 ? paper.words[at[k + 1]] : written(at[k + 1], at[k]);
+    return words;
+  };
 
+  // Shapes are cut off at the edges of their axes, words are not.
+  let [wanted, present] = [null, null];
+  const cut = (rectangle) => {
+    if (rectangle === present) return;
+    present = rectangle;
+    context.restore();
+    context.save();
+    if (rectangle) {
+      context.beginPath();
+      context.rect(...rectangle);
+      context.clip();
+    }
+  };
+
+  const readouts = [];
   let next = 0;
-  for (const [kind, count, ...style] of frame.items) {
-    const start = 2 * next;
-    next += count;
-    context.globalAlpha = style[style.length - 1];
-    if (kind === "line") {
-      const [colour, width, dash] = style;
-      context.strokeStyle = colour;
+  while (next < at.length) {
+    const kind = at[next];
+    const start = next + 2;
+    const end = start + at[next + 1];
+    next = end;
+    if (kind !== CUT) cut(kind === TEXT ? null : wanted);
+    if (kind === CUT) {
+      wanted = null;
+      if (end > start) {
+        const [left, low, right, top] = at.subarray(start, end);
+        const slack = SLACK * size;
+        const corner = [px(left) - slack, py(top) - slack];
+        wanted = [...corner, px(right) + slack - corner[0], py(low) + slack - corner[1]];
+      }
+    } else if (kind === LINE) {
+      const [colour, width, alpha, on, off] = at.subarray(start, end);
+      context.globalAlpha = alpha;
+      context.strokeStyle = paper.colours[colour];
       context.lineWidth = width * size;
-      context.setLineDash(dash.map((part) => part * size));
+      context.setLineDash(on ? [on * size, off * size] : []);
       context.beginPath();
       let pen = false;
-      for (let k = start; k < start + 2 * count; k += 2) {
+      for (let k = start + 5; k < end; k += 2) {
         const x = at[k];
         const y = at[k + 1];
         if (Number.isNaN(x) || Number.isNaN(y)) pen = false;
@@ -66,29 +116,31 @@ function paint(canvas, frame, wide) {
       }
       context.stroke();
       context.setLineDash([]);
-    } else if (kind === "polygon") {
-      const [fill, edge, width] = style;
+    } else if (kind === POLYGON) {
+      const [fill, edge, width, alpha] = at.subarray(start, end);
+      context.globalAlpha = alpha;
       context.beginPath();
-      for (let k = start; k < start + 2 * count; k += 2) context.lineTo(px(at[k]), py(at[k + 1]));
+      for (let k = start + 4; k < end; k += 2) context.lineTo(px(at[k]), py(at[k + 1]));
       context.closePath();
       fillAndStroke(fill, edge, width);
-    } else if (kind === "disc") {
-      const [radius, fill, edge, width] = style;
-      for (let k = start; k < start + 2 * count; k += 2) {
+    } else if (kind === DISC) {
+      const [radius, fill, edge, width, alpha] = at.subarray(start, end);
+      context.globalAlpha = alpha;
+      for (let k = start + 5; k < end; k += 2) {
         context.beginPath();
         context.arc(px(at[k]), py(at[k + 1]), radius * scale, 0, 2 * Math.PI);
         fillAndStroke(fill, edge, width);
       }
-    } else if (kind === "arrow") {
-      const [colour, width, head] = style;
-      const [x0, y0, x1, y1] = [px(at[start]), py(at[start + 1]), px(at[start + 2]), py(at[start + 3])];
+    } else if (kind === ARROW) {
+      const [colour, width, head, alpha, ...ends] = at.subarray(start, end);
+      const [x0, y0, x1, y1] = [px(ends[0]), py(ends[1]), px(ends[2]), py(ends[3])];
       const length = Math.hypot(x1 - x0, y1 - y0);
       if (length > 0) {
         const long = Math.min(head * size, length);
         const [ux, uy] = [(x1 - x0) / length, (y1 - y0) / length];
         const [bx, by] = [x1 - ux * long, y1 - uy * long];
-        context.strokeStyle = colour;
-        context.fillStyle = colour;
+        context.globalAlpha = alpha;
+        context.strokeStyle = context.fillStyle = paper.colours[colour];
         context.lineWidth = width * size;
         context.beginPath();
         context.moveTo(x0, y0);
@@ -101,20 +153,25 @@ function paint(canvas, frame, wide) {
         context.closePath();
         context.fill();
       }
-    } else if (kind === "text") {
-      const [words, colour, letters, align, baseline, right, up, turn, bold] = style;
+    } else if (kind === TEXT) {
+      const [x, y, colour, letters, align, baseline] = at.subarray(start, end);
+      const [right, up, turn, bold, alpha] = at.subarray(start + 6, end);
+      context.globalAlpha = alpha;
       context.save();
-      context.translate(px(at[start]) + right * size, py(at[start + 1]) - up * size);
+      context.translate(px(x) + right * size, py(y) - up * size);
       context.rotate((-turn * Math.PI) / 180);
       context.font = `${bold ? "bold " : ""}${letters * size}px ${FONT}`;
-      context.fillStyle = colour;
-      context.textAlign = align;
-      context.textBaseline = baseline;
-      context.fillText(words, 0, 0);
+      context.fillStyle = paper.colours[colour];
+      context.textAlign = ALIGN[align];
+      context.textBaseline = BASELINE[baseline];
+      context.fillText(join(start + 11, end), 0, 0);
       context.restore();
-    }
+    } else if (kind === READOUT) {
+      readouts.push([paper.words[at[start]], join(start + 1, end)]);
+    } else throw new Error(`no item of kind ${kind}`);
   }
-  return true;
+  context.restore();
+  return readouts;
 }
 
 // The numbers below the picture: name above value.
@@ -173,10 +230,12 @@ function render({ model, el }) {
       model.send(move);
       move = null;
     }
-    if (frame && paint(canvas, frame, wide) && frame.id !== Number(canvas.dataset.frame)) {
-      const said = frame.numbers.map(([name, value]) => `${name} ${value}`);
-      canvas.setAttribute("aria-label", [frame.label, ...said].join(", "));
-      print(numbers, frame.numbers);
+    const paper = model.get("_paper");
+    const readouts = frame && paint(canvas, paper, frame.numbers, wide);
+    if (readouts && frame.id !== Number(canvas.dataset.frame)) {
+      const said = readouts.map(([name, value]) => `${name} ${value}`);
+      canvas.setAttribute("aria-label", [paper.label, ...said].join(", "));
+      print(numbers, readouts);
       canvas.dataset.frame = frame.id;
       model.send({ type: "drawn", id: frame.id });
     }
@@ -186,13 +245,13 @@ function render({ model, el }) {
     if (content.type !== "frame") return;
     const view = buffers[0];
     const bytes = view.buffer.slice(view.byteOffset, view.byteOffset + view.byteLength);
-    frame = { ...content, coordinates: new Float32Array(bytes) };
+    frame = { id: content.id, numbers: new Float64Array(bytes) };
     request();
   };
 
   const pointer = (kind, event) => {
     const box = canvas.getBoundingClientRect();
-    const [xmin, xmax, ymin, ymax] = frame.window;
+    const [xmin, xmax, ymin, ymax] = model.get("_paper").window;
     return {
       type: kind,
       x: xmin + ((event.clientX - box.left) / box.width) * (xmax - xmin),

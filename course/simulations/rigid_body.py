@@ -5,459 +5,374 @@ picture and numbers, and the presets that show one failure each.
 """
 
 import math
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
+from numba.extending import register_jitable
 
-from course.rigid_body.integrators import INTEGRATORS, STANDARD_GRAVITY
-from course.rigid_body.planar import FLIGHT_COEFFICIENT, PARAMETERS, box_parameters, prepare
+from course.rigid_body.planar import FLIGHT_COEFFICIENT, box_parameters, step_boxes_loop
 from course.rigid_body.planar_contact import flight
-from course.simulations.canvas import (
+from course.simulations import pen as draw
+from course.simulations.model import Model, Preset
+from course.simulations.pen import (
     BLUE,
+    BOTTOM,
+    CENTRE,
     FAINT,
     GREEN,
     GREY,
     INK,
+    LEFT,
     ORANGE,
     RED,
-    Arrow,
-    Axes,
-    Disc,
-    Frame,
-    Item,
-    Line,
-    Pointer,
-    Polygon,
-    Text,
+    SIGNED,
+    TOP,
+    Paper,
 )
-from course.simulations.panel import Model, Panel, Preset, Slider
+from course.simulations.record import Field, Record, menu, slider, switch
 
-Array = NDArray[np.float64]
+if TYPE_CHECKING:
+    from course.simulations.panel import Panel
 
 MASS, WIDTH, HEIGHT = 1.0, 0.6, 0.4  # of the box [kg, m, m]
+_BOX = box_parameters(MASS, WIDTH, HEIGHT)
+_INERTIA = float(_BOX[3, 0])
+_RADIUS = 0.5 * math.hypot(WIDTH, HEIGHT)
 
-SLIDERS = {
-    "gravity": Slider("Gravity", 0.0, 20.0, 0.1, "m/s²", ".1f"),
-    "restitution": Slider("Restitution", 0.0, 1.0, 0.01),
-    "timestep": Slider("Timestep", 0.5, 50.0, 0.5, "ms", ".1f"),
-    "friction": Slider("Friction", 0.0, 2.0, 0.05),
-    "rest_speed": Slider("Rest speed", 0.0, 0.2, 0.01, "m/s"),
+INTEGRATORS = {
+    "explicit Euler": "explicit_euler",
+    "semi-implicit Euler": "semi_implicit_euler",
+    "velocity Verlet": "velocity_verlet",
+    "explicit midpoint": "explicit_midpoint",
+    "implicit midpoint": "implicit_midpoint",
+    "Runge-Kutta 4": "rk4",
 }
-MENU = {INTEGRATORS[name].label: name for name in FLIGHT_COEFFICIENT}
+_COEFFICIENTS = tuple(FLIGHT_COEFFICIENT[name] for name in INTEGRATORS.values())
 
 TUMBLING = (0.0, 2.5, -0.35, -0.5, 0.0, 1.0)
 FLAT = (0.0, 2.5, 0.0, 0.5, 0.0, 0.0)
 
+CONTROLS = Record(
+    gravity=slider("Gravity", 9.8, 0.0, 20.0, 0.1, "m/s²", 1),
+    restitution=slider("Restitution", 0.70, 0.0, 1.0, 0.01),
+    timestep=slider("Timestep", 2.0, 0.5, 50.0, 0.5, "ms", 1),
+    friction=slider("Friction", 0.5, 0.0, 2.0, 0.05),
+    rest_speed=slider("Rest speed", 0.01, 0.0, 0.2, 0.01, "m/s"),
+    integrator=menu("Integrator", tuple(INTEGRATORS), 1),
+    resolve_impacts=switch("find impact times within the step", True),
+    start=Field(TUMBLING),  # x, y, angle, vx, vy, omega [m, rad, m/s, rad/s]
+)
+
 _PREVIEW = 3.0  # how much of the motion ahead is drawn [s]
-_SAMPLE = 0.01  # time between two points of a path; at least one step [s]
+_SAMPLE = 0.01  # time between two points of a path, rounded to whole steps [s]
 _MEMORY = 10.0  # how much of the energy's past is shown [s]
-_REFERENCE_STEP = 0.5  # [ms]
+_POINTS, _PAST = 480, 1600  # room for both: a rounded sample is at least 2/3 of _SAMPLE
+
+STATE = Record(
+    box=Field(0.0, shape=(6, 1)),  # x, y, angle, vx, vy, omega
+    steps=Field(0),
+    owed=Field(0.0, unit="s"),  # time that is less than a step and was not yet made
+    impacts=Field(0),
+    unresolved=Field(0),  # steps with more impacts than are followed within one step
+    deepest=Field(0.0, unit="m"),  # of a corner in the ground at the end of a step
+    peak=Field(0.0, unit="m"),  # greatest height of the centre so far
+    energy=Field(0.0, unit="J"),  # at the start
+    # Time, kinetic, potential and total energy of the samples.
+    history=Field(0.0, shape=(4, 2 * _PAST)),
+    samples=Field(0),
+    # The motion from the start, and the same drop computed well: time, box, total energy.
+    path=Field(0.0, shape=(8, _POINTS)),
+    path_points=Field(0),
+    good=Field(0.0, shape=(8, _POINTS)),
+    good_points=Field(0),
+)
 
 
-@dataclass(frozen=True)
-class Controls:
-    """What can be set.
-
-    Attributes:
-        gravity: downwards [m/s^2].
-        restitution: of an impact, 0 to 1.
-        timestep: of the integration [ms].
-        friction: Coulomb coefficient of the ground.
-        rest_speed: an impact slower than this does not bounce [m/s].
-        integrator: a key of `FLIGHT_COEFFICIENT`.
-        resolve_impacts: find impacts within a step; else contact is noticed at its end.
-        start: x, y, angle, vx, vy, omega [m, rad, m/s, rad/s].
-    """
-
-    gravity: float = round(STANDARD_GRAVITY, 1)  # a value of the slider
-    restitution: float = 0.70
-    timestep: float = 2.0
-    friction: float = 0.5
-    rest_speed: float = 0.01
-    integrator: str = "semi_implicit_euler"
-    resolve_impacts: bool = True
-    start: tuple[float, float, float, float, float, float] = TUMBLING
-
-    def __post_init__(self) -> None:
-        for name, slider in SLIDERS.items():
-            slider.check(name, getattr(self, name))
-        if self.integrator not in FLIGHT_COEFFICIENT:
-            raise ValueError(
-                f"integrator is {self.integrator!r}, allowed is {list(FLIGHT_COEFFICIENT)}"
-            )
-        if len(self.start) != 6 or not np.isfinite(self.start).all():
-            raise ValueError(f"start is {self.start}, allowed are 6 finite numbers")
-        if _lowest(self.start[1], self.start[2]) < -1e-9:
-            raise ValueError(f"start is {self.start}, allowed is a box above the ground y = 0")
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """Where the experiment stands.
-
-    Attributes:
-        box: x, y, angle, vx, vy, omega, (6,).
-        steps: made so far.
-        impacts: so far.
-        unresolved: steps with more impacts than are followed within one step.
-        deepest: how far below the ground a corner was found at the end of a step [m].
-        peak: greatest height of the centre so far [m].
-        energy: total energy at the start [J].
-        owed: time that is less than a step and was not yet made [s].
-        history: time, kinetic, potential, total energy, (4, M), of the last ten seconds.
-    """
-
-    box: Array
-    energy: float
-    peak: float
-    history: Array
-    steps: int = 0
-    impacts: int = 0
-    unresolved: int = 0
-    deepest: float = 0.0
-    owed: float = field(default=0.0)
-
-
-def _lowest(y: float, angle: float) -> float:
-    """Height of the lowest corner [m]."""
-    return y - 0.5 * (WIDTH * abs(math.sin(angle)) + HEIGHT * abs(math.cos(angle)))
-
-
-def _corners(box: Array) -> Array:
-    a = 0.5 * WIDTH * np.array([-1.0, 1.0, 1.0, -1.0])
-    b = 0.5 * HEIGHT * np.array([-1.0, -1.0, 1.0, 1.0])
-    s, c = np.sin(box[2]), np.cos(box[2])
-    return np.array([box[0] + c * a - s * b, box[1] + s * a + c * b])
-
-
-@lru_cache(maxsize=32)
-def _parameters(restitution: float, friction: float, rest_speed: float) -> Array:
-    return box_parameters(
-        MASS, WIDTH, HEIGHT, restitution=restitution, friction=friction, rest_speed=rest_speed
-    )
-
-
-_INERTIA = float(_parameters(0.0, 0.0, 0.0)[PARAMETERS.index("inertia"), 0])
-
-
-def energies(box: Array, gravity: float) -> Array:
+@register_jitable
+def energies(box, gravity):
     """Kinetic, potential and total energy [J] of states (6,) or (6, M)."""
     kinetic = 0.5 * MASS * (box[3] ** 2 + box[4] ** 2) + 0.5 * _INERTIA * box[5] ** 2
     potential = MASS * gravity * box[1]
-    return np.array([kinetic, potential, kinetic + potential])
+    return kinetic, potential, kinetic + potential
 
 
-def initial(controls: Controls) -> State:
-    """The state at time zero."""
-    box = np.array(controls.start)
-    energy = energies(box, controls.gravity)
-    return State(
-        box=box, energy=float(energy[2]), peak=float(box[1]),
-        history=np.concatenate([[0.0], energy]).reshape(4, 1),
+@register_jitable
+def _method(controls):
+    """Step [s], flight coefficient, whether impacts are resolved, rest speed [m/s]."""
+    coefficient = _COEFFICIENTS[controls["integrator"]]
+    resolve = controls["resolve_impacts"] != 0
+    return 1e-3 * controls["timestep"], coefficient, resolve, controls["rest_speed"]
+
+
+@register_jitable
+def _run(box, controls, how, steps):
+    """Advance the box (6, 1) in place; impacts, and steps that were not resolved."""
+    dt, coefficient, resolve, rest_speed = how
+    parameters = _BOX.copy()
+    parameters[4, 0] = controls["restitution"]
+    parameters[5, 0] = controls["friction"]
+    parameters[6, 0] = rest_speed
+    counts = np.zeros((2, 1), np.int64)
+    step_boxes_loop(
+        box, counts, box, parameters, np.zeros((3, 1)), 0.0, -controls["gravity"], dt, steps,
+        coefficient, resolve, True, 64,
     )  # fmt: skip
+    return counts[0, 0], counts[1, 0]
 
 
-def advance(state: State, controls: Controls, seconds: float) -> State:
-    """The state after as many whole steps as fit into the time; the rest is owed.
-
-    Args:
-        state: where to start from; it is left as it is.
-        controls: the settings.
-        seconds: simulated time, not negative [s].
-
-    Raises:
-        ValueError: seconds is negative or not finite.
-    """
-    if not (math.isfinite(seconds) and seconds >= 0.0):
-        raise ValueError(f"seconds is {seconds}, allowed is a number that is not negative")
-    dt = 1e-3 * controls.timestep
-    parameters = _parameters(controls.restitution, controls.friction, controls.rest_speed)
-    coefficient = FLIGHT_COEFFICIENT[controls.integrator]
-    count = math.floor((state.owed + seconds) / dt + 1e-9)
-    owed = max(state.owed + seconds - count * dt, 0.0)
-    per_sample = max(1, round(_SAMPLE / dt))
-    box, deepest, peak = state.box, state.deepest, state.peak
-    impacts, unresolved, steps = state.impacts, state.unresolved, state.steps
-    samples: list[Any] = []
-    run = prepare(
-        1, parameters, dt,
-        gravity=controls.gravity, integrator=controls.integrator,
-        resolve_impacts=controls.resolve_impacts,
-    )  # fmt: skip
-    end = steps + count
+@register_jitable
+def _trace(path, controls, how):
+    """Write the motion from the start into `path`; how many points there are."""
+    dt = how[0]
+    box = np.empty((6, 1))
+    box[:, 0] = controls["start"]
+    path[0, 0] = 0.0
+    path[1:7, 0] = box[:, 0]
+    many = max(1, math.floor(_SAMPLE / dt + 0.5))
+    end = max(1, math.floor(_PREVIEW / dt + 1e-9))
+    steps, n = 0, 1
     while steps < end:
-        many = min(per_sample - steps % per_sample, end - steps)
-        if not controls.resolve_impacts:
-            reach = many * dt * (abs(box[4]) + many * dt * controls.gravity)
-            if box[1] - reach < 0.5 * math.hypot(WIDTH, HEIGHT):
-                many = 1  # step by step, to see how deep it gets before it is pushed out
-                y = flight(box[1], box[4], -controls.gravity, dt, coefficient)
-                deepest = max(deepest, -_lowest(y, box[2] + dt * box[5]))
-        new, counts = run(np.ascontiguousarray(box).reshape(6, 1), many)
-        box = new[:, 0]
-        impacts += int(counts[0, 0])
-        unresolved += int(counts[1, 0])
-        peak = max(peak, float(box[1]))
-        steps += many
-        if steps % per_sample == 0:
-            samples.append((steps * dt, *energies(box, controls.gravity)))
-    history = state.history
-    if samples:
-        history = np.hstack([history, np.array(samples).T])
-        history = history[:, history[0] >= history[0, -1] - _MEMORY - 1e-9]
-    return State(
-        box=box, energy=state.energy, peak=peak, history=history, steps=steps, impacts=impacts,
-        unresolved=unresolved, deepest=deepest, owed=owed,
-    )  # fmt: skip
-
-
-@lru_cache(maxsize=16)
-def preview(controls: Controls, seconds: float = _PREVIEW) -> Array:
-    """The motion from the start: rows time, x, y, angle, total energy, (5, M)."""
-    dt = 1e-3 * controls.timestep
-    parameters = _parameters(controls.restitution, controls.friction, controls.rest_speed)
-    many = max(1, round(_SAMPLE / dt))
-    box = np.array(controls.start).reshape(6, 1)
-    run = prepare(
-        1, parameters, dt,
-        gravity=controls.gravity, integrator=controls.integrator,
-        resolve_impacts=controls.resolve_impacts,
-    )  # fmt: skip
-    steps = 0
-    times, boxes = [0.0], [box]
-    while steps < max(1, math.floor(seconds / dt + 1e-9)):
         # In flight, clear of the ground, a smooth curve needs fewer points.
         leap = 4 * many * dt
-        fall = leap * (max(-box[4, 0], 0.0) + leap * controls.gravity)
-        count = 4 * many if box[1, 0] - fall > 0.5 * math.hypot(WIDTH, HEIGHT) else many
-        box, _ = run(box, count)
+        fall = leap * (max(-box[4, 0], 0.0) + leap * controls["gravity"])
+        count = 4 * many if box[1, 0] - fall > _RADIUS else many
+        _run(box, controls, how, count)
         steps += count
-        times.append(steps * dt)
-        boxes.append(box)
-    states = np.hstack(boxes)
-    path = np.vstack([times, states[:3], energies(states, controls.gravity)[2]])
-    path.setflags(write=False)
-    return path
+        path[0, n] = steps * dt
+        path[1:7, n] = box[:, 0]
+        n += 1
+    path[7, :n] = energies(path[1:7, :n], controls["gravity"])[2]
+    return n
 
 
-def reference(controls: Controls) -> Array:
-    """The same drop computed well: exact flight, impacts found in time, short steps."""
-    return preview(
-        replace(
-            controls, integrator="velocity_verlet", resolve_impacts=True,
-            timestep=_REFERENCE_STEP, rest_speed=min(controls.rest_speed, 0.01) or 0.01,
-        )
-    )  # fmt: skip
+def initial(controls, state):
+    """The box at its start, and the motion ahead of it."""
+    box = state["box"]
+    box[:, 0] = controls["start"]
+    now = energies(box[:, 0], controls["gravity"])
+    state["energy"], state["peak"] = now[2], box[1, 0]
+    state["history"][1:, 0] = now
+    state["samples"] = 1
+    state["path_points"] = _trace(state["path"], controls, _method(controls))
+    # Exact flight, impacts found in time, short steps.
+    rest = min(controls["rest_speed"], 0.01) or 0.01
+    state["good_points"] = _trace(state["good"], controls, (5e-4, 0.5, True, rest))
 
 
-def _signed(value: float, decimals: int, unit: str) -> str:
-    rounded = round(value, decimals) + 0.0  # no minus zero
-    return f"{rounded:+.{decimals}f} {unit}".replace("-", "\N{MINUS SIGN}")
-
-
-def numbers(state: State, controls: Controls) -> dict[str, str]:
-    """What is printed beside the picture."""
-    kinetic, potential, total = energies(state.box, controls.gravity)
-    change = total - state.energy
-    relative = "\N{EN DASH}"
-    if state.energy > 1e-9:
-        relative = _signed(100.0 * change / state.energy, 2, "%")
-    return {
-        "time": f"{state.steps * 1e-3 * controls.timestep:.3f} s",
-        "kinetic": f"{kinetic:.3f} J",
-        "potential": f"{potential:.3f} J",
-        "total": f"{total:.3f} J",
-        "energy change": relative,
-        "height": f"{state.box[1]:.3f} m",
-        "highest so far": f"{state.peak:.3f} m",
-        "impacts": f"{state.impacts}",
-        "steps not resolved": f"{state.unresolved}",
-        "deepest in ground": f"{1e3 * state.deepest:.1f} mm",
-    }
-
-
-_WINDOW = (0.0, 9.0, 0.0, 5.0)  # in units of its own, not metres
-_SCENE = (0.62, 5.42, 0.62, 4.62)
-_METRES = 0.8  # per unit of the window, before zooming out
-
-
-def scene_axes(state: State, controls: Controls) -> Axes:
-    """Where the world is in the picture: zooms out in powers of two, follows the box sideways."""
-    wide = _METRES * (_SCENE[1] - _SCENE[0])
-    high = _METRES * (_SCENE[3] - _SCENE[2])
-    top = max(state.peak, float(preview(controls)[2].max())) + 0.5 * math.hypot(WIDTH, HEIGHT)
-    zoom = 2.0 ** max(0, math.ceil(math.log2(top / (high - 0.25))))
-    wide, high = zoom * wide, zoom * high
-    x = float(state.box[0])
-    left = min(max(-0.25 * wide, x - 0.85 * wide), x - 0.15 * wide)
-    return Axes(
-        _SCENE, (left, left + wide), (-0.2 * zoom, high - 0.2 * zoom), "x [m]", "height [m]",
-    )  # fmt: skip
-
-
-def _inside(axes: Axes, points: Array) -> Array:
-    """Points (2, N) of the world in the window, with a gap for those outside of the axes."""
-    (x0, x1), (y0, y1) = axes.x_values, axes.y_values
-    x, y = points
-    outside = (x < x0) | (x > x1) | (y < y0) | (y > y1)
-    return np.where(outside, np.nan, axes.place(points, clip=False))
-
-
-def _scene(state: State, controls: Controls) -> list[Item]:
-    axes = scene_axes(state, controls)
-    path, good = preview(controls), reference(controls)
-    left, right = axes.x_values
-    ground = axes.place([[left, right, right, left], [0.0, 0.0, -1e9, -1e9]])
-    items: list[Item] = [
-        Polygon(ground, "#ece7df"),
-        axes,
-        Line(axes.place([[left, right], [0.0, 0.0]]), "#8c7a5c", 2.0),
-        Line(_inside(axes, good[1:3]), INK, 1.4, (5.0, 4.0), 0.75),
-        Line(_inside(axes, path[1:3]), BLUE, 2.0, alpha=0.55),
-    ]
-    for k in np.unique(np.searchsorted(path[0], np.arange(0.25, _PREVIEW, 0.25))):
-        ghost = _inside(axes, _corners(path[1:, k]))
-        if np.isfinite(ghost).all():
-            items.append(Polygon(ghost, "", BLUE, 1.0, alpha=0.22))
-    corners = axes.place(_corners(state.box), clip=False)
-    centre = axes.place(state.box[:2], clip=False)
-    items += [
-        Polygon(corners, "#f4b183", ORANGE, 2.0, alpha=0.95),
-        Line(np.stack([centre, 0.5 * (corners[:, 1] + corners[:, 2])], axis=1), ORANGE, 1.5),
-        Disc(centre, 0.035, ORANGE),
-    ]
-    tip = axes.place(state.box[:2] + 0.12 * state.box[3:5], clip=True)
-    if np.linalg.norm(tip - centre) > 0.15:
-        items.append(Arrow(centre, tip, INK, 1.8))
-    x, y = _SCENE[1] - 2.55, _SCENE[3] - 0.12
-    for words, colour, dash, low in (
-        ("path with these settings, 3 s", BLUE, (), 0.0),
-        ("the same box computed finely", INK, (5.0, 4.0), 0.2),
-    ):
-        sample = np.array([[x, x + 0.3], [y - low, y - low]])
-        items += [
-            Line(sample, colour, 2.0, dash, 0.7),
-            Text(np.array([x + 0.38, y - low]), words, INK, 11.5),
-        ]
-    title = f"{INTEGRATORS[controls.integrator].label}, {controls.timestep:g} ms"
-    title += ", impacts found in time" if controls.resolve_impacts else ", impacts noticed late"
-    items.append(Text(np.array([_SCENE[0], _SCENE[3]]), title, INK, 13.0, "left", "bottom",
-                      (0.0, 8.0), bold=True))  # fmt: skip
-    return items
-
-
-def _bars(state: State, controls: Controls, top: float) -> list[Item]:
-    axes = Axes((6.4, 8.82, 2.98, 4.62), (0.0, 3.0), (0.0, top), "", "energy [J]",
-                x_ticks=0, y_ticks=4)  # fmt: skip
-    items: list[Item] = [
-        Text(np.array([6.4, 4.62]), "energy now", INK, 13.0, "left", "bottom", (0.0, 8.0),
-             bold=True),
-        axes,
-    ]  # fmt: skip
-    for k, (words, value, colour) in enumerate(
-        zip(_ENERGIES, energies(state.box, controls.gravity), _COLOURS, strict=True)
-    ):
-        sides = [k + 0.2, k + 0.8, k + 0.8, k + 0.2]
-        items.append(Polygon(axes.place([sides, [0.0, 0.0, value, value]]), colour))
-        items.append(Text(axes.place((k + 0.5, 0.0)), words, INK, 12.0, "center", "top",
-                          (0.0, -5.0)))  # fmt: skip
-        items.append(Text(axes.place((k + 0.5, value)), f"{value:.1f}", INK, 12.0, "center",
-                          "bottom", (0.0, 2.0)))  # fmt: skip
-    start = axes.place([[0.0, 3.0], [state.energy, state.energy]])
-    items.append(Line(start, GREY, 1.2, (2.0, 3.0)))
-    items.append(Text(axes.place((0.0, state.energy)), "at start", GREY, 11.0, "left", "bottom",
-                      (3.0, 2.0)))  # fmt: skip
-    return items
-
-
-def _strip(state: State, controls: Controls, top: float) -> list[Item]:
-    now = state.history[0, -1]
-    begin = max(0.0, now - _MEMORY)
-    axes = Axes((6.4, 8.82, 0.62, 2.22), (begin, begin + _MEMORY), (0.0, top), "time [s]",
-                "energy [J]", "energy over time", y_ticks=4)  # fmt: skip
-    start = axes.place([[begin, begin + _MEMORY], [state.energy, state.energy]])
-    items: list[Item] = [axes, Line(start, GREY, 1.2, (2.0, 3.0))]
-    path = preview(controls)
-    ahead = path[:, path[0] >= begin]
-    if ahead.shape[1] > 1:
-        items.append(Line(axes.place(ahead[[0, 4]]), GREEN, 2.0, alpha=0.3))
-    for row, colour in enumerate(_COLOURS, start=1):
-        width = 2.2 if row == 3 else 1.2
-        items.append(Line(axes.place(state.history[[0, row]]), colour, width))
-    return items
-
-
-_ENERGIES = ("kinetic", "potential", "total")
-_COLOURS = (RED, BLUE, GREEN)
-
-
-def frame(state: State, controls: Controls) -> Frame:
-    """The picture: the box in its world, its energy as bars and over time."""
-    highest = max(state.energy, float(state.history[3].max()), float(preview(controls)[4].max()))
-    top = 1.18 * highest if highest > 1e-9 else 1.0
-    return Frame(
-        _WINDOW,
-        (
-            *_scene(state, controls),
-            *_bars(state, controls, top),
-            *_strip(state, controls, top),
-            Line(np.array([[5.72, 5.72], [0.2, 4.85]]), FAINT, 1.0),
-        ),
-        width=760.0,
-        label=TITLE,
-        numbers=numbers(state, controls),
-    )
-
-
-def drag(controls: Controls, state: State, pointer: Pointer) -> Controls:
-    """The controls with the box put where the pointer is; it stays above the ground."""
-    x, y = scene_axes(state, controls).values((pointer.x, pointer.y))
-    y = max(float(y), 0.5 * math.hypot(WIDTH, HEIGHT))
-    return replace(controls, start=(float(x), min(y, 50.0), *controls.start[2:]))
+def advance(state, controls, seconds):
+    """As many whole steps as fit into the time; the rest is owed."""
+    gravity, how = controls["gravity"], _method(controls)
+    dt, coefficient, resolve, _ = how
+    box, history = state["box"], state["history"]
+    count = math.floor((state["owed"] + seconds) / dt + 1e-9)
+    state["owed"] = max(state["owed"] + seconds - count * dt, 0.0)
+    sample = max(1, math.floor(_SAMPLE / dt + 0.5))
+    steps = state["steps"]
+    end = steps + count
+    while steps < end:
+        many = min(sample - steps % sample, end - steps)
+        if not resolve:
+            reach = many * dt * (abs(box[4, 0]) + many * dt * gravity)
+            if box[1, 0] - reach < _RADIUS:
+                many = 1  # step by step, to see how deep it gets before it is pushed out
+                y = flight(box[1, 0], box[4, 0], -gravity, dt, coefficient)
+                angle = box[2, 0] + dt * box[5, 0]
+                low = 0.5 * (WIDTH * abs(math.sin(angle)) + HEIGHT * abs(math.cos(angle))) - y
+                state["deepest"] = max(state["deepest"], low)
+        impacts, unresolved = _run(box, controls, how, many)
+        state["impacts"] += impacts
+        state["unresolved"] += unresolved
+        state["peak"] = max(state["peak"], box[1, 0])
+        steps += many
+        if steps % sample == 0:
+            state["samples"] = n = draw.remember(history, state["samples"], steps * dt)
+            history[1:, n - 1] = energies(box[:, 0], gravity)
+    state["steps"] = steps
 
 
 TITLE = "Rigid body simulator: bouncing box"
-_ELASTIC = Controls(restitution=1.0, friction=0.0, timestep=20.0)
+word, colour = draw.words_table(), draw.colours_table()
+_GROUND, _EARTH, _SKIN = colour("#ece7df", "#8c7a5c", "#f4b183")
+_INTEGRATOR, _ENERGY = word(*INTEGRATORS)[0], word("kinetic", "potential", "total")[0]
+_M, _J, _S, _MM, _MS, _PERCENT, _DASH = word(" m", " J", " s", " mm", " ms", " %", "\N{EN DASH}")
+_COMMA, _FOUND, _LATE = word(", ", ", impacts found in time", ", impacts noticed late")
+_THIS, _FINE = word("path with these settings, 3 s", "the same box computed finely")
+_X, _Y, _T, _E = word("x [m]", "height [m]", "time [s]", "energy [J]")
+_NOW, _OVER_TIME, _AT_START = word("energy now", "energy over time", "at start")
+_TIME, _CHANGE, _HEIGHT, _HIGHEST = word("time", "energy change", "height", "highest so far")
+_IMPACTS, _UNRESOLVED, _DEEPEST = word("impacts", "steps not resolved", "deepest in ground")
+
+# In units of the window, not metres.
+_SCENE, _BARS, _STRIP = (0.62, 5.42, 0.62, 4.62), (6.4, 8.82, 2.98, 4.62), (6.4, 8.82, 0.62, 2.22)
+_METRES = 0.8  # per unit of the window, before zooming out
+
+
+@register_jitable
+def scene(state):
+    """What the scene shows [m]: zooms out in powers of two, follows the box sideways."""
+    wide, high = _METRES * (_SCENE[1] - _SCENE[0]), _METRES * (_SCENE[3] - _SCENE[2])
+    top = max(state["peak"], state["path"][2, : state["path_points"]].max()) + _RADIUS
+    zoom = 2.0 ** max(0.0, math.ceil(math.log2(top / (high - 0.25))))
+    wide, high = zoom * wide, zoom * high
+    x = state["box"][0, 0]
+    left = min(max(-0.25 * wide, x - 0.85 * wide), x - 0.15 * wide)
+    return left, left + wide, -0.2 * zoom, high - 0.2 * zoom
+
+
+@register_jitable
+def _corners(pen, x, y, angle):
+    """The corners of the box; the middle of its right side."""
+    c, s = 0.5 * math.cos(angle), 0.5 * math.sin(angle)
+    for a, b in ((-WIDTH, -HEIGHT), (WIDTH, -HEIGHT), (WIDTH, HEIGHT), (-WIDTH, HEIGHT)):
+        draw.point(pen, x + c * a - s * b, y + s * a + c * b)
+    return x + c * WIDTH, y + s * WIDTH
+
+
+@register_jitable
+def _world(pen, state, controls):
+    """The box, its path and the ground."""
+    left, right, bottom, top = scene(state)
+    path, n = state["path"], state["path_points"]
+    good, m = state["good"], state["good_points"]
+    draw.area(pen, _SCENE, (left, right, bottom, top))
+    draw.box(pen, left, right, bottom, 0.0, _GROUND)
+    draw.axes(pen, _X, _Y)
+    draw.segment(pen, left, 0.0, right, 0.0, _EARTH, 2.0)
+    draw.line(pen, INK, 1.4, 0.75, 5.0, 4.0)
+    draw.points(pen, good[1, :m], good[2, :m])
+    draw.line(pen, BLUE, 2.0, 0.55)
+    draw.points(pen, path[1, :n], path[2, :n])
+    before = -1
+    for quarter in range(1, 12):
+        k = np.searchsorted(path[0, :n], 0.25 * quarter)
+        if k != before and k < n:
+            draw.polygon(pen, draw.NONE, BLUE, 1.0, 0.22)
+            _corners(pen, path[1, k], path[2, k], path[3, k])
+        before = k
+    box = state["box"][:, 0]
+    x, y = box[0], box[1]
+    draw.polygon(pen, _SKIN, ORANGE, 2.0, 0.95)
+    side_x, side_y = _corners(pen, x, y, box[2])
+    draw.segment(pen, x, y, side_x, side_y, ORANGE)
+    unit = (right - left) / (_SCENE[1] - _SCENE[0])
+    draw.disc(pen, 0.035 * unit, ORANGE)
+    draw.point(pen, x, y)
+    tip_x = min(max(x + 0.12 * box[3], left), right)
+    tip_y = min(max(y + 0.12 * box[4], bottom), top)
+    if math.hypot(tip_x - x, tip_y - y) > 0.15 * unit:
+        draw.arrow(pen, x, y, tip_x, tip_y, INK, 1.8)
+    draw.window(pen)
+    x, y = _SCENE[1] - 2.55, _SCENE[3] - 0.12
+    draw.key(pen, x, y, _THIS, BLUE, 2.0, 0.7)
+    draw.key(pen, x, y - 0.2, _FINE, INK, 2.0, 0.7, 5.0, 4.0)
+    draw.title(pen, _SCENE[0], _SCENE[3], _INTEGRATOR + controls["integrator"])
+    draw.words(pen, _COMMA)
+    step = controls["timestep"]
+    draw.number(pen, step, 0 if step == math.floor(step) else 1, _MS)
+    draw.words(pen, _FOUND if controls["resolve_impacts"] != 0 else _LATE)
+
+
+@register_jitable
+def _energies(pen, state, controls, first):
+    """The energies now as bars, and over time from the sample `first` on."""
+    past, end = state["history"], state["samples"]
+    path, n = state["path"], state["path_points"]
+    start = state["energy"]
+    highest = max(start, past[3, first:end].max(), path[7, :n].max())
+    top = 1.18 * highest if highest > 1e-9 else 1.0
+    draw.area(pen, _BARS, (0.0, 3.0, 0.0, top))
+    draw.axes(pen, 0, _E, _NOW, 0, 4)
+    now = energies(state["box"][:, 0], controls["gravity"])
+    for k in range(3):
+        draw.box(pen, k + 0.2, k + 0.8, 0.0, now[k], _COLOURS[k])
+        draw.text(pen, k + 0.5, 0.0, _ENERGY + k, INK, 12.0, CENTRE, TOP, 0.0, -5.0)
+        draw.text(pen, k + 0.5, now[k], 0, INK, 12.0, CENTRE, BOTTOM, 0.0, 2.0)
+        draw.number(pen, now[k], 1)
+    draw.segment(pen, 0.0, start, 3.0, start, GREY, 1.2, 1.0, 2.0, 3.0)
+    draw.text(pen, 0.0, start, _AT_START, GREY, 11.0, LEFT, BOTTOM, 3.0, 2.0)
+    begin = max(0.0, past[0, end - 1] - _MEMORY)
+    draw.area(pen, _STRIP, (begin, begin + _MEMORY, 0.0, top))
+    draw.axes(pen, _T, _E, _OVER_TIME, 5, 4)
+    draw.segment(pen, begin, start, begin + _MEMORY, start, GREY, 1.2, 1.0, 2.0, 3.0)
+    draw.line(pen, GREEN, 2.0, 0.3)
+    draw.points(pen, path[0, :n], path[7, :n])
+    for k in range(3):
+        draw.line(pen, _COLOURS[k], 2.2 if k == 2 else 1.2)
+        draw.points(pen, past[0, first:end], past[k + 1, first:end])
+    draw.window(pen)
+
+
+_COLOURS = (RED, BLUE, GREEN)
+
+
+def frame(pen, state, controls):
+    """The box in its world, its energy as bars and over time; the numbers."""
+    past, end = state["history"], state["samples"]
+    _world(pen, state, controls)
+    first = np.searchsorted(past[0, :end], past[0, end - 1] - _MEMORY - 1e-9)
+    _energies(pen, state, controls, first)
+    draw.segment(pen, 5.72, 0.2, 5.72, 4.85, FAINT, 1.0)
+    draw.reading(pen, _TIME, 1e-3 * controls["timestep"] * state["steps"], 3, _S)
+    now = energies(state["box"][:, 0], controls["gravity"])
+    for k in range(3):
+        draw.reading(pen, _ENERGY + k, now[k], 3, _J)
+    draw.readout(pen, _CHANGE)
+    if state["energy"] > 1e-9:
+        draw.number(pen, 100.0 * (now[2] / state["energy"] - 1.0), SIGNED + 2, _PERCENT)
+    else:
+        draw.words(pen, _DASH)
+    draw.reading(pen, _HEIGHT, state["box"][1, 0], 3, _M)
+    draw.reading(pen, _HIGHEST, state["peak"], 3, _M)
+    draw.reading(pen, _IMPACTS, state["impacts"], 0)
+    draw.reading(pen, _UNRESOLVED, state["unresolved"], 0)
+    draw.reading(pen, _DEEPEST, 1e3 * state["deepest"], 1, _MM)
+
+
+def drag(controls, state, x, y):
+    """Drop the box from where the pointer is; it stays above the ground."""
+    x, y = draw.values_at(_SCENE, scene(state), x, y)
+    controls["start"][0] = x
+    controls["start"][1] = min(max(y, _RADIUS), 50.0)
+
+
+_ELASTIC = {"restitution": 1.0, "friction": 0.0, "timestep": 20.0}
 
 PRESETS = {
     "Default drop": Preset(
-        Controls(),
+        {},
         "Every bounce takes energy, and the box comes to rest. Drag the box to drop it from "
         "somewhere else. The dashed path is the same box computed with exact flight and short "
         "steps: after a few tumbling bounces the smallest error sends it elsewhere.",
     ),
     "Explicit Euler gains energy": Preset(
-        replace(_ELASTIC, integrator="explicit_euler"),
+        _ELASTIC | {"integrator": "explicit Euler"},
         "Nothing takes or gives energy here, and impacts are found in time. Still every step of "
         "flight adds m g² h²/2: the box bounces higher and higher.",
     ),
     "Semi-implicit Euler loses energy": Preset(
-        replace(_ELASTIC, integrator="semi_implicit_euler"),
+        _ELASTIC | {"integrator": "semi-implicit Euler"},
         "The same drop with the order of two lines swapped. In flight the same m g² h²/2 is now "
         "taken at every step. Symplectic keeps the energy of a smooth oscillator near its start; "
         "it promises nothing about a constant force and bounces.",
     ),
     "Exact flight, late impacts": Preset(
-        replace(_ELASTIC, integrator="rk4", resolve_impacts=False),
+        _ELASTIC | {"integrator": "Runge-Kutta 4", "resolve_impacts": False},
         "Fourth order and exact in flight. But an impact is noticed only at the end of a step, "
         "and pushing the box out of the ground lifts it: energy jumps up at bounces. A better "
         "integrator does not help, finding the impact time does.",
     ),
     "50 ms steps: deep in the ground": Preset(
-        Controls(timestep=50.0, resolve_impacts=False, start=FLAT),
+        {"timestep": 50.0, "resolve_impacts": False, "start": FLAT},
         "At the end of a step the box is found far inside the ground, then it is pushed out. "
         "A floor thinner than speed times step would have been missed: tunnelling.",
     ),
     "Late impacts: never at rest": Preset(
-        Controls(timestep=20.0, resolve_impacts=False),
+        {"timestep": 20.0, "resolve_impacts": False},
         "Lying on the ground the box falls g h in every step, is found below the ground and "
         "bounces. Impacts go on for ever and it trembles instead of resting.",
     ),
     "No rest speed: endless impacts": Preset(
-        Controls(rest_speed=0.0),
+        {"rest_speed": 0.0},
         "Each bounce is a fixed share shorter than the last, so infinitely many fit into a "
         "finite time. Without a speed below which nothing bounces, steps run out of the impacts "
         "that are allowed in one step (not resolved).",
@@ -465,19 +380,12 @@ PRESETS = {
 }
 
 MODEL = Model(
-    title=TITLE,
-    controls=Controls(),
-    sliders=SLIDERS,
-    menus={"integrator": ("Integrator", MENU)},
-    switches={"resolve_impacts": "find impact times within the step"},
-    presets=PRESETS,
-    initial=initial,
-    advance=advance,
-    frame=frame,
-    drag=drag,
+    TITLE, Paper(TITLE, word, colour), CONTROLS, STATE, PRESETS, initial, advance, frame, drag
 )
 
 
-def simulation() -> Panel:
+def simulation() -> "Panel":
     """The simulation as a widget for a notebook; it starts paused."""
+    from course.simulations.panel import Panel
+
     return Panel(MODEL)

@@ -1,0 +1,148 @@
+"""What a simulation is, and one run of it, without a view.
+
+A module `course.simulations.<topic>` declares a `MODEL`. Its functions take records and a pen,
+change them in place, and are in the subset of Python that Numba compiles (no strings, no objects):
+the same source runs in a notebook, in a debugger, and compiled. They run as plain Python here; a
+loop in them that is too slow for that is a `course.compiled.loop`.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course.check import finite, one_of
+from course.simulations import pen as drawing
+from course.simulations.record import Field, Record, menu
+
+
+@dataclass(frozen=True)
+class Preset:
+    """Controls worth looking at (what differs from the defaults), and what to look for."""
+
+    values: Mapping[str, Any]
+    note: str
+
+
+@dataclass(frozen=True)
+class Model:
+    """A simulation.
+
+    Attributes:
+        title: its name.
+        paper: what its pictures are drawn on.
+        controls: what can be set; the limits hold for whatever the functions are handed.
+        state: what it keeps; before `initial` every field has its default.
+        presets: by name; the first one is what the panel starts with.
+        initial: (controls, state): the state at time zero.
+        advance: (state, controls, seconds): let time pass.
+        frame: (pen, state, controls): draw the picture and the numbers.
+        drag: (controls, state, x, y), if something can be moved: the pointer is at (x, y) in units
+            of the window.
+        live_drag: a drag acts on the running state; else the experiment starts anew from what it
+            did to the controls.
+        recorded: the pictures were computed beforehand, as a library had to come along.
+    """
+
+    title: str
+    paper: drawing.Paper
+    controls: Record
+    state: Record
+    presets: Mapping[str, Preset]
+    initial: Callable[[Any, Any], None]
+    advance: Callable[[Any, Any, float], None]
+    frame: Callable[[Any, Any, Any], None]
+    drag: Callable[[Any, Any, float, float], None] | None = None
+    live_drag: bool = False
+    recorded: bool = field(default=False)
+
+
+class Experiment:
+    """One run of a model: its controls, its state and the pen that draws it."""
+
+    def __init__(self, model: Model, **values: Any) -> None:
+        self.model = model
+        self.controls = model.controls.new(**values)
+        self.state = model.state.new()
+        self._pen = model.paper.pen()
+        self.start()
+
+    def start(self) -> None:
+        """Begin anew, with the same controls."""
+        self.model.state.reset(self.state)
+        self.model.initial(self.controls, self.state)
+
+    def set(self, **values: Any) -> None:
+        """Set controls; begin anew unless all of them act on the running state.
+
+        Raises:
+            ValueError: a value is not allowed; then nothing is changed.
+        """
+        self.model.controls.set(self.controls, **values)
+        if not all(self.model.controls.fields[name].live for name in values):
+            self.start()
+
+    def choose(self, preset: str) -> None:
+        """Take the controls of a preset and begin anew."""
+        known = self.model.presets
+        chosen = self.model.controls.new(**known[one_of("preset", preset, known)].values)
+        for name in self.model.controls.fields:
+            self.controls[name] = chosen[name]
+        self.start()
+
+    def advance(self, seconds: float) -> None:
+        """Let simulated time pass.
+
+        Raises:
+            ValueError: seconds is negative or not finite.
+        """
+        self.model.advance(self.state, self.controls, finite("seconds", seconds, 0.0))
+
+    def drag(self, x: float, y: float) -> None:
+        """The pointer is at (x, y) in units of the window; without a `drag` nothing happens."""
+        if self.model.drag is not None:
+            self.model.drag(self.controls, self.state, x, y)
+            if not self.model.live_drag:
+                self.start()
+
+    def picture(self) -> drawing.Picture:
+        """The picture now."""
+        drawing.clear(self._pen)
+        self.model.frame(self._pen, self.state, self.controls)
+        return drawing.picture(self.model.paper, self._pen)
+
+
+def recorded(
+    title: str,
+    paper: drawing.Paper,
+    presets: Mapping[str, tuple[str, Sequence[NDArray[np.float64]]]],
+    seconds: float,
+) -> Model:
+    """A model that shows pictures drawn beforehand, for what a library computes.
+
+    Args:
+        title: its name.
+        paper: what the pictures were drawn on.
+        presets: a note, and `Picture.data` of each picture in turn, by name.
+        seconds: between two pictures.
+    """
+    names = tuple(presets)
+
+    def initial(controls: Any, state: Any) -> None:
+        state["time"] = 0.0
+
+    def advance(state: Any, controls: Any, passed: float) -> None:
+        state["time"] += passed
+
+    def frame(pen: Any, state: Any, controls: Any) -> None:
+        pictures = presets[names[controls["recording"]]][1]
+        drawing.copy(pen, pictures[min(int(state["time"] / seconds), len(pictures) - 1)])
+
+    return Model(
+        title, paper, Record(recording=menu("Recording", names)),
+        Record(time=Field(0.0, unit="s")),
+        {name: Preset({"recording": name}, note) for name, (note, _) in presets.items()},
+        initial, advance, frame, recorded=True,
+    )  # fmt: skip

@@ -1,0 +1,124 @@
+"""Pictures by matplotlib, as the browser draws them: what a saved notebook shows."""
+
+import io
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib import patches
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.transforms import Bbox, ScaledTranslation, TransformedBbox
+
+from course.simulations import pen
+from course.simulations.pen import Picture, decode
+
+# Farther away than this a point is drawn here, as in the browser.
+_FAR = 1e7
+
+# What is cut off may stand out of its rectangle by this much: half of a line [pixels].
+_SLACK = 2.0
+
+# Room for one number below the picture, wide and high [pixels].
+_CELL = (122.0, 44.0)
+
+_ALIGN = {pen.LEFT: "left", pen.CENTRE: "center", pen.RIGHT: "right"}
+_BASELINE = {pen.BOTTOM: "bottom", pen.MIDDLE: "center_baseline", pen.TOP: "top"}
+
+
+def draw(picture: Picture, axes: Any) -> None:
+    """Draw a picture on matplotlib axes."""
+    paper = picture.paper
+    xmin, xmax, ymin, ymax = paper.window
+    axes.set_xlim(xmin, xmax)
+    axes.set_ylim(ymin, ymax)
+    axes.set_aspect("equal")
+    axes.set_axis_off()
+    figure = axes.figure
+    # Points on paper for one pixel of the picture.
+    size = axes.get_window_extent().width / figure.dpi * 72.0 / paper.width
+    slack = _SLACK * (xmax - xmin) / paper.width
+    cut = axes.bbox
+
+    def colour(index: float) -> str:
+        return "none" if index == pen.NONE else paper.colours.entries[int(index)]
+
+    def shape(artist: Any) -> None:
+        axes.add_patch(artist)
+        artist.set_clip_box(cut)
+
+    for order, item in enumerate(decode(picture)):
+        points = np.clip(item.points, -_FAR, _FAR)
+        if item.kind == pen.CUT:
+            cut = axes.bbox
+            if points.size:
+                (left, low), (right, high) = points.T
+                edges = Bbox.from_extents(left - slack, low - slack, right + slack, high + slack)
+                cut = TransformedBbox(edges, axes.transData)
+        elif item.kind == pen.LINE:
+            ink, width, alpha, on, off = item.style
+            style: Any = (0, (on * size, off * size)) if on else "-"
+            (artist,) = axes.plot(
+                *points, color=colour(ink), linewidth=max(width * size, 1e-6), linestyle=style,
+                solid_capstyle="butt", solid_joinstyle="round", zorder=order, alpha=alpha,
+            )  # fmt: skip
+            artist.set_clip_box(cut)
+        elif item.kind in (pen.POLYGON, pen.DISC):
+            fill, edge, width, alpha = item.style[-4:]
+            look = {
+                "facecolor": colour(fill), "edgecolor": colour(edge), "linewidth": width * size,
+                "zorder": order, "alpha": alpha,
+            }  # fmt: skip
+            if item.kind == pen.POLYGON:
+                shape(patches.Polygon(points.T, closed=True, **look))
+            else:
+                for x, y in points.T:
+                    shape(patches.Circle((x, y), item.style[0], **look))
+        elif item.kind == pen.ARROW:
+            ink, width, head, alpha = item.style
+            shape(
+                patches.FancyArrowPatch(
+                    points[:, 0], points[:, 1], zorder=order, alpha=alpha, color=colour(ink),
+                    arrowstyle=f"-|>,head_length={head * size},head_width={0.4 * head * size}",
+                    mutation_scale=1.0, linewidth=width * size, shrinkA=0.0, shrinkB=0.0,
+                )
+            )  # fmt: skip
+        elif item.kind == pen.TEXT:
+            x, y, ink, letters, align, baseline, right, up, turn, bold, alpha = item.style
+            shift = ScaledTranslation(
+                right * size / 72.0, up * size / 72.0, figure.dpi_scale_trans
+            )  # fmt: skip
+            axes.text(
+                x, y, item.words, transform=axes.transData + shift, color=colour(ink),
+                fontsize=letters * size * 0.94, ha=_ALIGN[align], va=_BASELINE[baseline],
+                rotation=turn, rotation_mode="anchor" if turn else "default", zorder=order,
+                fontweight="bold" if bold else "normal", parse_math=False, clip_on=False,
+                alpha=alpha,
+            )  # fmt: skip
+
+
+def to_png(picture: Picture, sharpness: float = 1.5) -> bytes:
+    """A picture and its numbers as a PNG, `sharpness` dots for each pixel of the paper.
+
+    The same picture gives the same bytes.
+    """
+    paper, numbers = picture.paper, picture.numbers
+    xmin, xmax, ymin, ymax = paper.window
+    width = paper.width
+    drawn = width * (ymax - ymin) / (xmax - xmin)
+    columns = max(1, int((width - 16.0) // _CELL[0]))
+    height = drawn + _CELL[1] * math.ceil(len(numbers) / columns)
+    figure = Figure(figsize=(width / 100.0, height / 100.0), dpi=100.0 * sharpness)
+    FigureCanvasAgg(figure)
+    figure.set_facecolor(paper.background)
+    draw(picture, figure.add_axes((0.0, 1.0 - drawn / height, 1.0, drawn / height)))
+    grey, ink = paper.colours.entries[pen.GREY], paper.colours.entries[pen.INK]
+    for k, (name, value) in enumerate(numbers.items()):
+        x = (8.0 + _CELL[0] * (k % columns)) / width
+        top = height - drawn - _CELL[1] * (k // columns)
+        for words, below, colour, size in ((name, 2.0, grey, 11.0), (value, 17.0, ink, 14.0)):
+            figure.text(x, (top - below) / height, words, color=colour, va="top",
+                        fontsize=0.68 * size, parse_math=False)  # fmt: skip
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", metadata={"Software": None})
+    return buffer.getvalue()

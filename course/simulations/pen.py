@@ -1,0 +1,543 @@
+"""The display list of all simulations: one float64 array that a model writes and painters read.
+
+A model's `frame(pen, state, controls)` calls the functions below. They are in the subset of Python
+that Numba compiles, and run as plain Python too. A pen is an array from `Paper.pen()`: `HEADER`
+numbers that say where it stands, then items one after the other, each its kind, how many numbers
+follow, a style and points (x, y in turn) in units of the paper's window. Words and colours stand in
+tables on the paper. `canvas.js` and `painter.py` draw the items, `decode` reads them.
+
+Lengths on paper (line widths, letters, arrow heads) are in pixels of a picture that is
+`Paper.width` pixels wide, and scale with it.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from decimal import ROUND_HALF_UP, Context, Decimal
+
+import numpy as np
+from numba.extending import register_jitable
+from numpy.typing import NDArray
+
+from course.check import positive, refused, vector
+
+Array = NDArray[np.float64]
+
+# Kinds of items, and how many numbers of each are its style; what follows are points or words.
+CUT, LINE, POLYGON, DISC, ARROW, TEXT, READOUT = range(7)
+STYLE = {CUT: 0, LINE: 5, POLYGON: 4, DISC: 5, ARROW: 4, TEXT: 11, READOUT: 1}
+
+# Colours that a colour-blind reader can tell apart (Wong, Nature Methods 8, 2011), and greys.
+BLUE, ORANGE, GREEN, RED, PURPLE, INK, GREY, FAINT = range(8)
+PALETTE = (
+    "#0072b2", "#d55e00", "#00815a", "#c1272d", "#8a4f9e", "#222222", "#767676", "#dddddd",
+)  # fmt: skip
+NONE = -1  # no fill, or no edge
+
+# How a number is written: decimals (0 to 15), plus SIGNED for a sign always, or EXPONENT for
+# powers of ten. WORD stands where a number's format would: a word of the table.
+WORD, SIGNED, EXPONENT = -1, 20, 40
+
+LEFT, CENTRE, RIGHT = BOTTOM, MIDDLE, TOP = 0.0, 0.5, 1.0
+
+# Where a pen stands: the next free place, the item begun last, the rectangle of the window that is
+# drawn in, the values at its edges, and what takes a value to the window.
+HEADER = 12
+_FREE, _ITEM, _RECTANGLE, _VALUES, _SCALE_X, _SCALE_Y = 0, 1, 2, 6, 10, 11
+
+
+class Table:
+    """Words or colours, known to compiled functions by their number."""
+
+    def __init__(self, *entries: str) -> None:
+        self.entries = list(entries)
+
+    def __call__(self, *entries: str) -> range:
+        """Append entries; their numbers."""
+        self.entries += entries
+        return range(len(self.entries) - len(entries), len(self.entries))
+
+
+def words_table() -> Table:
+    """A table of words whose number 0 is empty."""
+    return Table("")
+
+
+def colours_table() -> Table:
+    """A table of colours that begins with those of the course, `BLUE` to `FAINT`."""
+    return Table(*PALETTE)
+
+
+@dataclass(frozen=True)
+class Paper:
+    """What all pictures of a model have in common.
+
+    Attributes:
+        label: what the pictures show, in words, for those who cannot see them.
+        words, colours: the tables that the items refer to.
+        window: xmin, xmax, ymin, ymax of a picture, with equal scales.
+        width: pixels across for which line widths and letters are given.
+        background: colour.
+        room: how many numbers a picture may have.
+    """
+
+    label: str
+    words: Table = field(default_factory=words_table)
+    colours: Table = field(default_factory=colours_table)
+    window: tuple[float, float, float, float] = (0.0, 9.0, 0.0, 5.0)
+    width: float = 760.0
+    background: str = "#ffffff"
+    room: int = 20_000
+
+    def __post_init__(self) -> None:
+        xmin, xmax, ymin, ymax = vector("window", self.window, (4,))
+        if not (xmin < xmax and ymin < ymax):
+            raise refused("window", self.window, "xmin < xmax, ymin < ymax")
+        positive("width", self.width, unit="pixels")
+
+    def pen(self) -> Array:
+        """A new pen with nothing drawn."""
+        pen = np.zeros(HEADER + self.room)
+        clear(pen)
+        return pen
+
+
+# --- What a model calls ---------------------------------------------------------------------------
+
+
+@register_jitable
+def clear(pen):
+    """Begin a new picture; what is drawn is in units of the window."""
+    pen[_FREE] = HEADER
+    pen[_ITEM] = HEADER
+    pen[_RECTANGLE : _RECTANGLE + 8] = 0.0
+    pen[_SCALE_X] = 1.0
+    pen[_SCALE_Y] = 1.0
+
+
+@register_jitable
+def _more(pen, count):
+    """Room for so many more numbers of the item begun last; where it is."""
+    at = int(pen[_FREE])
+    if at + count > pen.size:
+        raise ValueError("the picture has more numbers than the room of its paper")
+    pen[_FREE] = at + count
+    pen[int(pen[_ITEM]) + 1] += count
+    return at
+
+
+@register_jitable
+def _begin(pen, kind, count):
+    """Begin an item with so many numbers; where they go."""
+    at = int(pen[_FREE])
+    if at + 2 + count > pen.size:
+        raise ValueError("the picture has more numbers than the room of its paper")
+    pen[_ITEM] = at
+    pen[_FREE] = at + 2 + count
+    pen[at] = kind
+    pen[at + 1] = count
+    return at + 2
+
+
+@register_jitable
+def _place(pen, at, x, y):
+    """Write a point, given in values of the area, in units of the window."""
+    pen[at] = pen[_RECTANGLE] + (x - pen[_VALUES]) * pen[_SCALE_X]
+    pen[at + 1] = pen[_RECTANGLE + 2] + (y - pen[_VALUES + 2]) * pen[_SCALE_Y]
+
+
+@register_jitable
+def area(pen, rectangle, values):
+    """From now on points are values shown in a rectangle, and shapes are cut off at its edges.
+
+    Args:
+        pen: as everywhere.
+        rectangle: left, right, bottom, top in units of the window.
+        values: x and y at these edges: x_left, x_right, y_bottom, y_top.
+    """
+    for k in range(4):
+        pen[_RECTANGLE + k] = rectangle[k]
+        pen[_VALUES + k] = values[k]
+    pen[_SCALE_X] = (rectangle[1] - rectangle[0]) / (values[1] - values[0])
+    pen[_SCALE_Y] = (rectangle[3] - rectangle[2]) / (values[3] - values[2])
+    at = _begin(pen, CUT, 4)
+    pen[at], pen[at + 2] = rectangle[0], rectangle[1]
+    pen[at + 1], pen[at + 3] = rectangle[2], rectangle[3]
+
+
+@register_jitable
+def window(pen):
+    """From now on points are in units of the window again, and nothing is cut off."""
+    area(pen, (0.0, 1.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0))
+    pen[_FREE] -= 4
+    pen[int(pen[_ITEM]) + 1] = 0.0
+
+
+@register_jitable
+def values_at(rectangle, values, x, y):
+    """The point (x, y) of the window in the values of an area."""
+    return (
+        values[0] + (x - rectangle[0]) * (values[1] - values[0]) / (rectangle[1] - rectangle[0]),
+        values[2] + (y - rectangle[2]) * (values[3] - values[2]) / (rectangle[3] - rectangle[2]),
+    )
+
+
+@register_jitable
+def line(pen, colour, width=1.5, alpha=1.0, on=0.0, off=0.0):
+    """Begin a line, dashed with so many pixels on and off; a point that is NaN leaves a gap."""
+    at = _begin(pen, LINE, 5)
+    pen[at] = colour
+    pen[at + 1] = width
+    pen[at + 2] = alpha
+    pen[at + 3] = on
+    pen[at + 4] = off
+
+
+@register_jitable
+def polygon(pen, fill, edge=NONE, width=1.5, alpha=1.0):
+    """Begin a closed polygon; its corners follow."""
+    at = _begin(pen, POLYGON, 4)
+    pen[at] = fill
+    pen[at + 1] = edge
+    pen[at + 2] = width
+    pen[at + 3] = alpha
+
+
+@register_jitable
+def disc(pen, radius, fill, edge=NONE, width=1.5, alpha=1.0):
+    """Begin discs of one radius, in x values of the area; their centres follow."""
+    at = _begin(pen, DISC, 5)
+    pen[at] = radius * pen[_SCALE_X]
+    pen[at + 1] = fill
+    pen[at + 2] = edge
+    pen[at + 3] = width
+    pen[at + 4] = alpha
+
+
+@register_jitable
+def point(pen, x, y):
+    """Add a point to the line, polygon or discs begun last."""
+    _place(pen, _more(pen, 2), x, y)
+
+
+@register_jitable
+def points(pen, x, y):
+    """Add points, arrays (N,), to the line, polygon or discs begun last."""
+    count = 2 * len(x)
+    at = _more(pen, count)
+    left, low = pen[_RECTANGLE], pen[_RECTANGLE + 2]
+    pen[at : at + count : 2] = left + (x - pen[_VALUES]) * pen[_SCALE_X]
+    pen[at + 1 : at + count : 2] = low + (y - pen[_VALUES + 2]) * pen[_SCALE_Y]
+
+
+@register_jitable
+def segment(pen, x0, y0, x1, y1, colour, width=1.5, alpha=1.0, on=0.0, off=0.0):
+    """A line from one point to another."""
+    line(pen, colour, width, alpha, on, off)
+    point(pen, x0, y0)
+    point(pen, x1, y1)
+
+
+@register_jitable
+def box(pen, left, right, bottom, top, fill, edge=NONE, width=1.5, alpha=1.0):
+    """A rectangle with sides along the axes."""
+    polygon(pen, fill, edge, width, alpha)
+    point(pen, left, bottom)
+    point(pen, right, bottom)
+    point(pen, right, top)
+    point(pen, left, top)
+
+
+@register_jitable
+def arrow(pen, x0, y0, x1, y1, colour, width=2.0, head=9.0, alpha=1.0):
+    """An arrow from (x0, y0) to its tip (x1, y1), with a head of so many pixels."""
+    at = _begin(pen, ARROW, 8)
+    pen[at] = colour
+    pen[at + 1] = width
+    pen[at + 2] = head
+    pen[at + 3] = alpha
+    _place(pen, at + 4, x0, y0)
+    _place(pen, at + 6, x1, y1)
+
+
+@register_jitable
+def text(
+    pen, x, y, word=0, colour=INK, size=12.0, align=LEFT, baseline=MIDDLE, right=0.0, up=0.0,
+    turn=0.0, bold=0.0, alpha=1.0,
+):  # fmt: skip
+    """Begin a text at a point, moved by pixels and turned by degrees.
+
+    It is a word of the table, or what is added to it by `words` and `number`, or both.
+    """
+    at = _begin(pen, TEXT, 11)
+    _place(pen, at, x, y)
+    pen[at + 2] = colour
+    pen[at + 3] = size
+    pen[at + 4] = align
+    pen[at + 5] = baseline
+    pen[at + 6] = right
+    pen[at + 7] = up
+    pen[at + 8] = turn
+    pen[at + 9] = bold
+    pen[at + 10] = alpha
+    if word != 0:
+        words(pen, word)
+
+
+@register_jitable
+def title(pen, x, y, word=0):
+    """Begin a title that stands on a point, such as the upper left corner of axes."""
+    text(pen, x, y, word, INK, 13.0, LEFT, BOTTOM, 0.0, 8.0, 0.0, 1.0)
+
+
+@register_jitable
+def key(pen, x, y, word, colour, width=1.5, alpha=1.0, on=0.0, off=0.0):
+    """What a line means: a sample of it and a word; the point is given in units of the window."""
+    segment(pen, x, y, x + 0.3, y, colour, width, alpha, on, off)
+    text(pen, x + 0.38, y, word, INK, 11.5)
+
+
+@register_jitable
+def readout(pen, name):
+    """Begin a number below the picture, by the word that names it; `words`, `number` follow."""
+    pen[_begin(pen, READOUT, 1)] = name
+
+
+@register_jitable
+def words(pen, word):
+    """Add a word of the table to the text or readout begun last."""
+    at = _more(pen, 2)
+    pen[at] = WORD
+    pen[at + 1] = word
+
+
+@register_jitable
+def number(pen, value, form, unit=0):
+    """Add a number, and a word after it, to the text or readout begun last.
+
+    Args:
+        pen: as everywhere.
+        value: finite.
+        form: decimals, plus SIGNED or EXPONENT.
+        unit: a word of the table.
+    """
+    at = _more(pen, 2)
+    pen[at] = form
+    pen[at + 1] = value
+    if unit != 0:
+        words(pen, unit)
+
+
+@register_jitable
+def reading(pen, name, value, form, unit=0):
+    """A number below the picture."""
+    readout(pen, name)
+    number(pen, value, form, unit)
+
+
+@register_jitable
+def remember(history, count, now):
+    """Room for one more sample of a history (rows, N), whose row 0 is the time.
+
+    Where it is full the older half is forgotten.
+
+    Returns:
+        How many samples there are now; the last one has its time, the other rows are to be filled.
+    """
+    size = history.shape[1]
+    if count == size:
+        count -= size // 2
+        history[:, :count] = history[:, size - count :].copy()
+    history[0, count] = now
+    return count + 1
+
+
+@register_jitable
+def copy(pen, data):
+    """Draw what is in `Picture.data` of another picture on the same paper."""
+    at = _begin(pen, CUT, 0)
+    if at + data.size > pen.size:
+        raise ValueError("the picture has more numbers than the room of its paper")
+    pen[at : at + data.size] = data
+    pen[_FREE] = at + data.size
+
+
+@register_jitable
+def tick(k, factor, power):
+    """The tick k * factor * 10^power, as near as a float can be (powers from -22 to 22)."""
+    if power < 0.0:
+        return k * factor / 10.0**-power
+    return k * factor * 10.0**power
+
+
+@register_jitable
+def ticks(low, high, count):
+    """About `count` round numbers from low to high: 1, 2 or 5 times a power of ten apart.
+
+    Returns:
+        (first, last, factor, power): the ticks are `tick(k, factor, power)` for k from first to
+        last; none (last < first) where floats are too coarse to tell the ticks apart.
+    """
+    span = high - low
+    if count < 1 or not 0.0 < span < np.inf:
+        return 1.0, 0.0, 1.0, 0.0
+    rough = span / count
+    power = np.floor(np.log10(rough))
+    factor = 10.0
+    for smaller in (5.0, 2.0, 1.0):
+        if tick(1.0, smaller, power) >= rough * (1.0 - 1e-9):
+            factor = smaller
+    if factor == 10.0:
+        factor, power = 1.0, power + 1.0
+    step = tick(1.0, factor, power)
+    if max(abs(low), abs(high)) > 1e15 * step:
+        return 1.0, 0.0, 1.0, 0.0
+    # The quotient is off by less than one; then each tick itself is compared with the edges.
+    first = np.floor(low / step) - 1.0
+    while tick(first, factor, power) < low - 1e-9 * step:
+        first += 1.0
+    last = first - 1.0
+    while tick(last + 1.0, factor, power) <= high + 1e-9 * step:
+        last += 1.0
+    return first, last, factor, power
+
+
+@register_jitable
+def tick_form(largest, power):
+    """How ticks up to the value `largest` are written so that they differ, and their letters."""
+    before = np.floor(np.log10(max(abs(largest), 1e-300)))
+    if -9.0 <= power and before < 7.0:
+        decimals = int(max(-power, 0.0))
+        return decimals, max(before, 0.0) + 1.0 + decimals + (decimals > 0)
+    digits = int(max(before - power, 0.0))
+    return EXPONENT + digits, digits + 5.0
+
+
+@register_jitable
+def axes(pen, x_label=0, y_label=0, heading=0, x_ticks=5, y_ticks=5, size=12.0, grid=True):
+    """Axes of the area: grid, ticks, labels. A direction with no ticks has no grid either."""
+    left, right, bottom, top = pen[2], pen[3], pen[4], pen[5]
+    x0, x1, y0, y1 = pen[6], pen[7], pen[8], pen[9]
+    window(pen)
+    first, last, factor, power = ticks(x0, x1, x_ticks)
+    form, _ = tick_form(max(abs(x0), abs(x1)), power)
+    for k in range(int(last - first) + 1):
+        value = tick(first + k, factor, power)
+        x = min(max(left + (value - x0) * ((right - left) / (x1 - x0)), left), right)
+        if grid:
+            segment(pen, x, bottom, x, top, FAINT, 1.0)
+        text(pen, x, bottom, 0, GREY, size, CENTRE, TOP, 0.0, -5.0)
+        number(pen, value, form)
+    first, last, factor, power = ticks(y0, y1, y_ticks)
+    form, letters = tick_form(max(abs(y0), abs(y1)), power)
+    if y0 < 0.0:
+        letters += 1.0
+    for k in range(int(last - first) + 1):
+        value = tick(first + k, factor, power)
+        y = min(max(bottom + (value - y0) * ((top - bottom) / (y1 - y0)), bottom), top)
+        if grid:
+            segment(pen, left, y, right, y, FAINT, 1.0)
+        text(pen, left, y, 0, GREY, size, RIGHT, MIDDLE, -6.0)
+        number(pen, value, form)
+    line(pen, GREY, 1.2)
+    point(pen, left, top)
+    point(pen, left, bottom)
+    point(pen, right, bottom)
+    if x_label:
+        below = -(8.0 + 1.15 * size) if x_ticks else -6.0
+        text(pen, 0.5 * (left + right), bottom, x_label, INK, size, CENTRE, TOP, 0.0, below)
+    if y_label:
+        beside = -(12.0 + 0.6 * size * letters) if y_ticks else -8.0
+        middle = 0.5 * (bottom + top)
+        text(pen, left, middle, y_label, INK, size, CENTRE, BOTTOM, beside, 0.0, 90.0)
+    if heading:
+        title(pen, left, top, heading)
+    area(pen, (left, right, bottom, top), (x0, x1, y0, y1))
+
+
+# --- What a painter reads -------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Item:
+    """An item of a picture: its kind, its style, and its points (2, N) or its words."""
+
+    kind: int
+    style: tuple[float, ...]
+    points: Array
+    words: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Picture:
+    """What a pen has drawn: the paper, and the numbers of all items in turn."""
+
+    paper: Paper
+    data: Array
+
+    @property
+    def numbers(self) -> dict[str, str]:
+        """The readouts by name, as they are written."""
+        table = self.paper.words.entries
+        return {
+            table[int(item.style[0])]: item.words for item in decode(self) if item.kind == READOUT
+        }
+
+    @property
+    def text(self) -> str:
+        """The label and the readouts, a line each."""
+        return "\n".join([self.paper.label, *(f"  {k}: {v}" for k, v in self.numbers.items())])
+
+
+def picture(paper: Paper, pen: Array) -> Picture:
+    """A copy of what a pen has drawn."""
+    data = pen[HEADER : int(pen[_FREE])].copy()
+    data.setflags(write=False)
+    return Picture(paper, data)
+
+
+def written(value: float, form: int) -> str:
+    """A number as both painters write it; halves are rounded away from zero, as browsers do."""
+    size, digits, tail = abs(Decimal(float(value))), form % 20, ""
+    if form >= EXPONENT or size >= 10**21:
+        size = Context(digits + 1, ROUND_HALF_UP).plus(size)
+        power = size.adjusted()
+        size = size.scaleb(-power, _WIDE)
+        tail = f"e{power}".replace("-", "\N{MINUS SIGN}")
+    shown = size.quantize(Decimal(1).scaleb(-digits), context=_WIDE)
+    sign = "+" if SIGNED <= form < EXPONENT else ""
+    if value < 0.0 and shown:
+        sign = "\N{MINUS SIGN}"
+    return f"{sign}{shown:f}{tail}"
+
+
+_WIDE = Context(60, ROUND_HALF_UP)
+
+
+def _parts(paper: Paper, parts: Array) -> str:
+    return "".join(
+        paper.words.entries[int(value)] if form == WORD else written(value, int(form))
+        for form, value in parts.reshape(-1, 2)
+    )
+
+
+def decode(picture: Picture) -> Iterator[Item]:
+    """The items of a picture, in drawing order.
+
+    Raises:
+        ValueError: the numbers are not a list of items.
+    """
+    data, at = picture.data, 0
+    while at < data.size:
+        kind, count = int(data[at]), int(data[at + 1])
+        own = STYLE.get(kind, -1)
+        rest = count - own
+        if own < 0 or rest < 0 or rest % 2 or at + 2 + count > data.size:
+            raise ValueError(f"item at {at} has kind {kind} and {count} numbers: no such item")
+        block = data[at + 2 : at + 2 + count]
+        style = tuple(block[:own].tolist())
+        if kind in (TEXT, READOUT):
+            where = block[:2].reshape(2, 1) if kind == TEXT else np.empty((2, 0))
+            yield Item(kind, style, where, _parts(picture.paper, block[own:]))
+        else:
+            yield Item(kind, style, block[own:].reshape(-1, 2).T)
+        at += 2 + count

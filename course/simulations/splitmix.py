@@ -1,0 +1,38 @@
+"""Random numbers that a model can draw compiled, in plain Python and in a browser alike.
+
+SplitMix64 (Steele, Lea and Flood, Fast splittable pseudorandom number generators, OOPSLA 2014, with
+the constants of Vigna's splitmix64.c): the k-th number is a hash of seed + k * GAMMA, so that as
+many as are wanted come from one array expression. The seed is an array (1,) of uint64, such as a
+field `Field(np.uint64(0), shape=(1,))` of the state; drawing moves it on.
+"""
+
+import numpy as np
+from numba.extending import register_jitable
+
+_GAMMA = np.uint64(0x9E3779B97F4A7C15)
+_FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
+_30, _27, _31, _11 = np.uint64(30), np.uint64(27), np.uint64(31), np.uint64(11)
+
+
+@register_jitable
+def integers(seed, count):
+    """The next numbers of the stream, (count,) uint64; the seed moves on."""
+    z = np.arange(1, count + 1).astype(np.uint64) * _GAMMA + seed
+    if count > 0:
+        seed[:] = z[count - 1 :]
+    z = (z ^ (z >> _30)) * _FIRST
+    z = (z ^ (z >> _27)) * _SECOND
+    return z ^ (z >> _31)
+
+
+@register_jitable
+def uniform(seed, out):
+    """Fill `out` (N,) with numbers spread evenly over [0, 1)."""
+    out[:] = (integers(seed, out.size) >> _11) * 2.0**-53
+
+
+@register_jitable
+def normal(seed, out):
+    """Fill `out` (N,) with numbers of a standard normal distribution (Box and Muller, 1958)."""
+    u = (integers(seed, 2 * out.size) >> _11) * 2.0**-53
+    out[:] = np.sqrt(-2.0 * np.log(1.0 - u[::2])) * np.cos(2.0 * np.pi * u[1::2])
