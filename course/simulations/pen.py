@@ -354,7 +354,7 @@ def remember(history, count, now):
 @register_jitable
 def copy(pen, data):
     """Draw what is in `Picture.data` of another picture on the same paper."""
-    at = _begin(pen, CUT, 0)
+    at = int(pen[_FREE])
     if at + data.size > pen.size:
         raise ValueError("the picture has more numbers than the room of its paper")
     pen[at : at + data.size] = data

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from course.check import count, one_of, refused, vector
+from course.check import count, finite, one_of, refused, vector
 
 _WIDE = {"f": np.float64, "i": np.int64, "b": np.int64, "u": np.uint64}
 
@@ -74,8 +74,11 @@ class Field:
         kind, shape = self.type()
         if self.switch:
             return int(one_of(name, value, (False, True)))
-        array = vector(name, value, shape, low=self.low, high=self.high, unit=self.unit)
-        if kind is not np.float64 and (array != np.floor(array)).any():
+        if shape:
+            good: Any = vector(name, value, shape, low=self.low, high=self.high, unit=self.unit)
+        else:
+            good = finite(name, value, self.low, self.high, unit=self.unit)
+        if kind is not np.float64 and np.any(good != np.floor(good)):
             raise refused(name, value, "a whole number")
         return np.asarray(value, kind)
 

@@ -14,21 +14,6 @@ from course.rigid_body.planar import FLIGHT_COEFFICIENT, box_parameters, step_bo
 from course.rigid_body.planar_contact import flight
 from course.simulations import pen as draw
 from course.simulations.model import Model, Preset
-from course.simulations.pen import (
-    BLUE,
-    BOTTOM,
-    CENTRE,
-    FAINT,
-    GREEN,
-    GREY,
-    INK,
-    LEFT,
-    ORANGE,
-    RED,
-    SIGNED,
-    TOP,
-    Paper,
-)
 from course.simulations.record import Field, Record, menu, slider, switch
 
 if TYPE_CHECKING:
@@ -97,6 +82,12 @@ def energies(box, gravity):
 
 
 @register_jitable
+def _reach(angle):
+    """How far the box reaches below its centre [m]."""
+    return 0.5 * (WIDTH * abs(math.sin(angle)) + HEIGHT * abs(math.cos(angle)))
+
+
+@register_jitable
 def _method(controls):
     """Step [s], flight coefficient, whether impacts are resolved, rest speed [m/s]."""
     coefficient = _COEFFICIENTS[controls["integrator"]]
@@ -121,11 +112,9 @@ def _run(box, controls, how, steps):
 
 
 @register_jitable
-def _trace(path, controls, how):
-    """Write the motion from the start into `path`; how many points there are."""
-    dt = how[0]
-    box = np.empty((6, 1))
-    box[:, 0] = controls["start"]
+def _trace(path, start, controls, how):
+    """Write the motion from the start (6, 1) into `path`; how many points there are."""
+    dt, box = how[0], start.copy()
     path[0, 0] = 0.0
     path[1:7, 0] = box[:, 0]
     many = max(1, math.floor(_SAMPLE / dt + 0.5))
@@ -146,17 +135,18 @@ def _trace(path, controls, how):
 
 
 def initial(controls, state):
-    """The box at its start, and the motion ahead of it."""
+    """The box at its start, but not in the ground, and the motion ahead of it."""
     box = state["box"]
     box[:, 0] = controls["start"]
+    box[1, 0] = max(box[1, 0], _reach(box[2, 0]))
     now = energies(box[:, 0], controls["gravity"])
     state["energy"], state["peak"] = now[2], box[1, 0]
     state["history"][1:, 0] = now
     state["samples"] = 1
-    state["path_points"] = _trace(state["path"], controls, _method(controls))
+    state["path_points"] = _trace(state["path"], box, controls, _method(controls))
     # Exact flight, impacts found in time, short steps.
     rest = min(controls["rest_speed"], 0.01) or 0.01
-    state["good_points"] = _trace(state["good"], controls, (5e-4, 0.5, True, rest))
+    state["good_points"] = _trace(state["good"], box, controls, (5e-4, 0.5, True, rest))
 
 
 def advance(state, controls, seconds):
@@ -176,9 +166,8 @@ def advance(state, controls, seconds):
             if box[1, 0] - reach < _RADIUS:
                 many = 1  # step by step, to see how deep it gets before it is pushed out
                 y = flight(box[1, 0], box[4, 0], -gravity, dt, coefficient)
-                angle = box[2, 0] + dt * box[5, 0]
-                low = 0.5 * (WIDTH * abs(math.sin(angle)) + HEIGHT * abs(math.cos(angle))) - y
-                state["deepest"] = max(state["deepest"], low)
+                deep = _reach(box[2, 0] + dt * box[5, 0]) - y
+                state["deepest"] = max(state["deepest"], deep)
         impacts, unresolved = _run(box, controls, how, many)
         state["impacts"] += impacts
         state["unresolved"] += unresolved
@@ -238,33 +227,33 @@ def _world(pen, state, controls):
     draw.box(pen, left, right, bottom, 0.0, _GROUND)
     draw.axes(pen, _X, _Y)
     draw.segment(pen, left, 0.0, right, 0.0, _EARTH, 2.0)
-    draw.line(pen, INK, 1.4, 0.75, 5.0, 4.0)
+    draw.line(pen, draw.INK, 1.4, 0.75, 5.0, 4.0)
     draw.points(pen, good[1, :m], good[2, :m])
-    draw.line(pen, BLUE, 2.0, 0.55)
+    draw.line(pen, draw.BLUE, 2.0, 0.55)
     draw.points(pen, path[1, :n], path[2, :n])
     before = -1
     for quarter in range(1, 12):
         k = np.searchsorted(path[0, :n], 0.25 * quarter)
         if k != before and k < n:
-            draw.polygon(pen, draw.NONE, BLUE, 1.0, 0.22)
+            draw.polygon(pen, draw.NONE, draw.BLUE, 1.0, 0.22)
             _corners(pen, path[1, k], path[2, k], path[3, k])
         before = k
     box = state["box"][:, 0]
     x, y = box[0], box[1]
-    draw.polygon(pen, _SKIN, ORANGE, 2.0, 0.95)
+    draw.polygon(pen, _SKIN, draw.ORANGE, 2.0, 0.95)
     side_x, side_y = _corners(pen, x, y, box[2])
-    draw.segment(pen, x, y, side_x, side_y, ORANGE)
+    draw.segment(pen, x, y, side_x, side_y, draw.ORANGE)
     unit = (right - left) / (_SCENE[1] - _SCENE[0])
-    draw.disc(pen, 0.035 * unit, ORANGE)
+    draw.disc(pen, 0.035 * unit, draw.ORANGE)
     draw.point(pen, x, y)
     tip_x = min(max(x + 0.12 * box[3], left), right)
     tip_y = min(max(y + 0.12 * box[4], bottom), top)
     if math.hypot(tip_x - x, tip_y - y) > 0.15 * unit:
-        draw.arrow(pen, x, y, tip_x, tip_y, INK, 1.8)
+        draw.arrow(pen, x, y, tip_x, tip_y, draw.INK, 1.8)
     draw.window(pen)
     x, y = _SCENE[1] - 2.55, _SCENE[3] - 0.12
-    draw.key(pen, x, y, _THIS, BLUE, 2.0, 0.7)
-    draw.key(pen, x, y - 0.2, _FINE, INK, 2.0, 0.7, 5.0, 4.0)
+    draw.key(pen, x, y, _THIS, draw.BLUE, 2.0, 0.7)
+    draw.key(pen, x, y - 0.2, _FINE, draw.INK, 2.0, 0.7, 5.0, 4.0)
     draw.title(pen, _SCENE[0], _SCENE[3], _INTEGRATOR + controls["integrator"])
     draw.words(pen, _COMMA)
     step = controls["timestep"]
@@ -285,16 +274,16 @@ def _energies(pen, state, controls, first):
     now = energies(state["box"][:, 0], controls["gravity"])
     for k in range(3):
         draw.box(pen, k + 0.2, k + 0.8, 0.0, now[k], _COLOURS[k])
-        draw.text(pen, k + 0.5, 0.0, _ENERGY + k, INK, 12.0, CENTRE, TOP, 0.0, -5.0)
-        draw.text(pen, k + 0.5, now[k], 0, INK, 12.0, CENTRE, BOTTOM, 0.0, 2.0)
+        draw.text(pen, k + 0.5, 0.0, _ENERGY + k, draw.INK, 12.0, draw.CENTRE, draw.TOP, 0.0, -5.0)
+        draw.text(pen, k + 0.5, now[k], 0, draw.INK, 12.0, draw.CENTRE, draw.BOTTOM, 0.0, 2.0)
         draw.number(pen, now[k], 1)
-    draw.segment(pen, 0.0, start, 3.0, start, GREY, 1.2, 1.0, 2.0, 3.0)
-    draw.text(pen, 0.0, start, _AT_START, GREY, 11.0, LEFT, BOTTOM, 3.0, 2.0)
+    draw.segment(pen, 0.0, start, 3.0, start, draw.GREY, 1.2, 1.0, 2.0, 3.0)
+    draw.text(pen, 0.0, start, _AT_START, draw.GREY, 11.0, draw.LEFT, draw.BOTTOM, 3.0, 2.0)
     begin = max(0.0, past[0, end - 1] - _MEMORY)
     draw.area(pen, _STRIP, (begin, begin + _MEMORY, 0.0, top))
     draw.axes(pen, _T, _E, _OVER_TIME, 5, 4)
-    draw.segment(pen, begin, start, begin + _MEMORY, start, GREY, 1.2, 1.0, 2.0, 3.0)
-    draw.line(pen, GREEN, 2.0, 0.3)
+    draw.segment(pen, begin, start, begin + _MEMORY, start, draw.GREY, 1.2, 1.0, 2.0, 3.0)
+    draw.line(pen, draw.GREEN, 2.0, 0.3)
     draw.points(pen, path[0, :n], path[7, :n])
     for k in range(3):
         draw.line(pen, _COLOURS[k], 2.2 if k == 2 else 1.2)
@@ -302,7 +291,7 @@ def _energies(pen, state, controls, first):
     draw.window(pen)
 
 
-_COLOURS = (RED, BLUE, GREEN)
+_COLOURS = (draw.RED, draw.BLUE, draw.GREEN)
 
 
 def frame(pen, state, controls):
@@ -311,14 +300,14 @@ def frame(pen, state, controls):
     _world(pen, state, controls)
     first = np.searchsorted(past[0, :end], past[0, end - 1] - _MEMORY - 1e-9)
     _energies(pen, state, controls, first)
-    draw.segment(pen, 5.72, 0.2, 5.72, 4.85, FAINT, 1.0)
+    draw.segment(pen, 5.72, 0.2, 5.72, 4.85, draw.FAINT, 1.0)
     draw.reading(pen, _TIME, 1e-3 * controls["timestep"] * state["steps"], 3, _S)
     now = energies(state["box"][:, 0], controls["gravity"])
     for k in range(3):
         draw.reading(pen, _ENERGY + k, now[k], 3, _J)
     draw.readout(pen, _CHANGE)
     if state["energy"] > 1e-9:
-        draw.number(pen, 100.0 * (now[2] / state["energy"] - 1.0), SIGNED + 2, _PERCENT)
+        draw.number(pen, 100.0 * (now[2] / state["energy"] - 1.0), draw.SIGNED + 2, _PERCENT)
     else:
         draw.words(pen, _DASH)
     draw.reading(pen, _HEIGHT, state["box"][1, 0], 3, _M)
@@ -380,7 +369,7 @@ PRESETS = {
 }
 
 MODEL = Model(
-    TITLE, Paper(TITLE, word, colour), CONTROLS, STATE, PRESETS, initial, advance, frame, drag
+    TITLE, draw.Paper(TITLE, word, colour), CONTROLS, STATE, PRESETS, initial, advance, frame, drag
 )
 
 

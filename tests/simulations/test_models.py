@@ -1,0 +1,144 @@
+"""One test for all simulations: whatever is set, played or dragged, there is a sound picture."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from course.simulations import pen as draw
+from course.simulations.model import Experiment, recorded
+from course.simulations.painter import to_png
+from tests.budget import examples
+from tests.simulations.models import MODELS, WALK
+
+
+def assert_sound(experiment):
+    """Everything is finite, and the picture is a list of items with readable numbers."""
+    model = experiment.model
+    for record, declared in (
+        (experiment.controls, model.controls),
+        (experiment.state, model.state),
+    ):
+        for name in declared.fields:
+            assert np.isfinite(record[name]).all(), name
+    model.controls.set(
+        experiment.controls, **{name: experiment.controls[name] for name in model.controls.fields}
+    )
+    picture = experiment.picture()
+    assert list(draw.decode(picture))
+    gaps = [item.points for item in draw.decode(picture) if item.kind == draw.LINE]
+    assert np.isnan(picture.data).sum() == sum(np.isnan(points).sum() for points in gaps)
+    assert not np.isinf(picture.data).any()
+    assert picture.numbers and "nan" not in picture.text
+    return picture
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_every_control_at_both_ends_and_every_preset(model):
+    runs = [{}, *(dict(preset.values) for preset in model.presets.values())]
+    runs += [{name: end} for name, field in model.controls.panel() for end in field.ends]
+    for values in runs:
+        experiment, again = Experiment(model, **values), Experiment(model, **values)
+        first = assert_sound(experiment)
+        for seconds in (0.0, 0.04, 1.5):
+            experiment.advance(seconds)
+            again.advance(seconds)
+            assert_sound(experiment)
+        assert experiment.picture().data.tobytes() == again.picture().data.tobytes(), values
+        experiment.start()
+        assert experiment.picture().data.tobytes() == first.data.tobytes(), values
+    for name, field in model.controls.panel():
+        if not field.choices and not field.switch:
+            for wrong in (field.low - field.step, field.high + field.step, np.nan, "x", None):
+                with pytest.raises(ValueError, match=name):
+                    model.controls.new(**{name: wrong})
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_a_preset_is_encoded_for_both_painters(model):
+    for name, preset in model.presets.items():
+        experiment = Experiment(model)
+        experiment.choose(name)
+        experiment.advance(0.7)
+        assert preset.note
+        assert to_png(experiment.picture(), 0.3).startswith(b"\x89PNG")
+        tables = model.paper.words.entries, model.paper.colours.entries
+        assert all(isinstance(entry, str) for table in tables for entry in table)
+    with pytest.raises(ValueError, match="preset"):
+        experiment.choose("no such")
+
+
+@pytest.mark.parametrize("model", [entry for entry in MODELS if entry.values[0].drag])
+def test_a_drag_to_anywhere_leaves_a_sound_picture(model):
+    xmin, xmax, ymin, ymax = model.paper.window
+    for x in (xmin - 100.0, xmin, 0.5 * (xmin + xmax), xmax):
+        for y in (ymin, 0.5 * (ymin + ymax), ymax, ymax + 100.0):
+            experiment = Experiment(model)
+            experiment.advance(0.3)
+            before = experiment.picture()
+            experiment.drag(x, y)
+            assert assert_sound(experiment).data.tobytes() != before.data.tobytes()
+            experiment.advance(0.1)
+            assert_sound(experiment)
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_any_mixture_of_ends_stays_finite(model):
+    ends = {name: st.sampled_from(field.ends) for name, field in model.controls.panel()}
+
+    @examples(25)
+    @given(st.fixed_dictionaries(ends))
+    def mixture(values):
+        experiment = Experiment(model, **values)
+        experiment.advance(1.5)
+        assert_sound(experiment)
+
+    mixture()
+
+
+def test_what_is_live_acts_on_the_running_state():
+    experiment = Experiment(WALK)
+    experiment.advance(1.0)
+    moved = float(experiment.state["x"])
+    assert moved != 0.0
+    experiment.set(speed=2.0, tail=False)
+    assert experiment.state["x"] == moved and experiment.controls["speed"] == 2.0
+    experiment.drag(3.0, 0.0)
+    assert experiment.state["x"] == 3.0
+    experiment.set(seed=5)
+    assert experiment.state["x"] == 0.0
+    with pytest.raises(ValueError, match="seconds"):
+        experiment.advance(-1.0)
+
+
+def test_another_seed_gives_other_frames():
+    one, other = Experiment(WALK, seed=1), Experiment(WALK, seed=2)
+    one.advance(1.0)
+    other.advance(1.0)
+    assert one.picture().data.tobytes() != other.picture().data.tobytes()
+
+
+def test_recorded_pictures_are_shown_in_turn_and_the_last_one_stays():
+    live, pictures = Experiment(WALK), []
+    for _ in range(3):
+        pictures.append(live.picture().data)
+        live.advance(0.1)
+    model = recorded("Recorded walk", WALK.paper, {"A walk": ("It drifts.", pictures)}, 0.1)
+    shown = Experiment(model)
+    for k in (0, 1, 2, 2):
+        assert shown.picture().data.tobytes() == pictures[k].tobytes()
+        shown.advance(0.1001)
+    assert model.recorded and not WALK.recorded
+
+
+def test_models_need_no_widget_and_no_plot():
+    code = (
+        "import sys, course.simulations.rigid_body as r; from course.simulations.model import *;"
+        "Experiment(r.MODEL).picture();"
+        "print({'anywidget', 'ipywidgets', 'matplotlib'} & set(sys.modules))"
+    )
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert result.stdout.strip() == "set()", result.stderr
