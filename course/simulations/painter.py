@@ -76,9 +76,10 @@ def draw(picture: Picture, axes: Any) -> None:
                     shape(patches.Circle((x, y), item.style[0], **look))
         elif item.kind == pen.ARROW:
             ink, width, head, alpha = item.style
+            (x0, x1), (y0, y1) = points
             shape(
                 patches.FancyArrowPatch(
-                    points[:, 0], points[:, 1], zorder=order, alpha=alpha, color=colour(ink),
+                    (x0, y0), (x1, y1), zorder=order, alpha=alpha, color=colour(ink),
                     arrowstyle=f"-|>,head_length={head * size},head_width={0.4 * head * size}",
                     mutation_scale=1.0, linewidth=width * size, shrinkA=0.0, shrinkB=0.0,
                 )

@@ -51,10 +51,10 @@ class Table:
     def __init__(self, *entries: str) -> None:
         self.entries = list(entries)
 
-    def __call__(self, *entries: str) -> range:
+    def __call__(self, *entries: str) -> tuple[int, ...]:
         """Append entries; their numbers."""
         self.entries += entries
-        return range(len(self.entries) - len(entries), len(self.entries))
+        return tuple(range(len(self.entries) - len(entries), len(self.entries)))
 
 
 def words_table() -> Table:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba.extending import register_jitable
 
+from course.rigid_body.integrators import INTEGRATORS, STANDARD_GRAVITY
 from course.rigid_body.planar import FLIGHT_COEFFICIENT, box_parameters, step_boxes_loop
 from course.rigid_body.planar_contact import flight
 from course.simulations import pen as draw
@@ -24,26 +25,19 @@ _BOX = box_parameters(MASS, WIDTH, HEIGHT)
 _INERTIA = float(_BOX[3, 0])
 _RADIUS = 0.5 * math.hypot(WIDTH, HEIGHT)
 
-INTEGRATORS = {
-    "explicit Euler": "explicit_euler",
-    "semi-implicit Euler": "semi_implicit_euler",
-    "velocity Verlet": "velocity_verlet",
-    "explicit midpoint": "explicit_midpoint",
-    "implicit midpoint": "implicit_midpoint",
-    "Runge-Kutta 4": "rk4",
-}
-_COEFFICIENTS = tuple(FLIGHT_COEFFICIENT[name] for name in INTEGRATORS.values())
+MENU = {INTEGRATORS[name].label: name for name in FLIGHT_COEFFICIENT}
+_COEFFICIENTS = tuple(FLIGHT_COEFFICIENT[name] for name in MENU.values())
 
 TUMBLING = (0.0, 2.5, -0.35, -0.5, 0.0, 1.0)
 FLAT = (0.0, 2.5, 0.0, 0.5, 0.0, 0.0)
 
 CONTROLS = Record(
-    gravity=slider("Gravity", 9.8, 0.0, 20.0, 0.1, "m/s²", 1),
+    gravity=slider("Gravity", round(STANDARD_GRAVITY, 1), 0.0, 20.0, 0.1, "m/s²", 1),
     restitution=slider("Restitution", 0.70, 0.0, 1.0, 0.01),
     timestep=slider("Timestep", 2.0, 0.5, 50.0, 0.5, "ms", 1),
     friction=slider("Friction", 0.5, 0.0, 2.0, 0.05),
     rest_speed=slider("Rest speed", 0.01, 0.0, 0.2, 0.01, "m/s"),
-    integrator=menu("Integrator", tuple(INTEGRATORS), 1),
+    integrator=menu("Integrator", tuple(MENU), 1),
     resolve_impacts=switch("find impact times within the step", True),
     start=Field(TUMBLING),  # x, y, angle, vx, vy, omega [m, rad, m/s, rad/s]
 )
@@ -182,7 +176,7 @@ def advance(state, controls, seconds):
 TITLE = "Rigid body simulator: bouncing box"
 word, colour = draw.words_table(), draw.colours_table()
 _GROUND, _EARTH, _SKIN = colour("#ece7df", "#8c7a5c", "#f4b183")
-_INTEGRATOR, _ENERGY = word(*INTEGRATORS)[0], word("kinetic", "potential", "total")[0]
+_INTEGRATOR, _ENERGY = word(*MENU)[0], word("kinetic", "potential", "total")[0]
 _M, _J, _S, _MM, _MS, _PERCENT, _DASH = word(" m", " J", " s", " mm", " ms", " %", "\N{EN DASH}")
 _COMMA, _FOUND, _LATE = word(", ", ", impacts found in time", ", impacts noticed late")
 _THIS, _FINE = word("path with these settings, 3 s", "the same box computed finely")
@@ -233,7 +227,7 @@ def _world(pen, state, controls):
     draw.points(pen, path[1, :n], path[2, :n])
     before = -1
     for quarter in range(1, 12):
-        k = np.searchsorted(path[0, :n], 0.25 * quarter)
+        k = int(np.searchsorted(path[0, :n], 0.25 * quarter))
         if k != before and k < n:
             draw.polygon(pen, draw.NONE, draw.BLUE, 1.0, 0.22)
             _corners(pen, path[1, k], path[2, k], path[3, k])
@@ -345,7 +339,7 @@ PRESETS = {
         "it promises nothing about a constant force and bounces.",
     ),
     "Exact flight, late impacts": Preset(
-        _ELASTIC | {"integrator": "Runge-Kutta 4", "resolve_impacts": False},
+        _ELASTIC | {"integrator": "RK4", "resolve_impacts": False},
         "Fourth order and exact in flight. But an impact is noticed only at the end of a step, "
         "and pushing the box out of the ground lifts it: energy jumps up at bounces. A better "
         "integrator does not help, finding the impact time does.",

@@ -33,6 +33,7 @@ def advance(state: Any, controls: Any, seconds: float) -> None:
 def frame(pen: Any, state: Any, controls: Any) -> None:
     draw.area(pen, (1.0, 8.0, 1.0, 4.0), (-5.0, 5.0, 0.0, 1.0))
     draw.axes(pen, PLACE[0], NAMES[0], NAMES[1])
+    draw.segment(pen, -4.0, 0.2, 4.0, 0.2, draw.PURPLE, 14.0, 1.0, 30.0, 20.0)
     draw.disc(pen, 0.3, VIOLET[0], draw.INK)
     draw.point(pen, state["x"], 0.5)
     if controls["tail"]:

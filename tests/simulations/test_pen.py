@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 from io import BytesIO
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,8 +31,8 @@ def drawn(*steps, **options):
     return draw.picture(sheet, pen)
 
 
-CORNERS = [(draw.point, 0.0, 0.0), (draw.point, 1.0, 0.0), (draw.point, 1.0, 1.0)]
-SHAPES = {
+CORNERS: list[Any] = [(draw.point, 0.0, 0.0), (draw.point, 1.0, 0.0), (draw.point, 1.0, 1.0)]
+SHAPES: dict[str, list[Any]] = {
     "line": [(draw.line, RED, 3.0, 0.5, 4.0, 2.0), *CORNERS],
     "polygon": [(draw.polygon, GREEN, RED), *CORNERS],
     "disc": [(draw.disc, 0.25, BLUE), (draw.point, 0.5, 1.5)],
@@ -55,7 +56,7 @@ def test_items_come_back_as_they_were_drawn():
 def test_an_area_takes_values_to_its_place_until_the_window_is_back():
     there, values = (1.0, 3.0, 0.5, 1.0), (-10.0, 10.0, 0.0, 5.0)
     x, y = np.array([-10.0, 0.0, np.nan]), np.array([5.0, 2.5, 1.0])
-    points = [(draw.line, RED), (draw.points, x, y)]
+    points: list[Any] = [(draw.line, RED), (draw.points, x, y)]
     cut, line, back, plain = draw.decode(
         drawn((draw.area, there, values), *points, (draw.window,), *points)
     )
@@ -211,7 +212,7 @@ def test_png_has_the_colours_where_the_world_has_them():
 
 def test_png_cuts_shapes_at_the_edges_of_an_area_and_words_never():
     rectangle = (0.0, 1.0, 0.0, 1.0)
-    big = [(draw.box, -9.0, 9.0, -9.0, 9.0, RED)]
+    big: list[Any] = [(draw.box, -9.0, 9.0, -9.0, 9.0, RED)]
     pixels = image(drawn((draw.area, rectangle, rectangle), *big, (draw.text, 1.5, 1.5, ODD)))
     assert colour_at(pixels, 0.5, 0.5) == [1, 0, 0] and colour_at(pixels, 1.1, 0.5) == [1, 1, 1]
     assert (pixels[30:70, 250:] != 1.0).any()
@@ -228,7 +229,7 @@ def test_png_is_the_same_each_time_and_draws_every_kind():
 
 
 def test_png_has_the_numbers_below_the_picture():
-    readings = [(draw.reading, word, 1.0, 2) for word in (ENERGY, JOULE, ODD)]
+    readings: list[Any] = [(draw.reading, word, 1.0, 2) for word in (ENERGY, JOULE, ODD)]
     pixels = image(drawn(*readings, width=300.0))
     assert (pixels[:150] == 1.0).all()
     assert pixels.shape[0] > 150 + 60  # two rows of them

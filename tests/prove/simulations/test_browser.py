@@ -1,0 +1,100 @@
+"""Both painters draw the same: canvas.js in a real browser against matplotlib, for every model."""
+
+import base64
+from collections.abc import Iterator
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+from course.simulations import canvas as widget
+from course.simulations import pen as draw
+from course.simulations.model import Experiment
+from course.simulations.painter import to_png
+from tests.conftest import chromium
+from tests.simulations.models import MODELS
+
+SCRIPT = Path(widget.__file__).with_suffix(".js").read_text(encoding="utf-8")
+PAINT = """([paper, data, wide]) => {
+  const canvas = document.createElement("canvas");
+  const bytes = Uint8Array.from(atob(data), c => c.charCodeAt(0));
+  const readouts = window.painter.paint(canvas, paper, new Float64Array(bytes.buffer), wide);
+  return [readouts, canvas.toDataURL("image/png").split(",")[1]];
+}"""
+
+
+@pytest.fixture(scope="module")
+def page() -> Iterator[Any]:
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=chromium(), args=["--no-sandbox", "--disable-gpu", "--disable-quic"]
+        )
+        page = browser.new_page()
+        load = "async text => { window.painter = await import('data:text/javascript,' + text); }"
+        page.evaluate(load, "".join(f"%{byte:02x}" for byte in SCRIPT.encode()))
+        yield page
+        browser.close()
+
+
+def in_browser(page: Any, picture: draw.Picture) -> tuple[dict[str, str], Any]:
+    """The readouts and the pixels."""
+    told = widget.Canvas(picture)._paper
+    data = base64.b64encode(picture.data.tobytes()).decode()
+    readouts, png = page.evaluate(PAINT, [told, data, picture.paper.width])
+    pixels = matplotlib.image.imread(BytesIO(base64.b64decode(png)), format="png")
+    return dict(readouts), pixels[..., :3]
+
+
+def blurred(pixels: Any, by: int = 8) -> Any:
+    """Means over squares: letters and edges differ by a pixel, what stands where does not."""
+    rows, columns = pixels.shape[0] // by, pixels.shape[1] // by
+    cut = pixels[: rows * by, : columns * by]
+    return cut.reshape(rows, by, columns, by, 3).mean(axis=(1, 3))
+
+
+def without_words(picture: draw.Picture) -> draw.Picture:
+    """Words are a few pixels wider in another program; shapes are only moved to whole pixels."""
+    kept, at = [], 0
+    while at < picture.data.size:
+        end = at + 2 + int(picture.data[at + 1])
+        if picture.data[at] != draw.TEXT:
+            kept.append(picture.data[at:end])
+        at = end
+    return draw.Picture(picture.paper, np.concatenate(kept))
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_both_painters_draw_the_same_picture(page: Any, model: Any) -> None:
+    for preset in model.presets.values():
+        experiment = Experiment(model, **preset.values)
+        for _ in range(2):
+            picture = experiment.picture()
+            for shown, most, share in ((picture, 0.5, 0.01), (without_words(picture), 0.3, 0.004)):
+                said, browser = in_browser(page, shown)
+                assert said == picture.numbers
+                still = matplotlib.image.imread(BytesIO(to_png(shown, 1.0)), format="png")
+                still = still[: browser.shape[0], :, :3]
+                difference = np.abs(blurred(browser) - blurred(still)).max(axis=-1)
+                assert (blurred(still) < 0.9).any()
+                assert difference.max() < most and (difference > 0.12).mean() < share
+            experiment.advance(1.3)
+
+
+def test_both_write_numbers_alike(page: Any) -> None:
+    rng = np.random.default_rng(3)
+    forms = [
+        *range(16),
+        *(draw.SIGNED + k for k in range(9)),
+        *(draw.EXPONENT + k for k in range(16)),
+    ]
+    values = [0.0, -0.0, 0.5, 1.5, 2.5, -2.5, 0.125, 1.005, 1e21, -1e22, 9.995, 99999.5]
+    values += (rng.normal(size=300) * 10.0 ** rng.uniform(-12, 12, 300)).tolist()
+    pairs = [(value, form) for value in values for form in forms]
+    shown = page.evaluate("pairs => pairs.map(p => window.painter.written(...p))", pairs)
+    for (value, form), text in zip(pairs, shown, strict=True):
+        assert draw.written(value, form) == text, (value, form)

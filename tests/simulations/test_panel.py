@@ -1,0 +1,118 @@
+"""The panel: inputs that follow the model, time that runs while somebody looks."""
+
+import asyncio
+
+import pytest
+
+from course.simulations.model import recorded
+from course.simulations.panel import Panel
+from tests.simulations.models import MODELS, WALK
+
+
+@pytest.fixture
+def panel():
+    made = Panel(WALK)
+    yield made
+    made.close()
+
+
+def test_an_input_starts_anew_unless_it_is_live(panel):
+    panel.advance(0.5)
+    before, x = panel.canvas.frame, float(panel.state["x"])
+    panel.inputs["tail"].value = False
+    assert panel.state["x"] == x != 0.0
+    assert panel.canvas.frame.data.size < before.data.size
+    panel.inputs["seed"].value = 7
+    assert panel.controls["seed"] == 7 and panel.state["x"] == 0.0
+    assert panel.canvas.frame.numbers == {"place": "+0.00 m"}
+    panel.advance(0.5)
+    panel.reset()
+    assert panel.state["x"] == 0.0 and panel.controls["seed"] == 7
+
+
+def test_a_pointer_drags_and_keys_play_and_reset(panel):
+    panel.canvas._handle_custom_msg({"type": "move", "x": 2.0, "y": 1.0}, [])
+    assert panel.state["x"] == 2.0 and panel.canvas.frame.numbers == {"place": "+2.00 m"}
+    panel.canvas._handle_custom_msg({"type": "key", "key": "r"}, [])
+    assert panel.state["x"] == 0.0
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_inputs_have_the_limits_of_the_model_and_follow_it(model):
+    panel = Panel(model)
+    for name, field in model.controls.panel():
+        widget = panel.inputs[name]
+        if not field.choices and not field.switch:
+            assert (widget.min, widget.max, widget.step) == (field.low, field.high, field.step)
+    for name in [*model.presets, next(iter(model.presets))]:
+        panel.choose(name)
+        wanted = model.controls.new(**model.presets[name].values)
+        assert panel.controls.tobytes() == wanted.tobytes()
+        assert model.presets[name].note[:30] in panel._note.value
+        for field, widget in panel.inputs.items():
+            assert widget.value == wanted[field]
+    with pytest.raises(ValueError, match="preset"):
+        panel.choose("no such")
+    assert repr(panel) == repr(Panel(model)) == panel.canvas.frame.text
+    data, _ = panel._repr_mimebundle_()
+    assert data["text/plain"] == repr(panel) and data["image/png"]
+    panel.close()
+
+
+def test_a_recorded_model_says_so(panel):
+    model = recorded("R", WALK.paper, {"A walk": ("It drifts.", [panel.canvas.frame.data])}, 0.1)
+    made = Panel(model)
+    assert "Recorded" in made._note.value and "Recorded" not in panel._note.value
+    made.close()
+
+
+async def _play(panel: Panel, watched: bool) -> tuple[float, int]:
+    if watched:  # a browser that draws every frame at once
+        sent = []
+        panel.canvas.send = lambda content, buffers=None: sent.append(content)
+        panel.canvas._handle_custom_msg({"type": "ready"}, [])
+    panel.play()
+    other_work = 0
+    for _ in range(200):
+        await asyncio.sleep(0.005)
+        other_work += 1
+        if watched:
+            panel.canvas._handle_custom_msg({"type": "drawn", "id": sent[-1]["id"]}, [])
+        if panel.state["x"] > 0.1:
+            break
+    gone = float(panel.state["x"])
+    panel.pause()
+    await asyncio.sleep(0.05)
+    assert not panel.playing
+    still = float(panel.state["x"])
+    await asyncio.sleep(0.1)
+    assert panel.state["x"] == still
+    return gone, other_work
+
+
+def test_play_lets_time_run_beside_other_work_until_paused(panel):
+    gone, other_work = asyncio.run(_play(panel, watched=True))
+    assert gone > 0.1 and other_work > 3
+
+
+def test_play_waits_while_nobody_looks(panel):
+    gone, _ = asyncio.run(_play(panel, watched=False))
+    assert gone == 0.0
+
+
+def test_closing_ends_the_task():
+    async def run():
+        made = Panel(WALK)
+        made.play()
+        task = made._task
+        assert task is not None
+        made.close()
+        await asyncio.sleep(0.05)
+        return task.done()
+
+    assert asyncio.run(run())
+
+
+def test_play_without_an_event_loop_says_so(panel):
+    with pytest.raises(RuntimeError, match="no running event loop"):
+        panel.play()
