@@ -227,8 +227,8 @@ def pointing_up_locks(found):
     found.heard(
         len(locked) == len(_orders()),
         only_if="yaw and roll are the first and the last of the angles, the pitch between them",
-        inside=[locks((2, 1, 0))],
-        outside=[locks(order) for order in _orders() if order != (2, 1, 0)],
+        inside=[locks((2, 1, 0)), locks((0, 1, 2))],
+        outside=[locks(order) for order in _orders() if set(order[::2]) != {0, 2}],
         cases=True,
     )
     found.corrected(_rank(zyx) == 2, 0 < len(locked) < len(_orders()))
