@@ -190,6 +190,9 @@ def test_the_data_are_plain_json_and_come_back():
     assert math.isnan(found["high"][0]) and found["failed"] == 1 and found["key"] == "rk4"
     assert '"x": [ 1.0, 2.0 ]' in content
     assert document([Panel("t", data={"own": 1})]) == {"own": 1}
+    long = Series("s", np.arange(500.0), np.arange(500.0) ** 2)
+    (found,) = document([Panel("t", series=[long])])["panels"][0]["series"]
+    assert found["x"] == list(range(0, 500, 3)) and found["y"][-1] == 498**2
 
 
 def test_committed_data_are_plain_json():
