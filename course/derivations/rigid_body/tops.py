@@ -207,9 +207,12 @@ def euler_equation_point(found):
 def gyroscopic_term_always_there(found):
     from course.rigid_body import problems, quaternion
 
-    def term(moments: Any, omega: Any) -> float:
+    def torque(moments: Any, omega: Any) -> np.ndarray:
         rates = problems.tumble_acceleration(quaternion.identity(), np.array(omega), moments)
-        return float(np.linalg.norm(moments * rates))
+        return -moments * rates
+
+    def term(moments: Any, omega: Any) -> float:
+        return float(np.linalg.norm(torque(moments, omega)))
 
     cube, axes = np.full(3, 2.0), np.eye(3)
     draws = [(_moments(found.rng), found.rng.normal(size=3)) for _ in range(50)]
@@ -226,6 +229,7 @@ def gyroscopic_term_always_there(found):
     found.corrected(
         max(term(cube, omega) for _, omega in draws) == 0,
         all(term(m, a * w) == 0 for m, w in draws for a in axes),
+        all(np.allclose(torque(m, w), np.cross(w, m * w)) for m, w in draws),
     )
 
 
