@@ -137,8 +137,9 @@ def read(path: Path) -> Question:
     if tuple(named) != PARTS:
         raise ValueError(f"{path.name} has the parts {list(named)}, allowed is {list(PARTS)}")
     minute, full = (named[part].strip() for part in PARTS)
-    lists = {name: tuple(head.pop(name, ())) for name in ("follow_ups", "rubric")}
-    return Question(name=path.stem, minute=minute, full=full, **lists, **head)
+    for name in ("follow_ups", "rubric"):
+        head[name] = tuple(head.get(name, ()))
+    return Question(name=path.stem, minute=minute, full=full, **head)
 
 
 def questions(topic: str, level: int | None = None) -> list[Question]:
