@@ -57,7 +57,8 @@ def draw(picture: Picture, axes: Any) -> None:
                 cut = TransformedBbox(edges, axes.transData)
         elif item.kind == pen.LINE:
             ink, width, alpha, on, off = item.style
-            style: Any = (0, (on * size, off * size)) if on else "-"
+            # matplotlib multiplies dashes by the width of the line.
+            style: Any = (0, (on / width, off / width)) if on else "-"
             (artist,) = axes.plot(
                 *points, color=colour(ink), linewidth=max(width * size, 1e-6), linestyle=style,
                 solid_capstyle="butt", solid_joinstyle="round", zorder=order, alpha=alpha,
