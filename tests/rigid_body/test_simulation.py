@@ -6,7 +6,7 @@ import pytest
 from course.rigid_body.planar import FLIGHT_COEFFICIENT
 from course.simulations import pen as draw
 from course.simulations.model import Experiment
-from course.simulations.rigid_body import (
+from course.simulations.rigid_body.bouncing_box import (
     CONTROLS,
     FLAT,
     MASS,

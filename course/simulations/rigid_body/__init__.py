@@ -1,0 +1,5 @@
+"""Chapter 1's simulations: the bouncing box, and small ones that show one idea each."""
+
+from course.simulations.rigid_body.bouncing_box import MODEL, simulation
+
+__all__ = ["MODEL", "simulation"]
