@@ -1,8 +1,8 @@
 """The environment of the tests, what each topic costs, and which tests a topic has.
 
 Tests in a browser run where there is one, and say so if not. `--topic contact` runs the tests of
-one topic and the smoke tests of the framework: a test belongs to the folder it stands in, or to
-the topic that its marker names (`pytest.mark.topic("contact")`, for one test over all chapters).
+one topic and the smoke tests of the framework: a test belongs to the folder it stands in; one over
+all chapters to the chapter of its parameter, or to what `pytest.mark.topic("contact")` names.
 COURSE_PROVE=1 runs the long tier instead: what stands in `tests/prove`, and every property with
 many examples, drawn afresh.
 """
@@ -17,7 +17,7 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from tests.budget import PROVE, ROOT, TOPICS, seconds_allowed, topic_of
+from tests.budget import CHAPTER, PROVE, ROOT, TOPICS, seconds_allowed, topic_of
 
 # A learner's own settings are not for the tests, which make work folders of their own.
 for _name in [name for name in os.environ if name.startswith("DRILLS_")]:
@@ -44,7 +44,14 @@ def pytest_configure(config: pytest.Config) -> None:
 
 def _topic(item: pytest.Item) -> str:
     marker = item.get_closest_marker("topic")
-    return marker.args[0] if marker else topic_of(item.path.relative_to(ROOT).as_posix())
+    if marker:
+        return marker.args[0]
+    # A claim, a card, a question: a test over all of them counts for the chapter of each.
+    drawn = getattr(item, "callspec", None)
+    for value in drawn.params.values() if drawn else ():
+        if isinstance(getattr(value, "chapter", None), int):
+            return CHAPTER[value.chapter]
+    return topic_of(item.path.relative_to(ROOT).as_posix())
 
 
 def _is_long(item: pytest.Item) -> bool:
