@@ -64,7 +64,8 @@ class Setup:
     Attributes:
         position: (x, y) at time 0, y the height of the block's underside [m], y >= 0.
         velocity: (vx, vy) at time 0 [m/s].
-        push: horizontal forces as (start [s], end [s], force [N]), in order, not overlapping.
+        push: horizontal forces as (start [s], end [s], force [N]), in order, not overlapping;
+            a force may be a torch scalar where the parameters are a tensor.
         gravity: [m/s^2], positive, acts along -y.
         rest_speed: an impact slower than this does not bounce [m/s], positive. Bounces of e < 1
             follow each other ever faster, without end, in finite time; this ends them, at the cost
@@ -92,7 +93,8 @@ class Setup:
         positive("rest_speed", self.rest_speed, unit="m/s")
         last = 0.0
         for piece in self.push:
-            if len(piece) != 3 or not all(map(math.isfinite, piece)) or not last <= piece[0]:
+            finite = all(math.isfinite(_number(value)) for value in piece)
+            if len(piece) != 3 or not finite or not last <= piece[0]:
                 raise refused(
                     "push",
                     self.push,
