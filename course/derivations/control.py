@@ -2,42 +2,22 @@
 
 import numpy as np
 
-from course.derivations import Finding, Verdict, claim
-
-
-def _recovery(controller: object, blocked: float) -> tuple[float, float]:
-    """Overshoot [rad] and time to 2 % [s] of a joint that was blocked for a time [s]."""
-    from course.drills import Joint, closed_loop
-
-    dt, steps = 0.002, 6000
-    jam = np.arange(steps) < round(blocked / dt)
-    joint = Joint(inertia=0.05, damping=0.2, dt=dt, load=-0.3)
-    angles, _ = closed_loop(controller, joint, np.ones(steps), jam)
-    outside = np.flatnonzero(np.abs(angles - 1.0) > 0.02)
-    settled = (outside[-1] + 1) * dt - blocked if outside.size else 0.0
-    return float(np.max(angles) - 1.0), float(settled)
+from course.derivations import claim
 
 
 @claim(
-    "integral_clamp",
-    6,
     "Clamping the integral to a fixed range is anti-windup.",
-    verdict=Verdict.CONDITIONAL,
-    condition="the range is no wider than the command that the actuator can give, and no narrower "
-    "than the load",
-    corrected="A range of its own is a second limit beside the actuator's. Wide, it changes "
-    "nothing: a joint blocked for 3 s overshoots as without it. Narrower than the load, it "
-    "leaves an error that never goes. What stops windup at any setting is to stop integrating "
-    "while the command is at its limit and the error pushes further.",
-    figures={
-        "overshoot_no_anti_windup_rad": (3.517, 0.001),
-        "overshoot_wide_clamp_rad": (3.517, 0.001),
-        "overshoot_conditional_rad": (0.0888, 0.002),
-        "error_left_by_narrow_clamp_rad": (0.05, 0.01),
-    },
+    "A range of its own is a second limit beside the actuator's. Wide, it changes nothing: a joint "
+    "blocked for {blocked_s:.0f} s overshoots by {overshoot_wide_clamp_rad:.2f} rad as without it. "
+    "As wide as the actuator's, it still unwinds slowly where ki is small: with kp {kp:.0f} and ki "
+    "{ki:.0f} the overshoot is {slow_clamped_rad:.2f} rad clamped, {slow_free_rad:.2f} without, "
+    "and none with conditional integration. Narrower than the load, it leaves an error that never "
+    "goes: {error_left_by_narrow_clamp_rad:.2f} rad. To stop integrating while the command is at "
+    "its limit and the error pushes further needs no range, and a jam that holds it there adds "
+    "nothing; a jam with the command short of its limit still winds up, by {short_jam_rad:.2f} rad.",
     source="K. J. Astrom, T. Hagglund, Advanced PID Control, 2006, sec. 3.5",
 )
-def _integral_clamp() -> Finding:
+def integral_clamp(found):
     from course.drills import PID, Joint, closed_loop
 
     class Clamped(PID):
@@ -45,41 +25,70 @@ def _integral_clamp() -> Finding:
 
         bound = np.inf
 
-        def update(self, setpoint: float, measurement: float) -> float:
-            error = setpoint - measurement
+        def update(self, setpoint, measurement):
             before = self.integral
             command = super().update(setpoint, measurement)
-            free = before + self.ki * error * self.dt
+            free = before + self.ki * (setpoint - measurement) * self.dt
             self.integral = min(max(free, -self.bound), self.bound)
             return command
 
-    def settings() -> dict[str, float]:
-        gains = {"kp": 4.0, "ki": 6.0, "kd": 0.5, "dt": 0.002}
-        return gains | {"u_min": -2.0, "u_max": 2.0, "tau": 0.01}
+    dt, steps = 0.002, 5000
 
-    def clamped(bound: float) -> Clamped:
-        controller = Clamped(**settings())
+    def run(bound=None, kp=4.0, ki=6.0, load=0.3, jam=3.0, target=1.0, kd=0.5):
+        """(overshoot, error at the end) [rad] of a joint that is blocked first; bound None is
+        conditional integration."""
+        kind = PID if bound is None else Clamped
+        controller = kind(kp=kp, ki=ki, kd=kd, dt=dt, u_min=-2.0, u_max=2.0, tau=0.01)
         controller.bound = bound
-        return controller
+        joint = Joint(inertia=0.05, damping=0.2, dt=dt, load=-load)
+        blocked = np.arange(steps) < round(jam / dt)
+        angles, _ = closed_loop(controller, joint, np.full(steps, target), blocked)
+        return np.max(angles) - target, target - angles[-1]
 
-    free, wide = _recovery(clamped(np.inf), 3.0), _recovery(clamped(20.0), 3.0)
-    fitting = _recovery(clamped(2.0), 3.0)
-    conditional = _recovery(PID(**settings()), 3.0)
-    joint = Joint(inertia=0.05, damping=0.2, dt=0.002, load=-0.3)
-    angles, _ = closed_loop(clamped(0.1), joint, np.ones(6000))
-    left = float(1.0 - angles[-1])
-    figures = {
-        "overshoot_no_anti_windup_rad": free[0],
-        "overshoot_wide_clamp_rad": wide[0],
-        "overshoot_conditional_rad": conditional[0],
-        "error_left_by_narrow_clamp_rad": left,
-    }
-    return Finding(
-        figures,
-        f"Overshoot after 3 s blocked: {free[0]:.2f} rad without anti-windup, {wide[0]:.2f} with a "
-        f"wide clamp, {fitting[0]:.2f} with the actuator's range, {conditional[0]:.2f} with "
-        f"conditional integration. A clamp below the load leaves {left:.3f} rad.",
-        holds=wide[0] < 0.5 * free[0],
-        holds_if=fitting[0] < 0.5 * free[0],
-        corrected=conditional[0] < 0.2 * free[0] and left > 0.01,
+    jam = found.given("blocked_s", 3)
+    kp, ki = found.given("kp", 4), found.given("ki", 1)
+    free = found.figure("overshoot_no_anti_windup_rad", run(np.inf, jam=jam)[0], 1e-3)
+    wide = found.figure("overshoot_wide_clamp_rad", run(20.0, jam=jam)[0], 1e-3)
+    conditional = found.figure("overshoot_conditional_rad", run(jam=jam)[0], 2e-3)
+    left = found.figure("error_left_by_narrow_clamp_rad", run(0.1, jam=0)[1], 0.01)
+    slow_free = found.figure("slow_free_rad", run(np.inf, kp, ki)[0], 1e-3)
+    slow_clamped = found.figure("slow_clamped_rad", run(2.0, kp, ki)[0], 1e-3)
+    short = found.figure("short_jam_rad", run(target=0.3)[0] - run(target=0.3, jam=0)[0], 0.01)
+    fitting = run(2.0, jam=jam)[0]
+    found.statement = (
+        f"Overshoot after 3 s blocked: {free:.2f} rad without anti-windup, {wide:.2f} with a wide "
+        f"clamp, {fitting:.2f} with the actuator's range, {conditional:.2f} with conditional "
+        f"integration. A clamp below the load leaves {left:.3f} rad."
+    )
+
+    def drawn():
+        """Gains, load and time of a jam, with the setpoint far enough to hold the limit."""
+        low, high = (3, 1, 0.2, 1, 0.5), (9, 8, 1.2, 4, 1.0)
+        values = found.rng.uniform(low, high)
+        return dict(zip(("kp", "ki", "load", "jam", "kd"), values, strict=True))
+
+    def cured(share):
+        """Whether a clamp at a share of the load adds no overshoot to a jam, and leaves no error."""
+        case = drawn()
+        bound = share * case["load"]
+        overshoot, left = run(bound, **case)
+        return overshoot - max(run(bound, **case | {"jam": 0})[0], 0.0) < 0.05 and left < 0.02
+
+    found.heard(
+        wide < 0.5 * free and slow_clamped < 0.5 * slow_free,
+        only_if="the range is just what the load needs, a few hundredths above it, and the load "
+        "is known and constant",
+        inside=[cured(share) for share in found.rng.uniform(1.0, 1.04, 8)],
+        outside=[cured(share) for share in (0.7, 0.8, 0.9, 2, 3, 4, 5, 6)],
+    )
+    cases = [drawn() for _ in range(8)]
+    added = [run(**case)[0] - max(run(**case | {"jam": 0})[0], 0.0) for case in cases]
+    found.corrected(
+        abs(wide - free) < 1e-9,
+        conditional < 0.2 * free,
+        left > 0.01,
+        slow_clamped > 0.5 * slow_free,
+        run(None, kp, ki)[0] < 0,
+        max(added) < 0.01,
+        short > 0.05,
     )

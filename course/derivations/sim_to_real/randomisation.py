@@ -1,10 +1,8 @@
 """Claims of chapter 8: what randomising a MuJoCo model changes, and what it does not."""
 
-from typing import Any
-
 import numpy as np
 
-from course.derivations import Finding, Verdict, claim
+from course.derivations import claim
 
 # A link on a damped and one on an undamped hinge, hanging over a floor; nothing touches.
 _ARM = """
@@ -43,187 +41,168 @@ _SLED = """
 """
 
 
-def _arm(damping: str = 'kv="2"') -> Any:
+def _arm(damping='kv="2"'):
     import mujoco
 
     return mujoco.MjModel.from_xml_string(_ARM.format(damping=damping))
 
 
-def _sled(floor: float, sled: float, priority: int = 0, cone: str = "elliptic") -> Any:
+def _sled(floor, sled, priority=0, cone="elliptic"):
     import mujoco
 
     xml = _SLED.format(floor=floor, sled=sled, priority=priority, cone=cone)
     return mujoco.MjModel.from_xml_string(xml)
 
 
-def _set_const(model: Any) -> None:
+def _scaled(model, mass, inertia=None, recompute=True):
+    """The model with its masses and inertias scaled, by body or all alike."""
     import mujoco
 
-    mujoco.mj_setConst(model, mujoco.MjData(model))
-
-
-def _contact(model: Any) -> float:
-    from course.oracles.mujoco.randomize import contact_friction
-
-    return contact_friction(model, "sled")
+    model.body_mass[:] *= mass
+    model.body_inertia[:] *= np.reshape(mass if inertia is None else inertia, (-1, 1))
+    if recompute:
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model
 
 
 @claim(
-    "set_const_inertia",
-    8,
     "After a change of body_mass, mj_setConst recomputes the inertia.",
-    verdict=Verdict.FALSE,
-    corrected="It leaves body_inertia as it is; inertia has to be scaled with the mass. What it "
-    "recomputes are the quantities that follow from both: subtree masses, dof_M0, the inverse "
-    "weights and the actuators' acc0.",
-    figures={
-        "inertia_ratio": (1.0, 0.0),
-        "subtree_mass_ratio": (2.0, 1e-12),
-        "arrays_recomputed": (5.0, 0.0),
-    },
+    "It leaves body_inertia as it is; inertia has to be scaled with the mass. What it recomputes "
+    "are the quantities that follow from both: subtree masses, dof_M0, the inverse weights and the "
+    "actuators' acc0, {arrays_recomputed:.0f} arrays here.",
     source="MuJoCo documentation, Programming, Simulation, mjModel changes",
 )
-def _set_const_inertia() -> Finding:
+def set_const_inertia(found):
     from course.oracles.mujoco.randomize import DERIVED, arrays
 
-    model = _arm()
-    before = arrays(model)
-    model.body_mass[:] *= 2.0
-    _set_const(model)
-    after = arrays(model)
+    before, after = arrays(_arm()), arrays(_scaled(_arm(), 2.0, 1.0))
     changed = {k for k in before if before[k].tobytes() != after[k].tobytes()} - {"body_mass"}
-    inertia = float(np.max(after["body_inertia"][1:] / before["body_inertia"][1:]))
-    subtree = float(after["body_subtreemass"][1] / before["body_subtreemass"][1])
-    return Finding(
-        {
-            "inertia_ratio": inertia,
-            "subtree_mass_ratio": subtree,
-            "arrays_recomputed": len(changed),
-        },
-        f"Masses doubled: recomputed were {', '.join(sorted(changed))}.",
-        holds=abs(inertia - 2.0) < 1e-9,
-        corrected=inertia == 1.0 and changed <= set(DERIVED),
-    )
+    inertia = np.max(after["body_inertia"][1:] / before["body_inertia"][1:])
+    found.figure("inertia_ratio", inertia, tolerance=0.0)
+    subtree = after["body_subtreemass"][1] / before["body_subtreemass"][1]
+    found.figure("subtree_mass_ratio", subtree, tolerance=1e-12)
+    found.figure("arrays_recomputed", np.size(sorted(changed)))
+    found.statement = f"Masses doubled: recomputed were {', '.join(sorted(changed))}."
+    found.heard(abs(inertia - 2.0) < 1e-9)
+    found.corrected(inertia == 1.0, changed <= set(DERIVED), subtree == 2.0)
 
 
 @claim(
-    "mass_without_set_const",
-    8,
     "Without mj_setConst a changed mass is only partly applied to the motion.",
-    verdict=Verdict.CONDITIONAL,
-    condition="a constraint acts: a contact, a limit, a tendon or an equality",
-    corrected="Gravity and the inertia matrix use the new body_mass and body_inertia at once. "
-    "What stays old is the inverse weight, by which MuJoCo scales the stiffness of constraints.",
-    figures={"acceleration_free": (0.0, 1e-9), "depth_ratio": (0.2934661, 1e-3)},
+    "Gravity and the inertia matrix use the new body_mass and body_inertia at once: a free arm "
+    "moves the same with it and without. What stays old is the inverse weight, by which MuJoCo "
+    "scales the stiffness of constraints: with four times the mass a sled at rest sinks "
+    "{depth_ratio:.2f} times as deep after mj_setConst as before.",
     source="MuJoCo documentation, Modeling, Solver parameters",
 )
-def _mass_without_set_const() -> Finding:
+def mass_without_set_const(found):
     import mujoco
 
-    free = []
-    for recompute in (False, True):
-        model = _arm()
-        model.body_mass[:] *= 4.0
-        model.body_inertia[:] *= 4.0
-        if recompute:
-            _set_const(model)
-        data = mujoco.MjData(model)
+    def free(factor, recompute):
+        """Accelerations of the arm in a given state, nothing touching."""
+        data = mujoco.MjData(model := _scaled(_arm(), factor, recompute=recompute))
         data.qpos[:], data.qvel[:] = (0.4, -0.7), (1.0, -2.0)
         mujoco.mj_forward(model, data)
-        free.append(data.qacc.copy())
-    change = float(np.max(np.abs(free[1] / free[0] - 1.0)))
-    depths = []
-    for recompute in (False, True):
-        model = _sled(0.5, 0.5)
-        model.body_mass[:] *= 4.0
-        model.body_inertia[:] *= 4.0
-        if recompute:
-            _set_const(model)
-        data = mujoco.MjData(model)
-        mujoco.mj_step(model, data, nstep=3000)
-        depths.append(float(data.contact.dist.min()))
-    ratio = depths[1] / depths[0]
-    return Finding(
-        {"acceleration_free": change, "depth_ratio": ratio},
+        return data.qacc.copy()
+
+    def depth(factor, recompute):
+        """Of the sled at rest [m]."""
+        data = mujoco.MjData(model := _scaled(_sled(0.5, 0.5), factor, recompute=recompute))
+        mujoco.mj_step(model, data, nstep=1500)
+        return data.contact.dist.min()
+
+    def moved(measure, factor):
+        """Largest relative difference that mj_setConst makes."""
+        return np.max(np.abs(measure(factor, True) / measure(factor, False) - 1.0))
+
+    change = found.figure("acceleration_free", moved(free, 4.0), tolerance=1e-9)
+    ratio = found.figure("depth_ratio", depth(4.0, True) / depth(4.0, False), tolerance=1e-3)
+    found.statement = (
         f"Four times the mass: a free arm accelerates the same to {change:.0e}; a sled at rest "
-        f"sinks {-1e6 * depths[0]:.2f} um without and {-1e6 * depths[1]:.2f} um with mj_setConst.",
-        holds=change > 1e-6,
-        holds_if=abs(ratio - 1.0) > 0.1,
-        corrected=change < 1e-9 and abs(ratio - 1.0) > 0.1,
+        f"sinks {-1e6 * depth(4.0, False):.2f} um without and {-1e6 * depth(4.0, True):.2f} um "
+        "with mj_setConst."
     )
+    factors = found.rng.uniform(1.5, 6.0, 8)
+    found.heard(
+        change > 1e-6,
+        only_if="a constraint acts: a contact, a limit, a tendon or an equality",
+        inside=[moved(depth, x) > 0.1 for x in factors],
+        outside=[moved(free, x) > 1e-6 for x in factors],
+    )
+    found.corrected(change < 1e-9, abs(ratio - 1.0) > 0.1, moved(depth, 1.0) == 0.0)
 
 
 @claim(
-    "set_const_data",
-    8,
     "mj_setConst(model, data) changes the model and leaves the state in data as it was.",
-    verdict=Verdict.FALSE,
-    corrected="It computes its constants in the data that it is given and leaves the positions in "
-    "the reference pose of the springs. Give it an MjData of its own.",
-    figures={"elbow_before_rad": (-0.7, 0.0), "elbow_after_rad": (0.3, 1e-12)},
+    "It computes its constants in the data that it is given and leaves the positions in the "
+    "reference pose of the springs: the elbow went from {elbow_before_rad:.1f} to "
+    "{elbow_after_rad:.1f} rad. Give it an MjData of its own.",
 )
-def _set_const_data() -> Finding:
+def set_const_data(found):
     import mujoco
 
     model = _arm()
     data = mujoco.MjData(model)
     data.qpos[:] = 0.4, -0.7
-    before = float(data.qpos[1])
+    before = found.figure("elbow_before_rad", float(data.qpos[1]), tolerance=0.0)
     mujoco.mj_setConst(model, data)
-    after = float(data.qpos[1])
-    return Finding(
-        {"elbow_before_rad": before, "elbow_after_rad": after},
-        f"The elbow stood at {before:g} rad and then at {after:g} rad, its springref.",
-        holds=after == before,
-        corrected=np.array_equal(data.qpos, model.qpos_spring),
-    )
+    after = found.figure("elbow_after_rad", float(data.qpos[1]), tolerance=1e-12)
+    found.statement = f"The elbow stood at {before:g} rad and then at {after:g} rad, its springref."
+    found.heard(after == before)
+    found.corrected(np.array_equal(data.qpos, model.qpos_spring))
 
 
 @claim(
-    "set_const_compiles",
-    8,
     "mj_setConst gives the constants that compiling the changed model anew gives.",
-    verdict=Verdict.CONDITIONAL,
-    condition="no position actuator states its damping as a ratio",
-    corrected="The compiler turns a dampratio into a damping for the masses of that moment. "
-    "mj_setConst does not do it again: the gain stays, as that of a real motor does.",
-    figures={"worst_constant": (0.0, 1e-12), "kv_compiled_over_kept": (2.0, 1e-9)},
+    "The compiler turns a dampratio into a damping for the masses of that moment. mj_setConst does "
+    "not do it again: the gain stays, as that of a real motor does. With four times the mass the "
+    "compiled one is {kv_compiled_over_kept:.0f} times as large.",
     source="MuJoCo changelog, 4.0: dampratio is resolved only at compile time",
 )
-def _set_const_compiles() -> Finding:
+def set_const_compiles(found):
     from course.oracles.mujoco.randomize import recompiled, worst_constant
 
-    factors = np.array([1.0, 4.0, 4.0])
-    errors, ratios = [], []
-    for damping in ('kv="2"', 'dampratio="1"'):
-        model = _arm(damping)
-        model.body_mass[:] *= factors
-        model.body_inertia[:] *= factors[:, None]
-        _set_const(model)
+    def compared(damping, factor):
+        """(worst error of the constants, damping compiled over that kept)"""
+        factors = np.array([1.0, factor, factor])
+        model = _scaled(_arm(damping), factors)
         truth = recompiled(_ARM.format(damping=damping), factors)
-        errors.append(worst_constant(model, truth)[0])
-        ratios.append(float(truth.actuator_biasprm[0, 2] / model.actuator_biasprm[0, 2]))
-    return Finding(
-        {"worst_constant": max(errors), "kv_compiled_over_kept": ratios[1]},
-        f"Four times the mass: the constants agree to {max(errors):.0e}, the damping that the "
-        f"compiler derives from a ratio is {ratios[1]:g} times the one that was kept.",
-        holds=abs(ratios[1] - 1.0) < 1e-9,
-        holds_if=max(errors) < 1e-12 and ratios[0] == 1.0,
-        corrected=max(errors) < 1e-12 and abs(ratios[1] - 2.0) < 1e-9,
+        ratio = truth.actuator_biasprm[0, 2] / model.actuator_biasprm[0, 2]
+        return worst_constant(model, truth)[0], ratio
+
+    def same(damping, factor):
+        error, ratio = compared(damping, factor)
+        return error < 1e-12 and abs(ratio - 1.0) < 1e-9
+
+    given, derived = 'kv="2"', 'dampratio="1"'
+    worst = max(compared(damping, 4.0)[0] for damping in (given, derived))
+    ratio = compared(derived, 4.0)[1]
+    found.figure("worst_constant", worst, tolerance=1e-12)
+    found.figure("kv_compiled_over_kept", ratio, tolerance=1e-9)
+    found.statement = (
+        f"Four times the mass: the constants agree to {worst:.0e}, the damping that the "
+        f"compiler derives from a ratio is {ratio:g} times the one that was kept."
+    )
+    factors = found.rng.uniform(0.3, 5.0, 8)
+    found.heard(
+        same(derived, 4.0),
+        only_if="no position actuator states its damping as a ratio",
+        inside=[same(given, x) for x in factors],
+        outside=[same(derived, x) for x in factors],
+    )
+    found.corrected(
+        worst < 1e-12, all(abs(compared(derived, x)[1] / np.sqrt(x) - 1) < 1e-9 for x in factors)
     )
 
 
 @claim(
-    "mass_and_period",
-    8,
     "Randomising the mass of a pendulum's link randomises its period.",
-    verdict=Verdict.FALSE,
-    corrected="The period depends on inertia over mass. If both are scaled, as for another "
-    "density, it stays; a change of period shows that the inertia was forgotten (or that there is "
-    "an armature, a motor or a friction, which don't scale).",
-    figures={"scaled_ratio": (1.0, 1e-6), "mass_only_ratio": (0.9349143, 1e-4)},
+    "The period depends on inertia over mass. If both are scaled, as for another density, it "
+    "stays; with the mass alone doubled it is {mass_only_ratio:.3f} of what it was, which shows "
+    "that the inertia was forgotten (or that there is an armature, a motor or a friction, which "
+    "don't scale).",
 )
-def _mass_and_period() -> Finding:
+def mass_and_period(found):
     import mujoco
 
     from course.oracles.mujoco.randomize import swing_period
@@ -233,120 +212,161 @@ def _mass_and_period() -> Finding:
         '<joint name="hinge" axis="0 1 0"/><geom type="box" pos="0 0 -0.3" size="0.03 0.05 0.3" '
         'mass="1"/></body></worldbody></mujoco>'
     )
-    periods = []
-    for mass, inertia in ((1.0, 1.0), (2.0, 2.0), (2.0, 1.0)):
-        model = mujoco.MjModel.from_xml_string(xml)
-        model.body_mass[:] *= mass
-        model.body_inertia[:] *= inertia
-        _set_const(model)
-        periods.append(swing_period(model, "hinge", 0.5))
-    scaled, alone = periods[1] / periods[0], periods[2] / periods[0]
+
+    def period(mass, inertia):
+        model = _scaled(mujoco.MjModel.from_xml_string(xml), mass, inertia)
+        return swing_period(model, "hinge", 0.5)
+
+    plain = period(1.0, 1.0)
+    scaled = found.figure("scaled_ratio", period(2.0, 2.0) / plain)
+    alone = found.figure("mass_only_ratio", period(2.0, 1.0) / plain, tolerance=1e-4)
     # I / (m g l) about the hinge: (i / s + m l^2) / (m g l) with i the inertia about the centre
     centre, arm = (0.03**2 + 0.3**2) / 3.0, 0.3**2
     expected = np.sqrt((0.5 * centre + arm) / (centre + arm))
-    return Finding(
-        {"scaled_ratio": scaled, "mass_only_ratio": alone},
+    other = period(*[found.rng.uniform(0.5, 3.0)] * 2)
+    found.statement = (
         f"Twice the mass: {scaled:.6f} times the period with the inertia scaled, {alone:.4f} times "
-        "without.",
-        holds=abs(scaled - 1.0) > 1e-3,
-        corrected=abs(scaled - 1.0) < 1e-6 and abs(alone - expected) < 1e-4,
+        "without."
+    )
+    found.heard(abs(scaled - 1.0) > 1e-3)
+    found.corrected(
+        abs(scaled - 1.0) < 1e-6, abs(other / plain - 1.0) < 1e-6, abs(alone - expected) < 1e-4
     )
 
 
+def _drawn(model, draws, rng, **ranges):
+    """Arrays of a model over draws of the course's randomiser: (masses, damping, friction)."""
+    import mujoco
+
+    from course.drills import DomainRandomizer
+
+    data, randomizer = mujoco.MjData(model), DomainRandomizer(model, **ranges)
+    rows = []
+    for _ in range(draws):
+        randomizer.randomize(data, rng)
+        rows.append((model.body_mass[1:].copy(), model.dof_damping.copy(), _contact(model)))
+    return tuple(np.array(column) for column in zip(*rows, strict=True))
+
+
+def _contact(model):
+    """Friction coefficient of the sled's contact, nan where there is no sled."""
+    from course.oracles.mujoco.randomize import contact_friction
+
+    names = [model.geom(i).name for i in range(model.ngeom)]
+    return contact_friction(model, "sled") if "sled" in names else np.nan
+
+
 @claim(
-    "scaled_damping",
-    8,
     "Multiplying the damping of all joints by a random factor randomises the damping.",
-    verdict=Verdict.CONDITIONAL,
-    condition="the default damping is not zero",
-    corrected="MuJoCo's default is zero, and a factor leaves it there. Add a draw, or draw the "
+    "MuJoCo's default is zero, and a factor leaves it there. Add a draw, as this course's "
+    "randomiser does (a spread of {added_spread:.2f} on the joint that had none), or draw the "
     "value itself.",
-    figures={"damped_default_spread": (0.035, 0.15), "zero_default_spread": (0.0, 0.0)},
 )
-def _scaled_damping() -> Finding:
-    model, rng = _arm(), np.random.default_rng(0)
-    draws = np.array([model.dof_damping * rng.uniform(0.7, 1.3, model.nv) for _ in range(200)])
-    spread = draws.std(axis=0)
-    return Finding(
-        {"damped_default_spread": float(spread[0]), "zero_default_spread": float(spread[1])},
-        f"Standard deviation over 200 draws: {spread[0]:.3f} and {spread[1]:g} N m s/rad.",
-        holds=bool(spread.min() > 0.0),
-        holds_if=bool(spread[0] > 0.0),
-        corrected=bool(spread[1] == 0.0),
+def scaled_damping(found):
+    model = _arm()
+
+    def spread(damping):
+        """Standard deviation over 200 factors between 0.7 and 1.3."""
+        return float((damping * found.rng.uniform(0.7, 1.3, 200)).std())
+
+    damped, zero = (spread(d) for d in model.dof_damping)
+    found.figure("damped_default_spread", damped, tolerance=0.15)
+    found.figure("zero_default_spread", zero, tolerance=0.0)
+    _, drawn, _ = _drawn(_arm(), 200, found.rng, damping=(0.0, 0.5))
+    added = found.figure("added_spread", drawn[:, 1].std(), tolerance=0.2)
+    found.statement = (
+        f"Standard deviation over 200 draws: {damped:.3f} and {zero:g} N m s/rad by factors, "
+        f"{added:.3f} where the draw is added."
     )
+    found.heard(
+        min(damped, zero) > 0.0,
+        only_if="the default damping is not zero",
+        inside=[spread(d) > 0.0 for d in 10 ** found.rng.uniform(-3, 1, 8)],
+        outside=[spread(d) > 0.0 for d in np.zeros(8) * model.dof_damping[0]],
+    )
+    found.corrected(zero == 0.0, model.dof_damping[1] == 0.0, added > 0.1)
 
 
 @claim(
-    "one_geom_friction",
-    8,
     "The friction of a geom is the friction of its contacts.",
-    verdict=Verdict.CONDITIONAL,
-    condition="it is the larger of the two, or its geom has the higher priority",
-    corrected="A contact takes the larger coefficient of the two geoms, that of the geom with the "
-    "higher priority, or that of an explicit pair. A slippery sled on a rough floor is rough.",
-    figures={"sled_0_3_floor_0_9": (0.9, 0.0), "with_priority": (0.3, 0.0)},
+    "A contact takes the larger coefficient of the two geoms, that of the geom with the higher "
+    "priority, or that of an explicit pair. A slippery sled of {sled:.1f} on a floor of "
+    "{floor:.1f} is rough: {sled_0_3_floor_0_9:.1f}.",
     source="MuJoCo documentation, Modeling, Contact parameters",
 )
-def _one_geom_friction() -> Finding:
+def one_geom_friction(found):
     from course.oracles.mujoco.randomize import sliding_friction
 
-    plain, rough = _sled(0.9, 0.3), _sled(0.9, 1.1)
-    first = _sled(0.9, 0.3, priority=1)
-    measured = sliding_friction(plain, "x", "z", speed=4.0)
-    return Finding(
-        {"sled_0_3_floor_0_9": _contact(plain), "with_priority": _contact(first)},
-        f"A sled of 0.3 on a floor of 0.9 is braked with a coefficient of {measured:.4f}.",
-        holds=_contact(plain) == 0.3,
-        holds_if=_contact(rough) == 1.1 and _contact(first) == 0.3,
-        corrected=_contact(plain) == 0.9 and abs(measured - 0.9) < 1e-9,
+    floor, sled = found.given("floor", 0.9), found.given("sled", 0.3)
+    plain = found.figure("sled_0_3_floor_0_9", _contact(_sled(floor, sled)), tolerance=0.0)
+    first = found.figure("with_priority", _contact(_sled(floor, sled, priority=1)), tolerance=0.0)
+    measured = sliding_friction(_sled(floor, sled), "x", "z", speed=4.0)
+    found.statement = (
+        f"A sled of 0.3 on a floor of 0.9 is braked with a coefficient of {measured:.4f}."
+    )
+    low = [float(x) for x in found.rng.uniform(0.1, 0.6, 8)]
+    high = [float(x) for x in found.rng.uniform(0.65, 1.2, 8)]
+    found.heard(
+        plain == sled,
+        only_if="it is the larger of the two, or its geom has the higher priority",
+        inside=[_contact(_sled(x, y)) == y for x, y in zip(low, high, strict=True)]
+        + [_contact(_sled(y, x, priority=1)) == x for x, y in zip(low, high, strict=True)],
+        outside=[_contact(_sled(y, x)) == x for x, y in zip(low, high, strict=True)],
+    )
+    found.corrected(
+        first == sled,
+        abs(measured - floor) < 1e-9,
+        all(_contact(_sled(x, y)) == max(x, y) for x, y in zip(high, low, strict=True)),
     )
 
 
 @claim(
-    "friction_of_each_geom",
-    8,
     "If every geom's friction is drawn uniformly, so is the friction of the contacts.",
-    verdict=Verdict.FALSE,
-    corrected="A contact gets the larger of two draws: its distribution function is the square. "
-    "Between 0.4 and 1.2 the mean is 0.933 instead of 0.8, and a quarter of the contacts, not "
-    "half, are below the middle.",
-    figures={"mean": (0.9333, 0.01), "share_below_middle": (0.25, 0.06)},
+    "A contact gets the larger of two draws: its distribution function is the square. Between "
+    "{low:.1f} and {high:.1f} the mean is {mean:.2f} instead of {middle:.1f}, and "
+    "{share_below_middle:.2f} of the contacts, not half, are below the middle. One draw for all "
+    "geoms, as in this course's randomiser, keeps the mean: {mean_of_one_draw:.2f}.",
 )
-def _friction_of_each_geom() -> Finding:
+def friction_of_each_geom(found):
     import mujoco
 
-    model, rng = _sled(0.5, 0.5), np.random.default_rng(1)
+    low, high = found.given("low", 0.4), found.given("high", 1.2)
+    middle = found.given("middle", 0.5 * (low + high))
+    model = _sled(0.5, 0.5)
     data = mujoco.MjData(model)
-    found = []
+    drawn = []
     for _ in range(1000):
-        model.geom_friction[:, 0] = rng.uniform(0.4, 1.2, model.ngeom)
+        model.geom_friction[:, 0] = found.rng.uniform(low, high, model.ngeom)
         mujoco.mj_forward(model, data)
-        found.append(float(data.contact.friction[0, 0]))
-    mean, below = float(np.mean(found)), float(np.mean(np.array(found) < 0.8))
-    return Finding(
-        {"mean": mean, "share_below_middle": below},
-        f"1000 contacts of MuJoCo: mean {mean:.3f}, {below:.1%} below 0.8.",
-        holds=abs(mean - 0.8) < 0.03,
-        corrected=abs(mean - (0.4 + 0.8 * 2.0 / 3.0)) < 0.015 and abs(below - 0.25) < 0.03,
+        drawn.append(data.contact.friction[0, 0])
+    mean = found.figure("mean", np.mean(drawn), tolerance=0.02)
+    below = found.figure("share_below_middle", np.mean(np.array(drawn) < middle), tolerance=0.12)
+    _, _, one = _drawn(_sled(0.5, 0.5), 400, found.rng, friction=(low, high))
+    kept = found.figure("mean_of_one_draw", np.mean(one), tolerance=0.03)
+    found.statement = (
+        f"1000 contacts of MuJoCo: mean {mean:.3f}, {below:.1%} below 0.8; with one draw for all "
+        f"geoms {kept:.3f} over 400."
+    )
+    found.heard(abs(mean - middle) < 0.03)
+    found.corrected(
+        abs(mean - (low + (high - low) * 2.0 / 3.0)) < 0.02,
+        abs(below - 0.25) < 0.04,
+        abs(kept - middle) < 0.04,
     )
 
 
 @claim(
-    "friction_in_all_directions",
-    8,
     "A sliding block is braked with the coefficient of its contact in every direction.",
-    verdict=Verdict.CONDITIONAL,
-    condition="the friction cone is elliptic",
-    corrected="MuJoCo's default cone is a pyramid: in the plane of contact it is a square. Along "
-    "the diagonal of x and y the friction is smaller by sqrt(2).",
-    figures={"pyramid_along": (1.0, 1e-9), "pyramid_diagonal": (0.7071, 1e-3),
-             "ellipse_diagonal": (1.0, 1e-3)},
+    "MuJoCo's default cone is a pyramid: in the plane of contact it is a square. Along the "
+    "diagonal of x and y the friction is smaller by sqrt(2): {pyramid_diagonal:.3f} of the "
+    "coefficient.",
     source="MuJoCo documentation, Computation, Friction cones",
-)  # fmt: skip
-def _friction_in_all_directions() -> Finding:
+)
+def friction_in_all_directions(found):
     import mujoco
 
-    def braked(cone: str, angle: float) -> float:
+    def braked(cone, angle):
+        """Change of speed over that of the contact's impulse, over the coefficient."""
         model = _sled(0.5, 0.5, cone=cone)
         data = mujoco.MjData(model)
         mujoco.mj_step(model, data, nstep=200)
@@ -354,74 +374,102 @@ def _friction_in_all_directions() -> Finding:
         start = data.qvel.copy()
         mujoco.mj_step(model, data, nstep=100)
         change = data.qvel - start
-        return float(np.hypot(*change[:2]) / (9.81 * 0.1 + change[2]) / 0.5)
+        return np.hypot(*change[:2]) / (9.81 * 0.1 + change[2]) / 0.5
 
-    along, diagonal = braked("pyramidal", 0.0), braked("pyramidal", np.pi / 4)
-    ellipse = braked("elliptic", np.pi / 4)
-    return Finding(
-        {"pyramid_along": along, "pyramid_diagonal": diagonal, "ellipse_diagonal": ellipse},
+    found.figure("pyramid_along", braked("pyramidal", 0.0), tolerance=1e-9)
+    diagonal = found.figure("pyramid_diagonal", braked("pyramidal", np.pi / 4), tolerance=1e-3)
+    ellipse = found.figure("ellipse_diagonal", braked("elliptic", np.pi / 4), tolerance=1e-3)
+    found.statement = (
         f"Along the diagonal the pyramid gives {diagonal:.4f} of the coefficient, the ellipse "
-        f"{ellipse:.4f}.",
-        holds=abs(diagonal - 1.0) < 1e-3,
-        holds_if=abs(ellipse - 1.0) < 1e-3,
-        corrected=abs(diagonal - np.sqrt(0.5)) < 1e-3,
+        f"{ellipse:.4f}; and at ten random angles."
+    )
+    angles = found.rng.uniform(0.1, np.pi / 2 - 0.1, 10)
+    found.heard(
+        abs(diagonal - 1.0) < 1e-3,
+        only_if="the friction cone is elliptic",
+        inside=[abs(braked("elliptic", a) - 1.0) < 1e-3 for a in angles],
+        outside=[abs(braked("pyramidal", a) - 1.0) < 1e-3 for a in angles],
+    )
+    found.corrected(
+        abs(diagonal - np.sqrt(0.5)) < 1e-3,
+        all(np.sqrt(0.5) - 1e-3 < braked("pyramidal", a) < 1.0 for a in angles),
     )
 
 
 @claim(
-    "factors_compound",
-    8,
     "Multiplying the current mass in each episode by a factor of mean 1 is fair on average, so it "
     "does no harm.",
-    verdict=Verdict.FALSE,
-    corrected="The mean stays, the typical value goes to zero: the logarithm drifts by the mean "
-    "logarithm of the factor, which is negative. Draw from the defaults.",
-    figures={"drift_per_episode": (-0.0154233, 1e-4), "median_after_1000": (2.166e-7, 0.01)},
+    "The mean stays, the typical value goes to zero: the logarithm drifts by the mean logarithm of "
+    "the factor, {drift_per_episode:.4f} an episode between {low:.1f} and {high:.1f}, and after "
+    "{episodes:.0f} episodes half of the runs are below {median_after_1000:.0e} of the default. "
+    "Draw from the defaults: this course's randomiser then still has a median of "
+    "{median_from_defaults:.2f}.",
 )
-def _factors_compound() -> Finding:
-    low, high = 0.7, 1.3
-    drift = (high * np.log(high) - low * np.log(low)) / (high - low) - 1.0
-    factors = np.random.default_rng(2).uniform(low, high, (2000, 1000))
-    median = float(np.median(np.prod(factors, axis=1)))
-    return Finding(
-        {"drift_per_episode": drift, "median_after_1000": median},
+def factors_compound(found):
+    low, high = found.given("low", 0.7), found.given("high", 1.3)
+    episodes = found.given("episodes", 1000)
+    factors = np.random.default_rng(2).uniform(low, high, (2000, episodes))
+    theory = (high * np.log(high) - low * np.log(low)) / (high - low) - 1.0
+    drift = found.figure("drift_per_episode", theory, tolerance=1e-4)
+    median = found.figure("median_after_1000", np.median(np.prod(factors, axis=1)), tolerance=0.01)
+    default = _arm().body_mass[1:]
+    masses, _, _ = _drawn(_arm(), episodes, found.rng, mass=(low, high))
+    kept = found.figure("median_from_defaults", np.median(masses / default), tolerance=0.05)
+    found.statement = (
         f"Between 0.7 and 1.3 the logarithm drifts by {drift:.4f} an episode; after 1000 episodes "
-        f"the median of 2000 runs is {median:.1e} of the default.",
-        holds=median > 0.5,
-        corrected=drift < 0.0 and abs(np.log(median) / (1000.0 * drift) - 1.0) < 0.1,
+        f"the median of 2000 runs is {median:.1e} of the default, of draws from it {kept:.2f}."
+    )
+    found.heard(median > 0.5)
+    found.corrected(
+        abs(np.log(factors).mean() / drift - 1) < 0.01,
+        abs(np.log(median) / (episodes * drift) - 1.0) < 0.1,
+        low <= (masses / default).min() < (masses / default).max() <= high,
+        abs(kept - 1.0) < 0.05,
     )
 
 
 @claim(
-    "queue_of_k",
-    8,
     "A queue that holds the last k actions, of which the oldest is used, delays by k steps.",
-    verdict=Verdict.FALSE,
-    corrected="The newest action is in the queue as well, so it delays by k - 1. A delay of k "
-    "needs k + 1 places: put the action in, and take one out only when more than k are waiting.",
-    figures={"lag_of_4_places": (3.0, 0.0), "lag_of_5_places": (4.0, 0.0)},
+    "The newest action is in the queue as well, so it delays by k - 1. A delay of k needs k + 1 "
+    "places: put the action in, and take one out only when more than k are waiting, as this "
+    "course's randomiser and MuJoCo's own actuator delay do.",
 )
-def _queue_of_k() -> Finding:
+def queue_of_k(found):
     from collections import deque
 
+    from course.drills import DomainRandomizer
     from course.oracles.mujoco.randomize import actuator_delay
 
-    sent = np.random.default_rng(3).normal(size=400)
+    sent = found.rng.normal(size=400)
 
-    def lag(places: int) -> int:
-        queue: deque[float] = deque([0.0] * places, maxlen=places)
+    def late(received):
+        """By how many steps, from the cross-correlation."""
+        return np.argmax(np.correlate(np.ravel(received), sent, "full")) - (sent.size - 1)
+
+    def lag(places):
+        queue = deque([0.0] * places, maxlen=places)
         received = []
         for action in sent:
-            queue.append(float(action))
+            queue.append(action)
             received.append(queue[0])
-        return int(np.argmax(np.correlate(received, sent, "full"))) - (sent.size - 1)
+        return late(received)
 
-    truth = actuator_delay(sent, 4)
-    library = int(np.argmax(np.correlate(truth, sent, "full"))) - (sent.size - 1)
-    return Finding(
-        {"lag_of_4_places": lag(4), "lag_of_5_places": lag(5)},
-        f"Cross-correlation of 400 random actions: 4 places are {lag(4)} steps late; MuJoCo's "
-        f"own actuator delay of 4 steps is {library}.",
-        holds=lag(4) == 4,
-        corrected=lag(4) == 3 and lag(5) == library == 4,
+    def ours(k):
+        import mujoco
+
+        model = _arm()
+        randomizer = DomainRandomizer(model, delay=(k, k))
+        randomizer.randomize(mujoco.MjData(model), found.rng)
+        return late([randomizer.delay([action]) for action in sent])
+
+    found.figure("lag_of_4_places", lag(4))
+    found.figure("lag_of_5_places", lag(5))
+    found.statement = (
+        f"Cross-correlation of 400 random actions: 4 places are {lag(4)} steps late; MuJoCo's own "
+        f"actuator delay of 4 steps is {late(actuator_delay(sent, 4))}, the randomiser's {ours(4)}."
+    )
+    found.heard(lag(4) == 4)
+    found.corrected(
+        all(lag(k) == k - 1 for k in range(1, 12)),
+        all(ours(k) == k == late(actuator_delay(sent, k)) for k in (1, 4, 7)),
     )

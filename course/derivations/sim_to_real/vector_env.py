@@ -1,53 +1,51 @@
 """Claims of chapter 8 about vectorised environments: ends of episodes, seeds, processes."""
 
-from typing import Any
+import os
 
 import numpy as np
 
-from course.derivations import Finding, Formula, Verdict, claim
-from course.derivations.answer import Symbol
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "r": Symbol("time to wake the workers and hear from them [s]"),
+    "N": Symbol("number of environments", 1.0, 100.0),
+    "W": Symbol("number of workers", 2.0, 16.0),
+}
 
 
 class _Clocked:
     """Reward 1 at every step, for ever; only a clock cuts the episodes."""
 
-    def __init__(self, clock: int) -> None:
+    def __init__(self, clock):
         self.clock = clock
+        self.steps = 0
 
-    def reset(self, seed: int | None = None) -> tuple[np.ndarray, dict[str, Any]]:
+    def reset(self, seed=None):
         self.steps = 0
         self.start = np.random.default_rng(seed).random()
         return np.array([0.0, self.start]), {}
 
-    def step(self, action: Any) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
+    def step(self, action):
         self.steps += 1
         late = self.steps == self.clock
         return np.array([float(self.steps), self.start]), 1.0, False, late, {}
 
 
 @claim(
-    "vector_one_done_flag",
-    8,
     "A vectorised environment may return one flag `done` for the end of an episode.",
-    verdict=Verdict.CONDITIONAL,
-    condition="no episode is cut off by a clock",
-    corrected="An episode that the clock cuts off (truncated) still has a future, one that is over "
-    "(terminated) has none. With reward 1 for ever and discount 0.9 a state is worth 10. Learned "
-    "with one flag and a clock of 10 steps it is worth 5.26; with both flags, and the last "
-    "observation to bootstrap from, 10.",
-    figures={
-        "value": (10.0, 1e-9),
-        "learned_with_one_flag": (1.0 / 0.19, 1e-6),
-        "learned_with_two": (10.0, 1e-6),
-    },
+    "An episode that the clock cuts off (truncated) still has a future, one that is over "
+    "(terminated) has none. With reward 1 for ever and discount {discount:.1f} a state is worth "
+    "{value:.0f}. Learned with one flag and a clock of {clock_steps:.0f} steps it is worth "
+    "{learned_with_one_flag:.2f}; with both flags, and the last observation to bootstrap from, "
+    "{learned_with_two:.0f}.",
     source="F. Pardo et al., Time limits in reinforcement learning, 2018",
 )
-def _one_done_flag() -> Finding:
+def vector_one_done_flag(found):
     from course.drills import VectorizedEnv
 
-    gamma = 0.9
+    discount, clock = found.given("discount", 0.9), found.given("clock_steps", 10)
 
-    def learned(clock: int, merged: bool) -> float:
+    def learned(clock, merged, gamma=discount):
         """The value that agrees with the mean of its targets, of a learner without a clock."""
         envs = VectorizedEnv(lambda: _Clocked(clock), 4)
         envs.reset(seed=0)
@@ -57,196 +55,208 @@ def _one_done_flag() -> Finding:
             rewards.append(reward)
             goes_on.append(~(terminated | truncated) if merged else ~terminated)
         # v = mean(reward + gamma * goes_on * v), solved for v
-        return float(np.mean(rewards) / (1.0 - gamma * np.mean(goes_on)))
+        return np.mean(rewards) / (1.0 - gamma * np.mean(goes_on))
 
-    value = 1.0 / (1.0 - gamma)
-    one, two = learned(10, True), learned(10, False)
-    return Finding(
-        {"value": value, "learned_with_one_flag": one, "learned_with_two": two},
-        "The fixed point of the targets over 200 steps of 4 environments.",
-        holds=abs(one - value) < 1e-9,
-        holds_if=abs(learned(10**6, True) - value) < 1e-9,
-        corrected=abs(two - value) < 1e-9 and abs(one - 1.0 / 0.19) < 1e-9,
+    def right(clock, merged, gamma):
+        return abs(learned(clock, merged, gamma) * (1.0 - gamma) - 1.0) < 1e-9
+
+    found.figure("value", learned(10**6, False), tolerance=1e-9)
+    one = found.figure("learned_with_one_flag", learned(clock, True))
+    found.figure("learned_with_two", learned(clock, False))
+    found.statement = "The fixed point of the targets over 200 steps of 4 environments."
+    draws = list(zip(found.rng.integers(2, 190, 8), found.rng.uniform(0.5, 0.99, 8), strict=True))
+    found.heard(
+        right(clock, True, discount),
+        only_if="no episode is cut off by a clock",
+        inside=[right(200 + int(n), True, gamma) for n, gamma in draws],
+        outside=[right(int(n), True, gamma) for n, gamma in draws],
+    )
+    found.corrected(
+        abs(one - 1.0 / 0.19) < 1e-9, all(right(int(n), False, gamma) for n, gamma in draws)
     )
 
 
 @claim(
-    "vector_one_step_test",
-    8,
     "One step, and `assert 'terminal_obs' in info[0] if done[0] else True`, tests that the last "
     "observation is kept.",
-    verdict=Verdict.FALSE,
-    corrected="After one step hardly any episode is over, and then the line asserts True. A class "
-    "that throws the last observation away passes it. A test must run until an episode ends and "
-    "compare the observation with that of a single environment.",
-    figures={"ends_seen_in_100_runs": (0.0, 0.0), "wrong_class_passes": (100.0, 0.0)},
+    "After one step hardly any episode is over, and then the line asserts True. A class that "
+    "throws the last observation away passed it {wrong_class_passes:.0f} times of {runs:.0f}. A "
+    "test must run until an episode ends and compare the observation with that of a single "
+    "environment.",
 )
-def _one_step_test() -> Finding:
+def vector_one_step_test(found):
     from course.drills import VectorizedEnv
 
     class Forgetful(VectorizedEnv):
-        def step(self, actions: Any) -> Any:
+        def step(self, actions):
             *rest, infos = super().step(actions)
             kept = [{k: v for k, v in i.items() if not k.startswith("final")} for i in infos]
             return *rest, kept
 
-    def one_step(kind: Any, clock: int, seed: int) -> tuple[bool, bool]:
+    def one_step(kind, clock, seed):
         """Whether the assertion passes, and whether it looked at anything."""
         envs = kind(lambda: _Clocked(clock), 4)
         envs.reset(seed=seed)
         _, _, terminated, truncated, infos = envs.step(np.zeros((4, 1)))
         done = terminated | truncated
-        return bool("final_obs" in infos[0] if done[0] else True), bool(done[0])
+        return bool(np.asarray("final_obs" in infos[0] if done[0] else done.size)), bool(done[0])
 
-    runs = [one_step(Forgetful, 100, seed) for seed in range(100)]
-    passes, ends = sum(p for p, _ in runs), sum(e for _, e in runs)
-    at_an_end = one_step(Forgetful, 1, 0)
-    return Finding(
-        {"ends_seen_in_100_runs": ends, "wrong_class_passes": passes},
-        "Run on a class that drops the last observation, with episodes of 100 steps.",
-        holds=passes < 100,
-        corrected=ends == 0 and at_an_end == (False, True) and one_step(VectorizedEnv, 1, 0)[0],
+    count = found.given("runs", 100)
+    runs = np.array([one_step(Forgetful, 100, seed) for seed in range(count)])
+    passes = found.figure("wrong_class_passes", runs[:, 0].sum())
+    found.figure("ends_seen_in_100_runs", runs[:, 1].sum())
+    found.statement = "Run on a class that drops the last observation, with episodes of 100 steps."
+    found.heard(passes < count)
+    found.corrected(
+        runs[:, 1].sum() == 0,
+        one_step(Forgetful, 1, 0) == (0, 1),
+        one_step(VectorizedEnv, 1, 0)[0],
     )
 
 
 @claim(
-    "vector_zip_of_actions",
-    8,
     "for env, action in zip(envs, actions) steps every environment with its action.",
-    verdict=Verdict.CONDITIONAL,
-    condition="there are as many actions as environments",
-    corrected="zip stops at the shorter one. With 3 actions for 4 environments the fourth is not "
-    "stepped; with 5, one action is dropped; neither is reported. The number must be checked, or "
-    "zip told to be strict.",
-    figures={
-        "stepped_of_4_with_3_actions": (3.0, 0.0),
-        "used_of_5_actions": (4.0, 0.0),
-        "checked": ("ValueError", 0),
-    },
+    "zip stops at the shorter one. With 3 actions for 4 environments "
+    "{stepped_of_4_with_3_actions:.0f} are stepped; with 5, {used_of_5_actions:.0f} are used; "
+    "neither is reported. The number must be checked, or zip told to be strict: this course's two "
+    "classes answer with a {checked}.",
 )
-def _zip_of_actions() -> Finding:
-    from course.vector_env import ArmReach, VectorizedEnv
+def vector_zip_of_actions(found):
+    from course import drills, vector_env
 
-    envs, checked = range(4), "nothing"
-    few = len([env for env, _ in zip(envs, range(3), strict=False)])
-    many = len([env for env, _ in zip(envs, range(5), strict=False)])
-    right = len([env for env, _ in zip(envs, range(4), strict=False)])
-    ours = VectorizedEnv(ArmReach, 4)
-    ours.reset(seed=0)
-    try:
-        ours.step(np.zeros((3, 2)))
-    except ValueError as error:
-        checked = type(error).__name__
-    return Finding(
-        {"stepped_of_4_with_3_actions": few, "used_of_5_actions": many, "checked": checked},
-        "Counted.",
-        holds=few == 4,
-        holds_if=right == 4,
-        corrected=(few, many, checked) == (3, 4, "ValueError"),
+    class Zipped(drills.VectorizedEnv):
+        def step(self, actions):
+            return [env.step(action) for env, action in zip(self.envs, actions, strict=False)]
+
+    def stepped(environments, actions):
+        """(environments that were stepped, actions that were used)"""
+        envs = Zipped(lambda: _Clocked(100), environments)
+        envs.reset(seed=0)
+        results = envs.step(np.zeros((actions, 1)))
+        return sum(env.steps for env in envs.envs), len(results)
+
+    def answer(envs, actions):
+        envs.reset(seed=0)
+        try:
+            envs.step(actions)
+        except ValueError as error:
+            return type(error).__name__
+        return "nothing"
+
+    few = found.figure("stepped_of_4_with_3_actions", stepped(4, 3)[0])
+    many = found.figure("used_of_5_actions", stepped(4, 5)[1])
+    ours = vector_env.VectorizedEnv(vector_env.ArmReach, 4)
+    checked = found.figure("checked", answer(ours, np.zeros((3, 2))))
+    drill = drills.VectorizedEnv(lambda: _Clocked(100), 4)
+    found.statement = "Counted by the environments."
+
+    def every(environments, actions):
+        return stepped(environments, actions) == (environments, actions)
+
+    counts = [int(n) for n in found.rng.integers(1, 20, 10)]
+    found.heard(
+        every(4, 3),
+        only_if="there are as many actions as environments",
+        inside=[every(n, n) for n in counts],
+        outside=[every(n, n + (-1) ** i) for i, n in enumerate(counts)],
+    )
+    found.corrected(
+        few == 3,
+        many == 4,
+        checked == "ValueError",
+        all(answer(drill, np.zeros((n, 1))) == "ValueError" for n in (3, 5)),
     )
 
 
 @claim(
-    "vector_same_step_reset",
-    8,
     "The step that ends an episode returns the first observation of the next one.",
-    verdict=Verdict.CONDITIONAL,
-    condition="the autoreset mode is SAME_STEP",
-    corrected="Gymnasium's vector environments start the next episode in the next step by default "
-    "(NEXT_STEP): the step that ends an episode returns its last observation, and the next one "
-    "ignores its action and has reward 0. metadata['autoreset_mode'] says which it is.",
-    figures={
-        "default": ("NextStep", 0),
-        "last_shown_next_step": (1.0, 0.0),
-        "last_shown_same_step": (0.0, 0.0),
-        "reward_of_the_resetting_step": (0.0, 1e-12),
-    },
-    source="Gymnasium documentation, Vector environments, autoreset modes",
+    "Gymnasium's vector environments start the next episode in the next step by default (NEXT_STEP)"
+    ": the step that ends an episode returns its last observation, and the next one ignores its "
+    "action and has reward {reward_of_the_resetting_step:.0f}. metadata['autoreset_mode'] says "
+    "which it is.",
+    source="Gymnasium 1.x documentation, Vector environments, autoreset modes",
 )
-def _same_step_reset() -> Finding:
+def vector_same_step_reset(found):
     import gymnasium
 
     from course.vector_env import ArmReach
 
-    def build() -> ArmReach:
+    def build():
         return ArmReach(max_steps=1)
 
-    def last_shown(**mode: Any) -> tuple[bool, float, str]:
+    def last_shown(seed=0, **mode):
+        """(whether the step that ends shows the last observation, next reward, mode)"""
         envs = gymnasium.vector.SyncVectorEnv([build], **mode)
-        envs.reset(seed=0)
+        envs.reset(seed=seed)
         single = build()
-        single.reset(seed=0)
+        single.reset(seed=seed)
         action = np.full((1, 2), 0.5, np.float32)
-        last = single.step(action[0])[0]
-        shown = bool(np.array_equal(envs.step(action)[0][0], last))
-        reward = float(envs.step(action)[1][0])
-        return shown, reward, envs.metadata["autoreset_mode"].value
+        shown = np.array_equal(envs.step(action)[0][0], single.step(action[0])[0])
+        return shown, envs.step(action)[1][0], envs.metadata["autoreset_mode"].value
 
     later, reward, name = last_shown()
     same, other, _ = last_shown(autoreset_mode="SameStep")
-    return Finding(
-        {
-            "default": name,
-            "last_shown_next_step": later,
-            "last_shown_same_step": same,
-            "reward_of_the_resetting_step": reward,
-        },
-        "Gymnasium's SyncVectorEnv over an environment that ends after one step.",
-        holds=not later,
-        holds_if=not same,
-        corrected=later and not same and reward == 0.0 and other != 0.0 and name == "NextStep",
+    found.figure("default", name)
+    found.figure("last_shown_next_step", later)
+    found.figure("last_shown_same_step", same)
+    found.figure("reward_of_the_resetting_step", reward)
+    found.statement = "Gymnasium's SyncVectorEnv over an environment that ends after one step."
+    seeds = [int(seed) for seed in found.rng.integers(0, 10**6, 8)]
+    found.heard(
+        not later,
+        only_if="the autoreset mode is SAME_STEP",
+        inside=[not last_shown(seed, autoreset_mode="SameStep")[0] for seed in seeds],
+        outside=[not last_shown(seed)[0] for seed in seeds],
     )
+    found.corrected(reward == 0.0, other != 0.0, name == "NextStep")
 
 
 @claim(
-    "vector_one_seed",
-    8,
     "Resetting N environments with a fixed seed gives N different, repeatable episodes.",
-    verdict=Verdict.CONDITIONAL,
-    condition="each of them gets a seed of its own",
-    corrected="With one seed for all they are copies: N times the work, one environment's "
-    "experience. Seeds s, s + 1, ... give different ones, and repeat as well.",
-    figures={"different_of_8_with_one_seed": (1.0, 0.0), "different_of_8_with_own": (8.0, 0.0)},
+    "With one seed for all they are copies: N times the work, one environment's experience. Seeds "
+    "s, s + 1, ... give different ones, and repeat as well.",
 )
-def _one_seed() -> Finding:
+def vector_one_seed(found):
     from course.vector_env import ArmReachVector
 
-    def different(seed: Any) -> int:
-        envs = ArmReachVector(8)
-        observations, _ = envs.reset(seed=seed)
-        return len({row.tobytes() for row in observations})
+    envs = ArmReachVector(8)
 
-    one, own = different([5] * 8), different(5)
-    return Finding(
-        {"different_of_8_with_one_seed": one, "different_of_8_with_own": own},
-        "Distinct first observations of the reaching task.",
-        holds=one == 8,
-        holds_if=own == 8,
-        corrected=(one, own) == (1, 8),
+    def rows(seed):
+        return [row.tobytes() for row in envs.reset(seed=seed)[0]]
+
+    def good(seed):
+        """Whether the eight are different, and the same again."""
+        return len(set(rows(seed))) == 8 and rows(seed) == rows(seed)
+
+    found.figure("different_of_8_with_one_seed", np.size(list(set(rows([5] * 8)))))
+    found.figure("different_of_8_with_own", np.size(list(set(rows(5)))))
+    found.statement = "Distinct first observations of the reaching task."
+    seeds = [int(seed) for seed in found.rng.integers(0, 10**6, 10)]
+    first = [rows([seed] * 8) for seed in seeds]
+    found.heard(
+        good([5] * 8),
+        only_if="each of them gets a seed of its own",
+        inside=[good(seed) for seed in seeds],
+        outside=[good([seed] * 8) for seed in seeds],
+    )
+    found.corrected(
+        all(len(set(rows([seed] * 8))) == 1 for seed in seeds),
+        first == [rows([seed] * 8) for seed in seeds],
     )
 
 
 @claim(
-    "vector_processes_pay",
-    8,
     "Stepping N environments in W processes is faster than stepping them in a loop.",
-    verdict=Verdict.CONDITIONAL,
-    condition="one environment's step costs more than r / (N (1 - 1 / W))",
-    corrected="A loop takes N c for a step, W processes on as many free processors N c / W and r, "
-    "the time of waking them and hearing from them. They pay from c = r / (N (1 - 1 / W)) on. "
-    "With r = 200 us, 8 environments and 2 workers that is 50 us, several times what a small "
-    "MuJoCo model costs; the chart vector_env measures it.",
-    figures={"break_even_us": (50.0, 1e-9), "ratio_at_10_us": (0.3333333, 1e-6)},
-    formula=Formula(
+    "A loop takes N c for a step, W processes on as many free processors N c / W and r, the time "
+    "of waking them and hearing from them. They pay from c = {formula} on. With r = "
+    "{wake_us:.0f} us, {environments:.0f} environments and {workers:.0f} workers that is "
+    "{break_even_us:.0f} us, several times what a small MuJoCo model costs; the chart vector_env "
+    "measures it.",
+    ask=(
         "From which cost c of one environment's step do W processes beat a loop over N "
         "environments, when waking the workers and hearing from them takes r?",
-        "r/(N*(1 - 1/W))",
+        "c > r/(N*(1 - 1/W))",
         {
-            "r": Symbol("time to wake the workers and hear from them [s]"),
-            "N": Symbol("number of environments", 1.0, 100.0),
-            "W": Symbol("number of workers", 2.0, 16.0),
-        },
-        slips={
             "r/N": "That is where the loop's time equals r alone. The processes also compute: they "
             "take N c / W beside r.",
             "r/(N*(1 + 1/W))": "The sign: the processes save N c (1 - 1 / W) and pay r for it.",
@@ -254,27 +264,57 @@ def _one_seed() -> Finding:
             "they save.",
             "r/(1 - 1/W)": "This forgets that the saving is that of all N environments.",
         },
-        left=("c",),
-        relation=">",
     ),
 )
-def _processes_pay() -> Finding:
+def vector_processes_pay(found):
     import sympy
 
+    from course.charts.vector_env import predicted_crossing
+    from course.vector_env import ArmReach, ProcessVectorEnv
+
+    class Located(ArmReach):
+        """Says in which process it lives."""
+
+        @property
+        def process(self):
+            return os.getpid()
+
     c, r, n, w = sympy.symbols("c r N W", positive=True)
-    loop, processes = n * c, n * c / w + r
-    (even,) = sympy.solve(sympy.Eq(loop, processes), c)
-    numbers = {r: 200, n: 8, w: 2}
+    (found.formula,) = sympy.solve(sympy.Eq(n * c, n * c / w + r), c)
+    environments, workers = found.given("environments", 8), found.given("workers", 2)
+    wake = found.given("wake_us", 200)
+    envs = ProcessVectorEnv(Located, environments, num_workers=workers)
+    homes = envs.get_attr("process")
+    envs.close()
+    each = [homes.count(home) for home in set(homes)]  # steps that a worker makes, one by one
 
-    def ratio(cost: float) -> float:
-        return float((loop / processes).subs(numbers | {c: cost}))
+    def ratio(cost, waking=wake, n=environments, w=workers):
+        """Time of a loop over that of processes, of which the slowest makes ceil(n / w) steps."""
+        return n * cost / (np.ceil(n / w) * cost + waking)
 
-    break_even = float(even.subs(numbers))
-    return Finding(
-        {"break_even_us": break_even, "ratio_at_10_us": ratio(10)},
-        "By algebra; times in microseconds.",
-        holds=ratio(10) > 1.0,
-        holds_if=ratio(1.01 * break_even) > 1.0,
-        corrected=sympy.simplify(even - r / (n * (1 - 1 / w))) == 0 and ratio(49) < 1.0,
-        formula=even,
+    def even(waking=wake, n=environments, w=workers):
+        return predicted_crossing(0.0, waking, n, w, 0.0)
+
+    break_even = found.figure("break_even_us", even(), tolerance=1e-9)
+    found.figure("ratio_at_10_us", ratio(even() / 5))
+    found.statement = (
+        f"By algebra, with the shares counted in {workers} processes: each steps {max(each)} of "
+        f"{environments} environments. Times in microseconds."
+    )
+    draws = [
+        (found.rng.uniform(20, 500), int(w * k), int(w))
+        for w, k in zip(found.rng.integers(2, 9, 12), found.rng.integers(1, 9, 12), strict=True)
+    ]
+    beyond, short = found.rng.uniform(1.01, 3, 12), found.rng.uniform(0.3, 0.99, 12)
+    found.heard(
+        ratio(0.2 * break_even) > 1.0,
+        only_if="one environment's step costs more than r / (N (1 - 1 / W)), and W divides N",
+        inside=[ratio(x * even(*d), *d) > 1 for x, d in zip(beyond, draws, strict=True)],
+        outside=[ratio(x * even(*d), *d) > 1 for x, d in zip(short, draws, strict=True)],
+    )
+    values = [float(found.formula.subs({r: a, n: b, w: k})) for a, b, k in draws]
+    found.corrected(
+        set(each) == {environments // workers} and len(each) == workers,
+        all(abs(even(*d) / value - 1) < 1e-12 for d, value in zip(draws, values, strict=True)),
+        ratio(0.99 * break_even) < 1.0 < ratio(1.01 * break_even),
     )
