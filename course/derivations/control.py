@@ -14,7 +14,8 @@ from course.derivations import claim
     "and none with conditional integration. Narrower than the load, it leaves an error that never "
     "goes: {error_left_by_narrow_clamp_rad:.2f} rad. To stop integrating while the command is at "
     "its limit and the error pushes further needs no range, and a jam that holds it there adds "
-    "nothing; a jam with the command short of its limit still winds up, by {short_jam_rad:.2f} rad.",
+    "nothing; a jam with the command short of its limit still winds up, by {short_jam_rad:.2f} "
+    "rad.",
     source="K. J. Astrom, T. Hagglund, Advanced PID Control, 2006, sec. 3.5",
 )
 def integral_clamp(found):
@@ -37,9 +38,10 @@ def integral_clamp(found):
     def run(bound=None, kp=4.0, ki=6.0, load=0.3, jam=3.0, target=1.0, kd=0.5):
         """(overshoot, error at the end) [rad] of a joint that is blocked first; bound None is
         conditional integration."""
-        kind = PID if bound is None else Clamped
-        controller = kind(kp=kp, ki=ki, kd=kd, dt=dt, u_min=-2.0, u_max=2.0, tau=0.01)
-        controller.bound = bound
+        gains = {"kp": kp, "ki": ki, "kd": kd, "dt": dt, "u_min": -2.0, "u_max": 2.0, "tau": 0.01}
+        controller = PID(**gains) if bound is None else Clamped(**gains)
+        if isinstance(controller, Clamped):
+            controller.bound = bound
         joint = Joint(inertia=0.05, damping=0.2, dt=dt, load=-load)
         blocked = np.arange(steps) < round(jam / dt)
         angles, _ = closed_loop(controller, joint, np.full(steps, target), blocked)
@@ -68,7 +70,7 @@ def integral_clamp(found):
         return dict(zip(("kp", "ki", "load", "jam", "kd"), values, strict=True))
 
     def cured(share):
-        """Whether a clamp at a share of the load adds no overshoot to a jam, and leaves no error."""
+        """Whether a clamp at a share of the load adds no overshoot, and leaves no error."""
         case = drawn()
         bound = share * case["load"]
         overshoot, left = run(bound, **case)

@@ -392,7 +392,6 @@ def friction_in_all_directions(found):
     )
     found.corrected(
         abs(diagonal - np.sqrt(0.5)) < 1e-3,
-        all(np.sqrt(0.5) - 1e-3 < braked("pyramidal", a) < 1.0 for a in angles),
     )
 
 
