@@ -563,7 +563,8 @@ def every_recording_identifies(found):
     "differentiates the solver's answer by the implicit function theorem. That theorem, applied to "
     "the time of an impact, gives d height / d start = {implicit:.4f} in one run, the "
     "true one. Smoothing averages many perturbed runs and needs no derivative of the engine: "
-    "{runs:.0f} runs leave a standard error of {smoothed_error:.2f}, which falls with the root of their number. "
+    "{runs:.0f} runs leave a standard error of {smoothed_error:.2f}, which falls with the root of "
+    "their number. "
     "Differentiating a fixed-step drop line by line gives {naive:.0f} instead of {truth:.2f} at "
     "any step.",
     source="Howell et al., Dojo: A Differentiable Physics Engine for Robotics (2022), abstract "
