@@ -62,9 +62,8 @@ from pathlib import Path
 from typing import Any
 
 from course import CHAPTERS
-from course.derivations import before, honest, records
+from course.derivations import honest, records
 from course.derivations.answer import Answer, Formula, Symbol, answer_formula, equivalent, parse
-from course.derivations.before import Finding
 from course.derivations.found import Found, Verdict
 
 __all__ = [
@@ -73,7 +72,6 @@ __all__ = [
     "Ask",
     "Block",
     "Claim",
-    "Finding",
     "Formula",
     "Found",
     "Outcome",
@@ -151,9 +149,9 @@ class Claim:
         claim: the statement as it is commonly made.
         corrected: what is true, with fields for the figures. A claim that holds is repeated there
             more precisely.
+        source: where that can be read up, or "".
         check: settles the claim by filling what it is handed.
         formula: what a learner can be asked for, or None.
-        source: where the corrected statement can be read up.
     """
 
     id: str
@@ -161,9 +159,9 @@ class Claim:
     chapter: int
     claim: str
     corrected: str
+    source: str
     check: Callable[[Found], None] = field(repr=False)
     formula: Formula | None = None
-    source: str = ""
 
     def __post_init__(self) -> None:
         if not self.id.isidentifier() or self.id != self.id.lower():
@@ -240,6 +238,7 @@ class Outcome:
 
 # Filled by `claim`; read it through `claims`, which loads the files first.
 CLAIMS: dict[str, Claim] = {}
+Check = Callable[[Found], None]
 _NUMBERS = {chapter.topic: chapter.number for chapter in CHAPTERS}
 
 
@@ -248,16 +247,18 @@ def _one_line(text: str) -> str:
 
 
 def claim(
-    *texts: Any,
+    heard: str,
+    corrected: str,
+    *,
     ask: Ask | tuple[str, str, Mapping[str, str]] | None = None,
     source: str = "",
     registry: dict[str, Claim] | None = None,
-    **old: Any,
-) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
+) -> Callable[[Check], Check]:
     """Decorator that registers a check as a claim; see the top of this file.
 
     Args:
-        texts: the claim as one hears it, and what is true, with fields for the figures.
+        heard: the claim as one hears it.
+        corrected: what is true, with fields for the figures.
         ask: what a learner can be asked for.
         source: where it can be read up.
         registry: where to put it; default: the claims of the course.
@@ -270,27 +271,22 @@ def claim(
     """
     target = CLAIMS if registry is None else registry
 
-    def register(check: Callable[..., Any]) -> Callable[..., Any]:
-        file = check.__module__.removeprefix(f"{__name__}.")
+    def register(check: Check) -> Check:
+        id, file = check.__name__, check.__module__.removeprefix(f"{__name__}.")
         chapter = _NUMBERS.get(file.split(".")[0], 0 if registry is not None else -1)
-        if "verdict" in old:
-            item = before.adapted(Claim, file, texts, old | {"source": source})(check)
-        else:
-            if chapter < 0:
-                raise ValueError(f"{check.__name__} stands in {file}, which is no chapter's")
-            heard, corrected = texts
-            try:
-                asked = Ask(*ask) if isinstance(ask, tuple) else ask
-                formula = asked.formula(check.__globals__.get("SYMBOLS", {})) if asked else None
-            except ValueError as problem:
-                raise ValueError(f"{check.__name__}: {problem}") from None
-            item = Claim(
-                check.__name__, file, chapter, _one_line(heard), _one_line(corrected), check,
-                formula, _one_line(source),
-            )  # fmt: skip
-        if item.id in target:
-            raise ValueError(f"id is {item.id!r}, which is taken; ids must be unique")
-        target[item.id] = item
+        if chapter < 0:
+            raise ValueError(f"{id} stands in {file}, which is no chapter's")
+        try:
+            asked = Ask(*ask) if isinstance(ask, tuple) else ask
+            formula = asked.formula(check.__globals__.get("SYMBOLS", {})) if asked else None
+        except ValueError as problem:
+            raise ValueError(f"{id}: {problem}") from None
+        if id in target:
+            raise ValueError(f"id is {id!r}, which is taken; ids must be unique")
+        target[id] = Claim(
+            id, file, chapter, _one_line(heard), _one_line(corrected), _one_line(source), check,
+            formula,
+        )  # fmt: skip
         return check
 
     return register
@@ -366,15 +362,9 @@ def settle(claim: Claim, record: Mapping[str, Any] | None = None) -> Outcome:
     """
     found = Found(claim.id)
     recorded = records.load(claim.file).get(claim.id) if record is None else record
-    if isinstance(claim.check, before.Adapted):
-        recorded = claim.check.record(claim)
-        claim.check(found)
-        faults = claim.check.faults(claim, found)
-    else:
-        claim.check(found)
-        faults = _faults(claim, found)
+    claim.check(found)
     changes = records.differences(recorded, claim.entry(found))
-    return Outcome(claim, found, tuple(faults), tuple(changes))
+    return Outcome(claim, found, tuple(_faults(claim, found)), tuple(changes))
 
 
 @functools.cache
