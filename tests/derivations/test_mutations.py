@@ -5,6 +5,7 @@ import importlib.util
 import inspect
 import sys
 import textwrap
+from pathlib import Path
 
 import pytest
 
@@ -20,7 +21,7 @@ CONDITIONAL = [
 def _mutated(item, tmp_path, monkeypatch, *changes):
     """The claim out of its own source with some text replaced; registered nowhere else."""
     module = f"course.derivations.{item.file}"
-    text = open(sys.modules[module].__file__, encoding="utf-8").read()
+    text = Path(str(sys.modules[module].__file__)).read_text(encoding="utf-8")
     (tree,) = [
         node
         for node in ast.parse(text).body
@@ -109,7 +110,9 @@ def _handed_over(check):
 
     places = []
     for call in ast.walk(ast.parse(text)):
-        name = getattr(getattr(call, "func", None), "attr", "")
+        if not isinstance(call, ast.Call):
+            continue
+        name = getattr(call.func, "attr", "")
         if name in ("corrected", "heard"):
             draws = [k.value for k in call.keywords if k.arg in ("inside", "outside")]
             places += [(place(value), b"[True] * 9") for value in draws]

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from course.derivations import Ask, Symbol, claim
+from course.derivations import Symbol, claim
 
 GRAVITY, HEIGHT, STEP = 9.81, 5.0, 0.01  # the worked example: 1 kg, 5 m, 10 ms, restitution 1
-_START = GRAVITY * HEIGHT  # J
-_METHODS = ("explicit_euler", "semi_implicit_euler", "exact_flight")
+START = GRAVITY * HEIGHT  # J
+METHODS = ("explicit_euler", "semi_implicit_euler", "exact_flight")
 
 SYMBOLS = {
     "m": Symbol("mass [kg]"),
@@ -19,11 +19,11 @@ SYMBOLS = {
 }
 
 
-def _falling(q: np.ndarray, v: np.ndarray, params: Any) -> np.ndarray:
+def falling(q: np.ndarray, v: np.ndarray, params: Any) -> np.ndarray:
     return np.full_like(v, -GRAVITY if params is None else params)
 
 
-def _step(method: str) -> Any:
+def step_of(method: str) -> Any:
     """The step of a method; exact flight is what every second-order method takes in free fall."""
     from course.rigid_body import INTEGRATORS
 
@@ -79,7 +79,7 @@ def drop(
         e: restitution.
         height, speed: at the start, upwards [m, m/s].
     """
-    step, unit, g = _step(method), GRAVITY * np.square(dt) / 981, 981.0
+    step, unit, g = step_of(method), GRAVITY * np.square(dt) / 981, 981.0
     q, v, unit, dt, e = np.broadcast_arrays(
         np.rint(np.divide(height, unit)), np.divide(speed, unit) * dt, unit, dt, e
     )
@@ -89,7 +89,7 @@ def drop(
     for _ in range(steps):
         if (count >= bounces).all():
             break
-        q1, v1 = step(q, v, _falling, 1.0, -g)
+        q1, v1 = step(q, v, falling, 1.0, -g)
         q1, v1 = np.where(count < bounces, q1, q), np.where(count < bounces, v1, v)
         flight = flight + g * (q1 - q) + (v1 * v1 - v * v) / 2
         hit = q1 < 0
@@ -141,7 +141,7 @@ def _change(method: str) -> tuple[Any, Any]:
 
     m, g, h = sympy.symbols("m g h", positive=True)
     y, v = sympy.symbols("y v", real=True)
-    q1, v1 = _step(method)(np.array([y]), np.array([v]), _falling, h, -g)
+    q1, v1 = step_of(method)(np.array([y]), np.array([v]), falling, h, -g)
     change = sympy.expand(m * g * (q1[0] - y) + m * (v1[0] ** 2 - v**2) / 2)
     return sympy.nsimplify(change, rational=True), sympy.expand(v1[0] - v)
 
@@ -187,13 +187,13 @@ def semi_implicit_free_fall(found):
 
     found.formula, dv = _change("semi_implicit_euler")
     y, v, g, h = (sympy.Symbol(n, real=True) for n in "yvgh")
-    end = _step("semi_implicit_euler")(np.array([y]), np.array([v]), _falling, h, -g)
+    end = step_of("semi_implicit_euler")(np.array([y]), np.array([v]), falling, h, -g)
     area = sympy.Matrix([end[0][0], end[1][0]]).jacobian([y, v]).det()
     m, g, h = sympy.symbols("m g h", positive=True)
     heights, speeds = found.rng.uniform((90, -9), (150, 9), (50, 2)).T
     run = drop("semi_implicit_euler", 300, height=heights, speed=speeds)
     kept = run.energy - GRAVITY * STEP * run.v / 2
-    lost = worked("semi_implicit_euler").energy[100, 0] - _START
+    lost = worked("semi_implicit_euler").energy[100, 0] - START
     found.figure("after_100_steps_j", lost)
     found.statement = (
         f"100 steps of 10 ms from rest lose {-lost:.4f} J. Over 50 throws up and down of 3 s the "
@@ -215,13 +215,13 @@ def semi_implicit_free_fall(found):
 def worked_step_1_semi_implicit(found):
     run = worked("semi_implicit_euler")
     y, v, e = (float(x[1, 0]) for x in (run.q, run.v, run.energy))
-    gained = worked("explicit_euler").energy[1, 0] - _START
+    gained = worked("explicit_euler").energy[1, 0] - START
     found.figure("y_m", y)
     found.figure("v_m_per_s", v)
     found.figure("energy_j", e)
     found.statement = "One step of 10 ms from rest at 5 m."
     found.heard((round(y, 3), round(v, 4), round(e, 2)) == (4.999, -0.0981, 49.05))
-    found.corrected(abs(_START - e - gained) < 1e-9, e < _START)
+    found.corrected(abs(START - e - gained) < 1e-9, e < START)
 
 
 @claim(
@@ -237,7 +237,7 @@ def worked_step_100(found):
     found.figure("y_m", y)
     found.figure("v_m_per_s", v)
     found.figure("energy_j", e)
-    found.figure("gain_percent", 100 * (e / _START - 1))
+    found.figure("gain_percent", 100 * (e / START - 1))
     of_that_state = found.figure("of_that_state_j", _energy(4.51, -0.981))
     step = found.figure("step_of_that_speed", np.abs(run.v[:100, 0] + 0.981).argmin())
     found.statement = "100 steps of explicit Euler by the course's integrator."
@@ -261,7 +261,7 @@ def worked_step_500(found):
     before = found.figure("bounces_by_step_500", (steps <= step).sum())
     found.figure("y_m", run.q[step, 0])
     found.figure("energy_j", run.energy[step, 0])
-    found.figure("gain_percent", 100 * (run.energy[step, 0] / _START - 1))
+    found.figure("gain_percent", 100 * (run.energy[step, 0] / START - 1))
     found.statement = f"The rule acts at steps {', '.join(str(i) for i in steps)}."
     found.heard(first == step)
     early = near("explicit_euler").bounced.argmax(axis=0)
@@ -287,7 +287,7 @@ def worked_ten_bounces_explicit(found):
     found.statement = f"Ten bounces take {len(run.q) - 1} steps; near by: {_spread(others)}."
     found.heard(abs(gain - 59) < 1)
     found.corrected(
-        flight > 0 and rule > 0, abs(flight + rule - (end - _START)) < 1e-9,
+        flight > 0 and rule > 0, abs(flight + rule - (end - START)) < 1e-9,
         (others.percent() > 0).all() and others.energy[-1].max() < end < 78,
     )  # fmt: skip
 
@@ -311,8 +311,8 @@ def worked_ten_bounces_semi_implicit(found):
     found.statement = f"Ten bounces take {len(run.q) - 1} steps; near by: {_spread(others)}."
     found.heard(abs(end - 48.5) < 0.1 or bool((abs(others.energy[-1] - 48.5) < 0.1).any()))
     found.corrected(
-        flight < 0 < rule, abs(flight + rule - (end - _START)) < 1e-9,
-        others.energy[-1].max() < 46 < _START < end,
+        flight < 0 < rule, abs(flight + rule - (end - START)) < 1e-9,
+        others.energy[-1].max() < 46 < START < end,
     )  # fmt: skip
 
 
@@ -331,7 +331,14 @@ def _resolved(method: str, start: Any, handled: bool = True) -> float:
     q, v, bounces = np.array([height]), np.array([speed]), 0
     while bounces < 10:
         q, v, hits = advance(
-            q, v, _step(method), _falling, dt, None, lambda q: q[0], lambda q, v: (0 * q, np.abs(v))
+            q,
+            v,
+            step_of(method),
+            falling,
+            dt,
+            None,
+            lambda q: q[0],
+            lambda q, v: (0 * q, np.abs(v)),
         )
         bounces += hits
     return _energy(q[0], v[0]) / _energy(height, speed)
@@ -353,8 +360,8 @@ def worked_ten_bounces_rk4(found):
     found.figure("by_rule_j", float(run.by_rule[0]))
     found.figure("near_lowest_percent", others.percent().min())
     found.figure("near_highest_percent", others.percent().max())
-    state = np.array([HEIGHT]), np.array([-3.0]), _falling, STEP, None
-    exact = _step("exact_flight")(*state)
+    state = np.array([HEIGHT]), np.array([-3.0]), falling, STEP, None
+    exact = step_of("exact_flight")(*state)
     off = max(
         np.abs(np.subtract(INTEGRATORS[name].step(*state), exact)).max()
         for name in ("rk4", "velocity_verlet", "explicit_midpoint", "implicit_midpoint")
@@ -389,7 +396,7 @@ def worked_ten_bounces_rk4(found):
 )
 def worked_table_belongs_to_the_method(found):
     heights, near_by, spreads = found.rng.uniform(4, 6, 12), [], []
-    for name in _METHODS:
+    for name in METHODS:
         ends = drop(name, e=1 + 1e-6 * np.arange(-1, 2)).energy[-1]
         for label, value in zip(("below_1", "1", "above_1"), ends, strict=True):
             found.figure(f"{name}_e_{label}_j", value)
@@ -404,8 +411,8 @@ def worked_table_belongs_to_the_method(found):
     found.heard(spread < 1e-6)
     found.corrected(
         spread > 1,
-        all(_tied(drop(name, height=heights)).all() for name in _METHODS),
-        not any(_tied(near(name)).any() for name in _METHODS),
+        all(_tied(drop(name, height=heights)).all() for name in METHODS),
+        not any(_tied(near(name)).any() for name in METHODS),
         near_by[1].max() < near_by[2].min() < near_by[2].max() < near_by[0].min(),
     )
 
@@ -482,7 +489,7 @@ def elastic_bounce_rule(found):
     found.statement = "Exact flight, so that all the energy comes from the rule."
     found.heard(added < 1e-9)
     found.corrected(
-        0 < added < bound, all((_rule_gain(m, found.rng)[1] <= 0).all() for m in _METHODS)
+        0 < added < bound, all((_rule_gain(m, found.rng)[1] <= 0).all() for m in METHODS)
     )
 
 
@@ -502,7 +509,7 @@ def _rule_gain(method: str, rng: Any, e: Any = 1.0, share: Any = 1.0, n: int = 2
     if np.min(e) < 1:
         speed = share * 2 * GRAVITY * h / (1 - e * e)
     before = np.array([-(speed - GRAVITY * h)])  # a step later it is -speed
-    moved = -_step(method)(np.zeros((1, n)), before, _falling, h, None)[0][0]
+    moved = -step_of(method)(np.zeros((1, n)), before, falling, h, None)[0][0]
     run = drop(method, 1, 2, h, e, part * moved, before[0])
     return run.by_rule + run.by_restitution, run.by_rule - GRAVITY * h * speed
 
@@ -521,7 +528,7 @@ def bounce_rule_takes_energy(found):
     rest, step = found.given("e", 0.6), found.given("step_ms", 1.0)
     fast, slow, full = (
         np.concatenate([_rule_gain(m, found.rng, restitution, found.rng.uniform(*share, 200))[0]
-                        for m in _METHODS])
+                        for m in METHODS])
         for restitution, share in ((e, (1, 3)), (e, (0.5, 1)), (1.0, (1, 1)))
     )  # fmt: skip
 
@@ -564,7 +571,7 @@ def order_survives_bounces(found):
         pendulum = problems.pendulum(amplitude)
         return pendulum.error(simulate(pendulum.system, "rk4", 2.0 / n, n).q[-1])
 
-    ball = np.array([1.0]), np.array([-3.0]), _falling, 0.01, None
+    ball = np.array([1.0]), np.array([-3.0]), falling, 0.01, None
     order = found.figure("order_smooth", np.log2(smooth(1000, 2.5) / smooth(2000, 2.5)), 0.02)
     bounced = found.figure("order_with_bounce", np.log2(error(250) / error(2000)) / 3, 0.02)
     found.statement = "RK4 on a pendulum, and on a ball that bounces once, over 200 heights."
@@ -579,157 +586,5 @@ def order_survives_bounces(found):
     found.corrected(
         abs(order - 4) < 0.1,
         abs(bounced - 1) < 0.1,
-        np.allclose(rk4(*ball), _step("exact_flight")(*ball), rtol=1e-14),
+        np.allclose(rk4(*ball), step_of("exact_flight")(*ball), rtol=1e-14),
     )
-
-
-def _listing(method: str, e: float = 0.6, spin: float = 0.0, dt: float = 1e-3) -> Any:
-    """The usual first listing of a planar box: a state of six numbers, gravity, and a bounce rule.
-
-    Below the floor y becomes 0, vy becomes -e vy and omega is scaled by 0.95; then comes the step,
-    with the force of gravity and no torque. 1 kg, 0.1 kg m^2, from 5 m at 0.3 rad, 5 s.
-
-    Returns:
-        (q, v, energy) after each step: (x, y, angle), their rates, and J.
-    """
-    q, v = np.array([0.0, 5.0, 0.3]), np.array([0.0, 0.0, spin])
-    states = [(q, v)]
-    for _ in range(round(5 / dt)):
-        if q[1] < 0:
-            q = q * [1, 0, 1]
-            v = v * [1, -e, 0.95]
-        q, v = _step(method)(q, v, lambda q, v, g: np.array([0.0, -g, 0.0]), dt, GRAVITY)
-        states.append((q, v))
-    qs, vs = (np.array([s[i] for s in states]) for i in (0, 1))
-    return qs, vs, GRAVITY * qs[:, 1] + (vs**2 * [1.0, 1.0, 0.1]).sum(axis=1) / 2
-
-
-@claim(
-    "The usual first listing simulates a tumbling box, with friction at the ground.",
-    "Its box cannot tumble: nothing in it makes a torque, so the angle stays what it was for all "
-    "five seconds, and only the centre meets the floor, half the box below it. Its friction scales "
-    "the spin once a step, so what is left depends on the step: of 1 rad/s {left_1_ms:.0e} at "
-    "{step_ms:g} ms and {left_4_ms:.0e} at four times that. A box of the same mass and moment that "
-    "hits with its corner turns at {tumbles_rad_per_s:.1f} rad/s after the first impact.",
-)
-def listing_box_tumbles(found):
-    from course.rigid_body import PlanarBody
-
-    step = found.given("step_ms", 1.0) / 1000
-    q, v, _ = _listing("semi_implicit_euler")
-    left = [_listing("semi_implicit_euler", spin=1.0, dt=h)[1][-1, 2] for h in (step, 4 * step)]
-    side = np.sqrt(0.6)  # 1 kg and 0.1 kg m^2 as a square
-    box = PlanarBody(width=side, height=side, restitution=0.6)
-    box.state[:3] = 0.0, 5.0, 0.3
-    while not box.impacts:
-        box.step(step, GRAVITY)
-    found.figure("angle_moves_rad", np.ptp(q[:, 2]))
-    found.figure("left_1_ms", left[0], 1e-3)
-    found.figure("left_4_ms", left[1], 1e-3)
-    tumbles = found.figure("tumbles_rad_per_s", abs(box.omega), 1e-3)
-    found.statement = "The listing run as it is usually printed, and the chapter's planar body."
-    found.heard(np.ptp(q[:, 2]) > 0.01)
-    found.corrected(
-        not v[:, 2].any(), np.ptp(q[:, 2]) == 0, tumbles > 1, left[1] > 10 * left[0],
-        np.abs(q[-500:, 1]).max() < side / 4,
-    )  # fmt: skip
-
-
-@claim(
-    "A semi-implicit simulation of a ball with restitution 0.6 loses energy because of its "
-    "integrator.",
-    "It loses energy because the restitution takes it. The integrator's share, at {step_ms:g} ms "
-    "over five seconds, is {integrator_percent:.1f} % of the loss, and the bounce rule gives as "
-    "much back.",
-)
-def listing_energy_decay(found):
-    step = found.given("step_ms", 1.0)
-    run = drop("semi_implicit_euler", 5000, 10**9, step / 1000, 0.6)
-    total = _START - float(run.energy[-1, 0])
-    restitution, flight, rule = (
-        -float(part[0]) / total for part in (run.by_restitution, run.by_flight, run.by_rule)
-    )
-    found.figure("lost_j", total, 1e-4)
-    found.figure("share_of_restitution", restitution, 1e-4)
-    found.figure("share_of_integrator", flight, 1e-4)
-    found.figure("share_of_rule", rule, 1e-4)
-    found.figure("integrator_percent", 100 * flight, 1e-4)
-    listing = _listing("semi_implicit_euler")[2]
-    found.statement = f"The printed listing ends with {listing[-1]:.4f} J of {listing[0]:.2f} J."
-    found.heard(flight > 0.5)
-    found.corrected(
-        restitution > 0.98, 0 < flight < 0.02, abs(flight + rule) < 0.2 * flight,
-        abs(listing[0] - listing[-1] - total) < 0.01,
-    )  # fmt: skip
-
-
-@claim(
-    "Put explicit Euler into the usual listing and its energy grows.",
-    "It decays as well: the restitution takes far more than the integrator adds, and after five "
-    "seconds {explicit_left_mj:.1f} mJ of {start_j:.1f} J are left, {semi_implicit_left_mj:.2f} mJ "
-    "with semi-implicit Euler. A picture of a ball with restitution tells nothing about the "
-    "integrator; take e = 1 and the impacts at their time, or a spring.",
-)
-def explicit_in_the_listing_grows(found):
-    runs = {(m, e): _listing(m, e)[2] for m in _METHODS[:2] for e in (0.6, 0.7, 1.0)}
-    explicit, implicit = (runs[m, 0.6] for m in _METHODS[:2])
-    found.figure("start_j", explicit[0])
-    found.figure("explicit_left_mj", 1000 * np.abs(explicit[-500:]).max(), 0.2)
-    found.figure("semi_implicit_left_mj", 1000 * np.abs(implicit[-500:]).max(), 0.2)
-    elastic = runs["explicit_euler", 1.0]
-    found.figure("elastic_gain_percent", 100 * (elastic[-1] / elastic[0] - 1), 0.01)
-    found.statement = (
-        "The listing as it is printed, 5 s, restitution 0.6 and 0.7; with 1 explicit Euler gains "
-        f"{100 * (elastic[-1] / elastic[0] - 1):.1f} %."
-    )
-    found.heard(explicit[-1] > explicit[0])
-    found.corrected(
-        all(runs[m, e][-1] < 0.1 * explicit[0] for m in _METHODS[:2] for e in (0.6, 0.7)),
-        elastic[-1] > elastic[0] > runs["semi_implicit_euler", 1.0][-1],
-    )
-
-
-@claim(
-    "An object flies through another when it moves farther than its own thickness in a step.",
-    "What counts is the sum of both thicknesses along the motion, w + d. Up to v dt = w + d some "
-    "step always overlaps ({limit_m_per_s:g} m/s for {body_mm:g} mm, {wall_mm:g} mm and "
-    "{step_ms:g} ms); beyond it the overlap is missed with probability 1 - (w + d) / (v dt).",
-    ask=Ask("A body of thickness d flies at a wall of thickness w; overlap is tested once per step "
-            "dt. Up to which speed is an overlap certain to be seen?", "v, speed < (w + d)/dt", {
-                "w/dt": "The body has a thickness too; it overlaps for longer.",
-                "d/dt": "The wall has a thickness too; it overlaps for longer.",
-                "(w + d)*dt": "Check the units: a length over a time."},
-            symbols={"w": Symbol("thickness of the wall [m]", 0.001, 1.0),
-                     "d": Symbol("thickness of the body [m]", 0.001, 1.0),
-                     "dt": Symbol("step [s]", 0.001, 0.1)}),
-)  # fmt: skip
-def tunnelling_thickness(found):
-    import sympy
-
-    def missed(wall: float, body: float, dt: float, speed: float) -> float:
-        """Share of 1000 phases of the step at which no step overlaps, by flying there."""
-        nose = np.array([-2 * (wall + body) - speed * dt * (np.arange(1000) + 0.5) / 1000])
-        v, seen = np.full_like(nose, speed), np.zeros(1000, dtype=bool)
-        while (nose - body <= wall).any():
-            nose, v = _step("semi_implicit_euler")(nose, v, _falling, dt, 0.0)
-            seen |= ((nose >= 0) & (nose - body <= wall))[0]
-        return float(1 - seen.mean())
-
-    wall, body = found.given("wall_mm", 20.0) / 1000, found.given("body_mm", 50.0) / 1000
-    dt = found.given("step_ms", 2.0) / 1000
-    w, d, step = sympy.symbols("w d dt", positive=True)
-    found.formula = (w + d) / step
-    limit = float(found.formula.subs({w: wall, d: body, step: dt}))
-    own = missed(wall, body, dt, 1.2 * body / dt)
-    below, double = (missed(wall, body, dt, x * limit) for x in (0.999, 2))
-    found.figure("limit_m_per_s", limit, 0.02)
-    found.figure("missed_below", below, 0.02)
-    found.figure("missed_at_twice", double, 0.02)
-    found.statement = (
-        f"At 1.2 times its own thickness per step {100 * own:.0f} % are missed, at twice the limit "
-        f"{100 * double:.0f} %."
-    )
-    draws = found.rng.uniform((0.001, 0.001, 0.001, 0.2), (0.1, 0.1, 0.02, 4), (30, 4))
-    off = [missed(a, b, h, x * (a + b) / h) - max(0.0, 1 - 1 / x) for a, b, h, x in draws]
-    found.heard(own > 0)
-    found.corrected(below == 0, np.abs(off).max() < 0.01)

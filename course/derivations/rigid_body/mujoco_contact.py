@@ -1,0 +1,319 @@
+"""Claims on contact in MuJoCo: its order, its stiffness, and what passes a thin wall."""
+
+import numpy as np
+
+from course.derivations import claim
+from course.derivations.rigid_body.mujoco import small_model
+
+# A wall of 2 cm and a ball of 2 cm that flies at it: they meet at a distance of 2 cm.
+_WALL, _BALL = 0.01, 0.01
+
+
+def _thrown(speed, phase=0.5, dt=0.002, contact="", flags=""):
+    """(whether the ball comes out behind the wall, steps at which it was seen to touch, deepest
+    point [m]); `phase` is where in a step it reaches the wall."""
+    import mujoco
+
+    model, data = small_model(
+        f'<geom type="box" size="{_WALL} 1 1" {contact}/><body>'
+        f'<joint type="slide" axis="1 0 0"/><geom size="{_BALL}" mass="1" {contact}/></body>',
+        dt, "Euler", 'gravity="0 0 0"', flags,
+    )  # fmt: skip
+    data.qpos[0] = -_WALL - _BALL - speed * dt * (1 + phase)
+    data.qvel[0] = speed
+    touched, deepest = 0, -np.inf
+    for _ in range(round(0.06 / dt)):
+        mujoco.mj_step(model, data)
+        touched += data.ncon > 0
+        deepest = max(deepest, data.qpos[0] + _WALL + _BALL)
+    return bool(data.qpos[0] > 0.0), touched, deepest
+
+
+# A contact that stops within two steps, the fastest that MuJoCo grants.
+def _hard(dt):
+    return f'solref="{2 * dt} 1" solimp="0.99 0.999 0.001"'
+
+
+_PHASES = np.linspace(0.01, 0.99, 16)
+
+
+def _stop_time(time_constant):
+    """Way to a stop of MuJoCo's default contact over the speed [s].
+
+    Beyond 1 mm it is r'' + d b r' + d k r = 0 with the impedance d = 0.95, b = 2 / (d T) and
+    k = 1 / (d T)^2 (MuJoCo documentation, Solver parameters). The deepest point of that oscillator
+    is v / w exp(-z acos(z) / sqrt(1 - z^2)), with w^2 = d k and 2 z w = d b.
+    """
+    omega = np.sqrt(0.95) / (0.95 * time_constant)
+    zeta = 1 / (time_constant * omega)
+    return np.exp(-zeta * np.arccos(zeta) / np.sqrt(1 - zeta**2)) / omega
+
+
+@claim(
+    "With RK4 MuJoCo's contacts are accurate to fourth order.",
+    "The contact force is not smooth where contact begins, so a drop is followed to about first "
+    "order in the step ({order:.1f}), as with Euler ({order_euler:.1f}).",
+)
+def mujoco_rk4_contact_order(found):
+    import mujoco
+
+    drops = np.linspace(0.1, 0.3, 30)
+
+    def heights(integrator, steps):
+        model, data = small_model(
+            '<geom type="plane" size="1 1 1" solref="-5000 -5"/><body pos="0 0 .1">'
+            '<joint type="slide" axis="0 0 1"/>'
+            '<geom size=".1" mass="1" solref="-5000 -5"/></body>',
+            0.4 / steps, integrator,
+        )  # fmt: skip
+        ends = []
+        for drop in drops:
+            mujoco.mj_resetData(model, data)
+            data.qpos[0] = drop
+            mujoco.mj_step(model, data, steps)
+            ends.append(data.qpos[0])
+        return np.array(ends)
+
+    reference = heights("RK4", 3200)
+
+    def errors(integrator):
+        return [np.abs(heights(integrator, n) - reference).mean() for n in (100, 400)]
+
+    (coarse, fine), (slow, fast) = errors("RK4"), errors("Euler")
+    order = found.figure("order", np.log2(coarse / fine) / 2, tolerance=0.1)
+    euler = found.figure("order_euler", np.log2(slow / fast) / 2, tolerance=0.1)
+    found.statement = (
+        f"A ball dropped from 30 heights: mean error {coarse:.1e} m at 4 ms, {fine:.1e} m at 1 ms."
+    )
+    found.heard(order > 3.5)
+    found.corrected(0.5 < order < 2.0, 0.5 < euler < 2.0)
+
+
+@claim(
+    "Stiff contacts in MuJoCo need a small step.",
+    "By default MuJoCo keeps the contact's time constant at two steps or more, so asking for a "
+    "stiffer one changes nothing: a ball sinks in by {depth_asked_1_ms_um:.1f} um whether a half "
+    "or two steps are asked for. With the flag off, a time constant below a step explodes; and "
+    "stiffness and damping given directly, as a negative solref, are taken as they are. The "
+    "discrete integrator is stable with either.",
+)
+def mujoco_contact_stiffness_limit(found):
+    import mujoco
+
+    dt = 0.002
+
+    def rest(solref, safe="enable", integrator="Euler"):
+        """(mean depth, range of the height) of a ball at rest over the last of two seconds [m]."""
+        model, data = small_model(
+            f'<geom type="plane" size="1 1 1" solref="{solref}"/><body pos="0 0 .15">'
+            '<joint type="slide" axis="0 0 1"/>'
+            f'<geom size=".1" mass="1" solref="{solref}"/></body>',
+            dt, integrator, "", f'refsafe="{safe}"',
+        )  # fmt: skip
+        heights = []
+        for _ in range(1000):
+            mujoco.mj_step(model, data)
+            heights.append(data.qpos[0] + 0.05)
+        return -np.mean(heights[500:]), np.ptp(heights[500:])
+
+    def direct(time_constant):
+        return f"{-1 / time_constant**2} {-2 / time_constant}"
+
+    def needs(solref, safe="enable", integrator="Euler"):
+        return rest(solref, safe, integrator)[1] > 1e-3
+
+    asked = found.figure("depth_asked_1_ms_um", 1e6 * rest("0.001 1")[0], tolerance=1e-3)
+    clamped = found.figure("depth_asked_4_ms_um", 1e6 * rest("0.004 1")[0], tolerance=1e-3)
+    found.statement = (
+        f"A ball at rest, 2 ms: with the flag on it moves by {rest('0.001 1')[1]:.0e} m, with the "
+        f"flag off by {rest('0.001 1', 'disable')[1]:.1g} m, with 1 MN/m and 2 kN s/m asked for "
+        f"directly by {rest('-1e6 -2000')[1]:.1g} m."
+    )
+    constants = dt * found.rng.uniform(0.3, 0.9, 5)
+    found.heard(
+        needs("0.001 1"),
+        only_if="the refsafe flag is off, or stiffness and damping are given as numbers, under an "
+        "integrator other than discrete",
+        inside=[needs(f"{t} 1", "disable") for t in constants]
+        + [needs(direct(t)) for t in constants],
+        outside=[needs(f"{t} 1") for t in constants]
+        + [needs(direct(t), integrator="discrete") for t in constants],
+    )
+    found.corrected(
+        abs(asked / clamped - 1) < 1e-6,
+        not any(needs(f"{t} 1", "disable", "discrete") for t in constants),
+        not any(needs(direct(t), integrator="discrete") for t in constants),
+    )
+
+
+@claim(
+    "A collision that is detected in time stops the body.",
+    "In an engine with soft contacts a body also passes a wall that it is seen to touch at several "
+    "steps: with MuJoCo's default time constant of {time_constant_ms:.0f} ms the way to a stop is "
+    "{stop_over_v_tau:.2f} of speed times time constant, {stop_ms:.1f} ms times the speed. Once "
+    "past the middle, it is pushed out on the far side: here above {stops_up_to_m_per_s:.1f} m/s, "
+    "where an overlap is certain up to {overlap_certain_up_to_m_per_s:.0f} m/s.",
+)
+def contact_seen_is_contact_stopped(found):
+    constant = found.given("time_constant_ms", 20) / 1000
+
+    def passes(speed):
+        """Whether the ball gets through in some phase, and the fewest steps it is seen to touch."""
+        through, touched, _ = zip(*(_thrown(speed, phase) for phase in _PHASES), strict=True)
+        return any(through), min(touched)
+
+    low, high = 0.5, 10.0
+    while high / low > 1.01:
+        middle = np.sqrt(low * high)
+        low, high = (low, middle) if passes(middle)[0] else (middle, high)
+    certain, unseen = 10.0, 40.0
+    while unseen / certain > 1.001:  # from just before the wall to just behind it
+        middle = np.sqrt(certain * unseen)
+        certain, unseen = (middle, unseen) if _thrown(middle, 1e-6)[1] else (certain, middle)
+    reach = _WALL + _BALL
+    stop = found.figure("stop_ms", 1000 * _stop_time(constant)) / 1000
+    found.figure("stop_over_v_tau", stop / constant)
+    found.figure("stops_up_to_m_per_s", low, tolerance=0.02)
+    found.figure("overlap_certain_up_to_m_per_s", certain, tolerance=2e-3)
+    through, touched = passes(0.5 * certain)
+    found.figure("steps_in_contact_at_half", touched)
+    deep = [
+        _thrown(0.8 * low, 0.5, 1e-4, f'solref="{tau} 1"')[2] / (0.8 * low * tau)
+        for tau in (0.01, constant)
+    ]
+    found.statement = (
+        f"2 cm wall and ball, 2 ms: the deepest point is {deep[1]:.3f} of speed times time "
+        f"constant at a fine step; at {0.5 * certain:g} m/s they touch at {touched} steps or more "
+        "and the ball goes through."
+    )
+    found.heard(not through)
+    found.corrected(
+        through and touched >= 2,
+        all(abs(x / (stop / constant) - 1) < 0.03 for x in deep),
+        abs(low / (reach / stop) - 1) < 0.05,
+        abs(certain / (2 * reach / 0.002) - 1) < 2e-3,
+    )
+
+
+@claim(
+    "Against tunnelling switch on continuous collision detection, or take a smaller step.",
+    "Both find the overlap; neither makes the contact stop the body. In MuJoCo's default contact "
+    "every ball above {limit_m_per_s:.1f} m/s passes this wall at a tenth of the step too, and "
+    "{soft_share:.2f} of those above {fast_m_per_s:.0f} m/s with speculative contacts on. With a "
+    "contact that stops within two steps, both work: without them {hard_missed_share:.2f} of the "
+    "same balls pass.",
+    source="MuJoCo 4.0 documentation (2026), Computation, Speculative contacts",
+)
+def continuous_detection_or_smaller_step(found):
+    speculative = 'speculative="enable"'
+    limit = found.figure("limit_m_per_s", (_WALL + _BALL) / _stop_time(0.02))
+
+    def stopped(speed, dt=0.002, contact="", flags=""):
+        return not _thrown(speed, found.rng.random(), dt, contact, flags)[0]
+
+    fast = found.rng.uniform(found.given("fast_m_per_s", 4), 50.0, 24)
+    soft = [stopped(v, flags=speculative) for v in fast]
+    found.figure("soft_share", 1 - np.mean(soft), tolerance=0.3)
+    hard = [stopped(v, contact=_hard(0.002)) for v in fast]
+    found.figure("hard_missed_share", 1 - np.mean(hard), tolerance=0.2)
+    found.statement = "A ball at random speeds and phases against a wall, 2 cm each, in MuJoCo."
+    found.heard(
+        all(soft),
+        only_if="the contact's time constant is two steps, the shortest that MuJoCo grants",
+        inside=[stopped(v, contact=_hard(0.002), flags=speculative) for v in fast]
+        + [stopped(v, 2e-4, _hard(2e-4)) for v in fast],
+        outside=soft + [stopped(v, 2e-4) for v in fast],
+    )
+    found.corrected(
+        not any(stopped(v, 2e-4) for v in (*fast, *found.rng.uniform(1.03 * limit, 4.0, 8))),
+        all(stopped(v, 2e-4) for v in found.rng.uniform(0.5, 0.9 * limit, 8)),
+        not all(hard),
+    )
+
+
+@claim(
+    "Most engines offer a maximum penetration that catches tunnelling.",
+    "What engines offer by such a name is another thing: how fast an overlap is pushed out, how "
+    "much of it is let be, or how stiff a contact is. Each acts on an overlap that was found. A "
+    "plate that flies through a wall between two steps has none: in MuJoCo it passed unseen under "
+    "{contacts_missed:.0f} of {contacts_tried:.0f} settings of the contact, and was stopped by "
+    "speculative contacts and by a step of at most the two thicknesses over the speed.",
+    source="By documentation: PhysX 5 PxRigidBody::setMaxDepenetrationVelocity (also Unity 6 and "
+    "Unreal 5) and ODE 0.16 dWorldSetContactMaxCorrectingVel limit the velocity that corrects; "
+    "ODE dWorldSetContactSurfaceLayer and Box2D linearSlop are a depth that is let be; Drake 1.x "
+    "penetration_allowance sets a stiffness; Bullet's allowedCcdPenetration belongs to its swept "
+    "test; MuJoCo 4.0 (2026) has none",
+)
+def penetration_limit_catches(found):
+    import mujoco
+
+    def seen(speed, contact="", flags="", dt=0.002, phase=0.5):
+        """Whether a plate of 1 cm touches a wall of 1 cm at any step, and stays before it."""
+        model, data = small_model(
+            f'<geom type="box" size=".005 1 1" {contact}/><body>'
+            '<joint type="slide" axis="1 0 0"/>'
+            f'<geom type="box" size=".005 .1 .1" mass="1" {contact}/></body>',
+            dt, "Euler", 'gravity="0 0 0"', flags,
+        )  # fmt: skip
+        data.qpos[0], data.qvel[0] = -0.01 - speed * dt * (1 + phase), speed
+        touched = 0
+        for _ in range(round(0.05 / dt)):
+            mujoco.mj_step(model, data)
+            touched += data.ncon
+        return touched > 0, data.qpos[0] < 0
+
+    settings = [
+        f'solref="{tau} 1" solimp="{d} 0.999 {width}"'
+        for tau in (0.004, 0.02, 0.1) for d in (0.5, 0.99) for width in (1e-4, 1e-2)
+    ]  # fmt: skip
+    speed = 50.0  # ten centimetres a step, of which two overlap
+    missed = [not seen(speed, contact)[0] for contact in settings]
+    found.figure("contacts_tried", len(list(map(seen, [speed] * len(settings), settings))))
+    found.figure("contacts_missed", np.sum(missed))
+    names = [name for name in dir(mujoco.MjOption) if "penetr" in name.lower()]
+    found.statement = "A plate at 50 m/s against a wall, 1 cm each, 2 ms, and 0.3 ms."
+    found.heard(len(names) > 0 or not all(missed))
+    found.corrected(
+        all(missed),
+        all(
+            all(seen(v, _hard(0.002), 'speculative="enable"', phase=p))
+            for v, p in zip(found.rng.uniform(20, 100, 8), found.rng.random(8), strict=True)
+        ),
+        all(seen(speed, dt=0.99 * 0.02 / speed, phase=p)[0] for p in found.rng.random(8)),
+        not all(seen(speed, dt=1.5 * 0.02 / speed, phase=p)[0] for p in found.rng.random(8)),
+    )
+
+
+@claim(
+    "MuJoCo's ccd options switch on continuous collision detection.",
+    "There ccd means convex collision detection: how two convex shapes at one instant are "
+    "compared. A fast thin body passes a thin wall with any setting of it. What sweeps the motion "
+    "is the speculative flag of version 4, off by default.",
+)
+def mujoco_ccd_is_continuous(found):
+    import mujoco
+
+    def missed(iterations, speed=50.0, flags=""):
+        """Whether a plate passes a wall of 1 cm unseen."""
+        model, data = small_model(
+            '<geom type="box" size=".005 1 1"/><body pos="-.53 0 0">'
+            '<joint type="slide" axis="1 0 0"/><geom type="box" size=".005 .1 .1" '
+            'mass="1"/></body>',
+            0.002, "Euler", f'gravity="0 0 0" ccd_iterations="{iterations}"', flags,
+        )  # fmt: skip
+        data.qvel[0] = speed  # ten centimetres per step, 2 cm of overlap to be seen
+        touched = 0
+        for _ in range(12):
+            mujoco.mj_step(model, data)
+            touched += data.ncon
+        return touched == 0 and bool(data.qpos[0] > 0.6)
+
+    settings = [missed(n) for n in (10, 35, 200)]
+    found.figure("settings_tried", len(list(map(missed, (10, 35, 200)))))
+    found.figure("settings_missed", np.sum(settings))
+    found.statement = (
+        "A plate at 50 m/s against a 1 cm wall at 2 ms, with 10, 35 and 200 ccd iterations; then "
+        "with the speculative flag."
+    )
+    found.heard(not any(settings))
+    found.corrected(all(settings), not missed(35, flags='speculative="enable"'))

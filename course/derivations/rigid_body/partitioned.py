@@ -1,0 +1,112 @@
+"""Claims on what being symplectic does for a stiff spring: partitioned Runge-Kutta methods."""
+
+import numpy as np
+
+from course.derivations import claim
+from course.derivations.rigid_body.linear import (
+    measured_limit,
+    spectral_radius,
+    step_matrix,
+    symbols,
+)
+from course.derivations.rigid_body.time_step import STABLE
+
+
+def _partitioned(positions: np.ndarray, velocities: np.ndarray, weights: np.ndarray, x: float):
+    """Matrix of one step of a pair of Runge-Kutta rules on q' = v, v' = -q, shape (2, 2).
+
+    Args:
+        positions, velocities: the tables by which stages of q and of v are built, shape (s, s).
+        weights: of the stages, shape (s,).
+        x: the step.
+    """
+    one = np.ones((len(weights), 1)) * np.eye(2)[:, None, :]  # q and v at the start, by column
+    lhs = np.eye(len(weights)) + x * x * positions @ velocities
+    q = np.linalg.solve(lhs, one[0] + x * positions @ one[1])
+    v = one[1] - x * velocities @ q
+    return np.eye(2) + x * np.array([weights @ v, -weights @ q])
+
+
+LOBATTO = (  # IIIA, IIIB, weights (Hairer, Lubich and Wanner 2006, table II.2.2)
+    np.array([[0, 0, 0], [5, 8, -1], [4, 16, 4]]) / 24,
+    np.array([[1, -1, 0], [1, 2, 0], [1, 5, 0]]) / 6,
+    np.array([1, 4, 1]) / 6,
+)
+
+
+@claim(
+    "A symplectic integrator removes the limit that a stiff contact puts on the step.",
+    "Symplectic and explicit together keep a limit: semi-implicit Euler and velocity Verlet have "
+    "omega dt = 2. Being implicit does not remove it by itself: the pair Lobatto IIIA-IIIB, which "
+    "is implicit and symplectic, grows by {lobatto_growth_at_3:.2f} a step at omega dt = 3. On a "
+    "spring a symplectic Runge-Kutta method that treats position and velocity alike, such as the "
+    "midpoint rule, has none, and neither has implicit Euler, which is not symplectic.",
+    source="E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration, 2006, sec. VI.4",
+)
+def symplectic_removes_stiffness(found):
+    def symplectic_rule(stages: int) -> tuple[np.ndarray, np.ndarray]:
+        """A random one: b_i a_ij + b_j a_ji = b_i b_j."""
+        b = found.rng.uniform(0.2, 1, stages)
+        skew = found.rng.normal(size=(stages, stages))
+        b /= b.sum()
+        return b / 2 + (skew - skew.T) / b[:, None], b
+
+    def radius(matrix: np.ndarray) -> float:
+        return float(np.abs(np.linalg.eigvals(matrix)).max())
+
+    def alike(x: float) -> float:
+        table, b = symplectic_rule(found.rng.integers(1, 4))
+        return radius(_partitioned(table, table, b, x))
+
+    explicit = [measured_limit(n) for n in ("semi_implicit_euler", "velocity_verlet")]
+    steps = 10 ** found.rng.uniform(-1, 3, 40)
+    backward = [radius(np.linalg.inv([[1.0, -x], [x, 1.0]])) for x in (1.0, *steps)]
+    midpoint = [spectral_radius("implicit_midpoint", x) for x in steps]
+    lobatto = radius(_partitioned(*LOBATTO, 3.0))
+    found.figure("semi_implicit_omega_h", explicit[0], tolerance=1e-5)
+    found.figure("verlet_omega_h", explicit[1], tolerance=1e-5)
+    found.figure("implicit_euler_radius", backward[0], tolerance=1e-5)
+    found.figure("lobatto_growth_at_3", lobatto)
+    found.statement = f"Implicit midpoint up to omega dt = 1000: radius {max(midpoint):.6f}."
+    found.heard(
+        all(spectral_radius("semi_implicit_euler", x) < STABLE for x in steps),
+        only_if="it is one Runge-Kutta method for positions and velocities alike",
+        inside=[alike(x) < 1 + 1e-5 for x in steps],
+        outside=[radius(_partitioned(*LOBATTO, x)) < STABLE for x in found.rng.uniform(2, 6, 20)],
+    )
+    found.corrected(
+        np.allclose(explicit, 2), lobatto > 1.3, max(backward) < 1, max(midpoint) < 1 + 1e-6,
+        np.isclose(np.linalg.det(_partitioned(*LOBATTO, 3.0)), 1),
+    )  # fmt: skip
+
+
+@claim(
+    "Engines use symplectic integrators and not Runge-Kutta, because these take away the limit "
+    "that stiff contacts put on the step.",
+    "They take nothing away: RK4's limit is {rk4_over_semi_implicit:.2f} times theirs. Per "
+    "evaluation of the forces it is {rk4_per_evaluation:.2f} of it, which is a reason, and so is "
+    "that a solver of contacts on velocities fits the step. Symplectic it is no longer once "
+    "something damps: the determinant is 1 - 2 zeta omega dt.",
+)
+def reason_for_symplectic(found):
+    import sympy
+
+    from course.rigid_body import integrators, problems
+
+    h, omega, zeta = symbols()
+    semi, rk4 = measured_limit("semi_implicit_euler"), measured_limit("rk4")
+    system = problems.oscillator().system
+    methods = ("rk4", "semi_implicit_euler")
+    counts = [integrators.evaluations_per_step(system, name, 0.01) for name in methods]
+    evaluations = counts[0] / counts[1]
+    found.figure("rk4_over_semi_implicit", rk4 / semi)
+    found.figure("rk4_per_evaluation", rk4 / semi / evaluations)
+    found.statement = (
+        "Both limits by bisection, the evaluations as the course's methods count them."
+    )
+    found.heard(semi > rk4)
+    found.corrected(
+        rk4 > semi, rk4 / evaluations < semi,
+        sympy.expand(step_matrix("semi_implicit_euler", damped=True).det())
+        == 1 - 2 * zeta * omega * h,
+    )  # fmt: skip
