@@ -8,16 +8,17 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import click
 
+from drills import agenda, chapters, grading, present, progress, workspace
 from drills import cards as catalogue
-from drills import grading, present, progress, workspace
 from drills.cards import Card
-from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED, Record
+from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED, Reading, Record
 from drills.reasons import SENTENCES
 from drills.session import FAILED, RIGHT, WRONG, Commands, Session, body, options
 from drills.terminal import bar
@@ -25,6 +26,34 @@ from drills.workspace import Misuse
 
 SEED = click.IntRange(0, 2**32 - 1)
 NAME = click.argument("name")
+FEW = 3  # how many `next` names
+
+
+def chosen(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The options that choose among the exercises; a command gets the cards that fit."""
+    chapter = click.option("--chapter", type=int, multiple=True, help="Of this chapter only.")
+    level = click.option(
+        "--level", type=click.IntRange(1, 5), multiple=True, help="Of this difficulty only."
+    )
+    minutes = click.option(
+        "--minutes", type=click.IntRange(1), help="Those that take so many minutes at most."
+    )
+    return chapter(level(minutes(function)))
+
+
+def _fitting(chapter: tuple[int, ...], level: tuple[int, ...], minutes: int | None) -> list[Card]:
+    known = sorted({card.chapter for card in catalogue.cards()})
+    for number in chapter:
+        if number not in known:
+            numbers = ", ".join(map(str, known))
+            raise Misuse(f"No exercise is of chapter {number}. There are some of: {numbers}.")
+    return [
+        card
+        for card in catalogue.cards()
+        if (not chapter or card.chapter in chapter)
+        and (not level or card.difficulty in level)
+        and (minutes is None or card.minutes <= minutes)
+    ]
 
 
 def main() -> None:
@@ -70,22 +99,25 @@ def _welcome(session: Session) -> int:
     steps = (("start", "puts a starter into your work folder"), ("check", "grades what you wrote"))
     for command, meaning in (*steps, ("hint", "helps a little; ask again for more")):
         session.say(f"  drills {command + ' ' + name:<20}{meaning}")
+    session.say(f"  {'drills next':<27}says what to do next")
     session.say(f"  {'drills --help':<27}lists every command")
     session.say()
-    return _list(session)
+    return _list(session, list(catalogue.cards()))
 
 
 @cli.command("list")
+@chosen
 @options
 @body
-def list_(session: Session) -> int:
-    """List all drills and exercises, and where you stand."""
-    return _list(session)
+def list_(
+    session: Session, chapter: tuple[int, ...], level: tuple[int, ...], minutes: int | None
+) -> int:
+    """List the drills and exercises, and where you stand."""
+    return _list(session, _fitting(chapter, level, minutes))
 
 
-def _list(session: Session) -> int:
+def _list(session: Session, cards: list[Card]) -> int:
     loaded, terminal = session.records(), session.terminal
-    cards = catalogue.cards()
     groups = {"Interview drills": [card for card in cards if card.drill]}
     for card in cards:
         if not card.drill:
@@ -106,10 +138,60 @@ def _list(session: Session) -> int:
         session.say()
     states = (NOT_ATTEMPTED, ATTEMPTED, SOLVED)
     legend = "   ".join(f"{present.sign(s, terminal)} {present.STATE_WORDS[s]}" for s in states)
-    session.say(f"  {legend}   1/5 easy, 5/5 hard")
+    session.say(f"  {legend}   1/5 easy, 5/5 hard" if cards else "Nothing fits.")
     entries = [_card_data(card, loaded.of(card.name)) for card in cards]
     reasons = [{"reason": str(r), "meaning": text} for r, text in SENTENCES.items()]
     return session.finish(RIGHT, {"exercises": entries, "reasons": reasons})
+
+
+@cli.command("next")
+@chosen
+@options
+@body
+def next_(
+    session: Session, chapter: tuple[int, ...], level: tuple[int, ...], minutes: int | None
+) -> int:
+    """Say what to do next: by chapter order, difficulty and what is unsolved."""
+    loaded, terminal = session.records(), session.terminal
+    left = agenda.to_solve(loaded, _fitting(chapter, level, minutes))
+    reading = agenda.to_read(loaded, agenda.standings(loaded))
+    if left:
+        card = left[0]
+        tried = loaded.of(card.name).state == ATTEMPTED
+        verb = "Go on with" if tried else "Next:"
+        session.wrap(terminal.paint(f"{verb} {card.name}: {card.title}", "head"))
+        session.wrap(present.facts(card), "  ", "  ")
+        session.wrap(f"It teaches: {card.teaches}", "  ", "  ")
+        session.say()
+        session.say(f"  drills {'check' if tried else 'start'} {card.name}")
+        session.say()
+        if left[1:FEW]:
+            session.say("Or")
+        for card in left[1:FEW]:
+            lead = f"  {card.name}: "
+            right = f"{card.difficulty}/5 {card.minutes:>3} min"
+            room = terminal.width - len(lead) - len(right) - 2
+            session.say(f"{lead}{present.cut(card.title, room):<{room}}  {right}")
+        time = agenda.duration(sum(card.minutes for card in left))
+        session.say(f"{len(left)} to solve, about {time}.")
+    else:
+        chose = chapter or level or minutes
+        session.say("Nothing that fits is unsolved." if chose else "All solved.")
+    if reading:
+        where, part = reading
+        session.wrap(
+            f"To read: chapter {where.number}, section {part.number}: {part.title} (about "
+            f"{agenda.duration(max(round(part.minutes), 1))}). drills start {where.number} makes "
+            "your copy; make lab opens it."
+        )
+    payload = {
+        "exercises": [_card_data(card, loaded.of(card.name)) for card in left],
+        "minutes": sum(card.minutes for card in left),
+        "reading": {"chapter": reading[0].number, "section": reading[1].number}
+        if reading
+        else None,
+    }
+    return session.finish(RIGHT, payload)
 
 
 @cli.command()
@@ -118,9 +200,80 @@ def _list(session: Session) -> int:
 @options
 @body
 def start(session: Session, name: str, force: bool) -> int:
-    """Copy the starter of NAME into your work folder."""
-    card = catalogue.card(name)
-    return _start(session, card, force, "start")
+    """Copy the starter of NAME, or the notebook of chapter NAME, into your work folder."""
+    if name.isdigit():
+        return _start_chapter(session, int(name))
+    return _start(session, catalogue.card(name), force, "start")
+
+
+def _start_chapter(session: Session, number: int) -> int:
+    source = chapters.notebook_of(chapters.of_number(number))
+    copy = chapters.bring(source, session.work)
+    session.wrap(copy.sentence() or f"{workspace.shown(copy.path)} is your copy, and up to date.")
+    session.say()
+    session.say("  make lab         opens it in JupyterLab")
+    session.say(f"  drills read {number}    its sections; marks what you have read")
+    session.say(f"  drills list --chapter {number}   its exercises")
+    payload = {
+        "chapter": number,
+        "file": str(copy.path.absolute()),
+        "state": copy.state,
+        "kept": copy.kept,
+        "backup": str(copy.aside.absolute()) if copy.aside else None,
+    }
+    return session.finish(RIGHT, payload)
+
+
+@cli.command()
+@click.argument("chapter", type=int)
+@click.argument("section", type=int, nargs=-1)
+@click.option("--all", "everything", is_flag=True, help="Mark every section.")
+@click.option("--checkpoint", is_flag=True, help="Mark the checkpoint as passed.")
+@click.option("--undo", is_flag=True, help="Take the marks away again.")
+@options
+@body
+def read(
+    session: Session,
+    chapter: int,
+    section: tuple[int, ...],
+    everything: bool,
+    checkpoint: bool,
+    undo: bool,
+) -> int:
+    """Mark sections of a CHAPTER as read; without one, show which are."""
+    parts = chapters.sections(chapters.notebook_of(chapters.of_number(chapter)))
+    numbers = [part.number for part in parts]
+    for number in section:
+        if number not in numbers:
+            raise Misuse(f"Chapter {chapter} has no section {number}. It has {numbers}.")
+
+    def mark(reading: Reading) -> None:
+        progress.note_read(reading, numbers if everything else list(section), undo)
+        if checkpoint:
+            progress.note_checkpoint(reading, undo)
+
+    if section or everything or checkpoint:
+        session.record_chapter(chapter, mark)
+    reading = session.records().reading(chapter)
+    terminal = session.terminal
+    session.say(terminal.paint(f"Chapter {chapter}: {present.chapter_title(chapter)}", "head"))
+    for part in parts:
+        mark_of = present.sign(SOLVED if part.number in reading.read else NOT_ATTEMPTED, terminal)
+        right = f"{max(round(part.minutes), 1):>3} min"
+        lead = f"  {mark_of} {part.number:>2}  "
+        room = terminal.width - len(right) - (11 if terminal.unicode else 13)
+        session.say(f"{lead}{present.cut(part.title, room):<{room}}  {right}")
+    left = [part for part in parts if part.number not in reading.read]
+    session.say()
+    time = agenda.duration(round(sum(part.minutes for part in left)))
+    passed = f"passed on {reading.checkpoint[:10]}" if reading.checkpoint else "open"
+    session.say(f"{len(left)} of {len(parts)} sections to read, about {time}; checkpoint {passed}")
+    payload = {
+        "chapter": chapter,
+        "sections": [{**asdict(part), "read": part.number in reading.read} for part in parts],
+        "checkpoint": reading.checkpoint or None,
+    }
+    return session.finish(RIGHT, payload)
 
 
 def _start(session: Session, card: Card, force: bool, command: str) -> int:
@@ -310,33 +463,49 @@ def status(session: Session) -> int:
     loaded, terminal = session.records(), session.terminal
     cards = catalogue.cards()
     rows: list[dict[str, Any]] = []
-    for number in sorted({card.chapter for card in cards}):
-        here = [card for card in cards if card.chapter == number]
+    standings = agenda.standings(loaded)
+    for one in standings:
+        here, number = one.cards, one.chapter.number
         states = [loaded.of(card.name).state for card in here]
-        title = present.chapter_title(number)
         solved = states.count(SOLVED)
         rows.append(
             {
                 "chapter": number,
-                "title": title,
+                "title": one.chapter.title,
                 "exercises": len(here),
                 "solved": solved,
                 "attempted": states.count(ATTEMPTED),
+                "sections": len(one.sections),
+                "read": len(one.sections) - len(one.unread),
+                "reading_minutes": one.reading_minutes,
+                "exercise_minutes": one.exercise_minutes,
+                "checkpoint": one.checkpoint or None,
             }
         )
-        label = f"Chapter {number}: {title}"
+        label = f"Chapter {number}: {one.chapter.title}"
         room = terminal.width - 10 - 2 - 16
         label = present.cut(label, room)
         drawn = terminal.paint(bar(solved, len(here)), "good")
         session.say(f"{label:<{room}}  {drawn} {solved:>2} of {len(here):<2} solved")
+        if one.sections:
+            passed = f"passed on {one.checkpoint[:10]}" if one.checkpoint else "open"
+            session.say(
+                f"      {len(one.sections) - len(one.unread)} of {len(one.sections)} sections "
+                f"read, checkpoint {passed}"
+            )
         for card in here:
             record = loaded.of(card.name)
             if record.attempts or record.hints or record.gave_up:
                 session.wrap(_story(card, record), "      ", f"  {_sign(session, record)} ")
     total = sum(row["solved"] for row in rows)
     session.say()
-    session.say(f"{total} of {len(cards)} solved")
-    following = next((c for c in cards if loaded.of(c.name).state != SOLVED), None)
+    reading = agenda.duration(sum(one.reading_minutes for one in standings))
+    solving = agenda.duration(sum(one.exercise_minutes for one in standings))
+    session.say(
+        f"{total} of {len(cards)} solved; left: about {reading} to read, {solving} to solve"
+    )
+    left = agenda.to_solve(loaded, list(cards))
+    following = left[0] if left else None
     if following:
         state = loaded.of(following.name).state
         command = "start" if state == NOT_ATTEMPTED else "check"

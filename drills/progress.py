@@ -1,4 +1,4 @@
-"""What a learner has attempted and solved: one small file that a person can read.
+"""What a learner has read, attempted and solved: one small file that a person can read.
 
 The file is written to a temporary name and then replaced, under a lock that the system drops when
 its holder ends, however it ends. So a reader sees the old file or the new one, and two terminals at
@@ -54,16 +54,36 @@ class Record:
     best: dict[str, dict[str, Any]] = field(default_factory=dict)
 
 
+@dataclass
+class Reading:
+    """What is known of one chapter.
+
+    Attributes:
+        opened: when its notebook was last run from the top; ISO 8601, UTC.
+        read: numbers of the sections that the learner has marked as read, in order.
+        checkpoint: when its checkpoint was passed first.
+    """
+
+    opened: str = ""
+    read: list[int] = field(default_factory=list)
+    checkpoint: str = ""
+
+
 @dataclass(frozen=True)
 class Loaded:
-    """The records by exercise, and what the learner should be told about the file."""
+    """The records by exercise and by chapter, and what to tell the learner about the file."""
 
-    records: dict[str, Record]
+    records: dict[str, Record] = field(default_factory=dict)
+    chapters: dict[int, Reading] = field(default_factory=dict)
     notices: tuple[str, ...] = ()
 
     def of(self, name: str) -> Record:
         """The record of an exercise, an empty one if there is none."""
         return self.records.get(name, Record())
+
+    def reading(self, number: int) -> Reading:
+        """The record of a chapter, an empty one if there is none."""
+        return self.chapters.get(number, Reading())
 
 
 def load(path: Path | None) -> Loaded:
@@ -73,18 +93,18 @@ def load(path: Path | None) -> Loaded:
         path: of the file, or None to keep no progress.
     """
     if path is None:
-        return Loaded({})
+        return Loaded()
     try:
-        return Loaded(_read(path))
+        return _read(path)
     except _Damaged:
         pass
     except ProgressProblem as problem:
-        return Loaded({}, (str(problem),))
+        return Loaded(notices=(str(problem),))
     try:
         with _locked(path):
             return _read_or_put_aside(path)
     except ProgressProblem as problem:
-        return Loaded({}, (str(problem),))
+        return Loaded(notices=(str(problem),))
 
 
 def change(path: Path | None, name: str, edit: Callable[[Record], None]) -> Loaded:
@@ -101,15 +121,27 @@ def change(path: Path | None, name: str, edit: Callable[[Record], None]) -> Load
     Raises:
         ProgressProblem: if the file can't be written; it is then as it was.
     """
+    return _edited(path, lambda loaded: edit(loaded.records.setdefault(name, Record())))
+
+
+def change_chapter(path: Path | None, number: int, edit: Callable[[Reading], None]) -> Loaded:
+    """The same for the record of a chapter.
+
+    Raises:
+        ProgressProblem: if the file can't be written; it is then as it was.
+    """
+    return _edited(path, lambda loaded: edit(loaded.chapters.setdefault(number, Reading())))
+
+
+def _edited(path: Path | None, edit: Callable[[Loaded], object]) -> Loaded:
     if path is None:
-        records = {name: Record()}
-        edit(records[name])
-        return Loaded(records)
+        loaded = Loaded()
+        edit(loaded)
+        return loaded
     with _locked(path):
         loaded = _read_or_put_aside(path)
-        record = loaded.records.setdefault(name, Record())
-        edit(record)
-        _write(path, loaded.records)
+        edit(loaded)
+        _write(path, loaded)
     return loaded
 
 
@@ -119,12 +151,8 @@ def forget(path: Path | None, name: str) -> None:
     Raises:
         ProgressProblem: if the file can't be written.
     """
-    if path is None:
-        return
-    with _locked(path):
-        loaded = _read_or_put_aside(path)
-        if loaded.records.pop(name, None) is not None:
-            _write(path, loaded.records)
+    if path is not None:
+        _edited(path, lambda loaded: loaded.records.pop(name, None))
 
 
 def note_attempt(
@@ -154,6 +182,17 @@ def note_attempt(
             record.best[what] = {"value": value, "unit": unit}
 
 
+def note_read(reading: Reading, numbers: list[int], undo: bool = False) -> None:
+    """Mark sections of a chapter as read, or take the marks away."""
+    marked = set(reading.read)
+    reading.read = sorted(marked - set(numbers) if undo else marked | set(numbers))
+
+
+def note_checkpoint(reading: Reading, undo: bool = False) -> None:
+    """Mark the checkpoint of a chapter as passed, or take that back; the first time counts."""
+    reading.checkpoint = "" if undo else reading.checkpoint or timestamp()
+
+
 def timestamp() -> str:
     """The time now, in UTC, to the second."""
     return datetime.now(UTC).isoformat(timespec="seconds")
@@ -163,14 +202,14 @@ class _Damaged(Exception):
     """The file is there and is not a progress file."""
 
 
-def _read(path: Path) -> dict[str, Record]:
+def _read(path: Path) -> Loaded:
     try:
         # Opening a named pipe would otherwise wait for somebody to write.
         with os.fdopen(os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC), "rb") as file:
             regular = stat.S_ISREG(os.fstat(file.fileno()).st_mode)
             data = file.read(_LARGEST + 1) if regular else b""
     except FileNotFoundError:
-        return {}
+        return Loaded()
     except OSError as error:
         raise ProgressProblem(f"Your progress in {path} can't be read: {_why(error)}.") from None
     if not regular:
@@ -181,23 +220,43 @@ def _read(path: Path) -> dict[str, Record]:
         content = json.loads(data.decode("utf-8"))
     except (ValueError, RecursionError):
         raise _Damaged from None
-    return _records(content, path)
+    return _loaded(content, path)
 
 
-def _records(content: Any, path: Path) -> dict[str, Record]:
+def _loaded(content: Any, path: Path) -> Loaded:
     if not isinstance(content, dict) or not isinstance(content.get("schema"), str):
         raise _Damaged
     schema, entries = content["schema"], content.get("exercises")
+    chapters = content.get("chapters", {})
     if schema != SCHEMA and schema.startswith("drills-progress/"):
         raise ProgressProblem(
             f"{path} was written by another version of this program ({schema}, here {SCHEMA}), "
             "so it is left alone."
         )
-    if schema != SCHEMA or not isinstance(entries, dict):
+    if schema != SCHEMA or not isinstance(entries, dict) or not isinstance(chapters, dict):
         raise _Damaged
-    if not all(name.isprintable() for name in entries):
+    numbers = all(name.isascii() and name.isdigit() and len(name) < 4 for name in chapters)
+    if not numbers or not all(name.isprintable() for name in entries):
         raise _Damaged
-    return {name: _record(entry) for name, entry in entries.items()}
+    return Loaded(
+        {name: _record(entry) for name, entry in entries.items()},
+        {int(name): _reading(entry) for name, entry in chapters.items()},
+    )
+
+
+def _reading(entry: Any) -> Reading:
+    if not isinstance(entry, dict):
+        raise _Damaged
+    reading = Reading(**{f.name: entry[f.name] for f in fields(Reading) if f.name in entry})
+    texts = (reading.opened, reading.checkpoint)
+    sane = (
+        all(isinstance(text, str) and text.isprintable() for text in texts)
+        and isinstance(reading.read, list)
+        and all(type(number) is int and 0 <= number < 1000 for number in reading.read)
+    )
+    if not sane:
+        raise _Damaged
+    return reading
 
 
 def _record(entry: Any) -> Record:
@@ -233,7 +292,7 @@ def _is_cost(entry: Any) -> bool:
 def _read_or_put_aside(path: Path) -> Loaded:
     """Under the lock: the records, or none after a damaged file was given another name."""
     try:
-        return Loaded(_read(path))
+        return _read(path)
     except _Damaged:
         pass
     number = 1
@@ -246,12 +305,16 @@ def _read_or_put_aside(path: Path) -> Loaded:
             f"Your progress in {path} is damaged and can't be put aside: {_why(error)}."
         ) from None
     notice = f"Your progress file was damaged. It is kept as {aside}; a new one starts now."
-    return Loaded({}, (notice,))
+    return Loaded(notices=(notice,))
 
 
-def _write(path: Path, records: dict[str, Record]) -> None:
-    entries = {name: asdict(records[name]) for name in sorted(records)}
-    text = json.dumps({"schema": SCHEMA, "exercises": entries}, indent=2, ensure_ascii=False) + "\n"
+def _write(path: Path, loaded: Loaded) -> None:
+    content = {
+        "schema": SCHEMA,
+        "chapters": {str(n): asdict(one) for n, one in sorted(loaded.chapters.items())},
+        "exercises": {name: asdict(one) for name, one in sorted(loaded.records.items())},
+    }
+    text = json.dumps(content, indent=2, ensure_ascii=False) + "\n"
     # A link is followed, so that the file it leads to is replaced and not the link.
     target = Path(os.path.realpath(path))
     part = target.with_name(f".{target.name}.part")

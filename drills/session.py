@@ -57,13 +57,21 @@ class Session:
 
     def record(self, name: str, edit: Callable[[progress.Record], None]) -> progress.Record | None:
         """Change the record of an exercise; None, and a notice, where that is not possible."""
+        loaded = self._changed(lambda: progress.change(self.progress_file, name, edit))
+        return loaded.of(name) if loaded else None
+
+    def record_chapter(self, number: int, edit: Callable[[progress.Reading], None]) -> None:
+        """Change the record of a chapter; a notice says where that is not possible."""
+        self._changed(lambda: progress.change_chapter(self.progress_file, number, edit))
+
+    def _changed(self, change: Callable[[], progress.Loaded]) -> progress.Loaded | None:
         try:
-            loaded = progress.change(self.progress_file, name, edit)
+            loaded = change()
         except progress.ProgressProblem as problem:
             self.notices.append(str(problem))
             return None
         self.notices += loaded.notices
-        return loaded.of(name)
+        return loaded
 
     def say(self, text: str = "") -> None:
         """Write a text."""

@@ -115,7 +115,7 @@ def write_start(path: Path, card: Card, replace: bool) -> Path | None:
         if os.path.lexists(path) and not path.is_file():
             raise Misuse(f"{shown(path)} is not a file, so it is left alone.")
         backup = _back_up(path)
-        _write_over(path, text)
+        write_over(path, text)
         return backup
     except FileExistsError:
         if path.parent.is_dir():
@@ -176,7 +176,8 @@ def _write_new(path: Path, text: str) -> None:
         file.write(text)
 
 
-def _write_over(path: Path, text: str) -> None:
+def write_over(path: Path, text: str) -> None:
+    """Replace a file in one go: a reader sees the old one or the new one."""
     handle, part = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.", suffix=".part")
     try:
         with os.fdopen(handle, "w", encoding="utf-8", newline="\n") as file:
