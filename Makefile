@@ -10,6 +10,13 @@ BIN := $(VENV)/bin
 # Written last, so it is there only when everything before it worked.
 STAMP := $(VENV)/installed
 EXTRAS := learning,oracles,lab,test
+# What the first install announces: what `python -m tools.sizes` printed after one with PyTorch's
+# build without CUDA (Linux, Python 3.11).
+PACKAGES := 180
+DOWNLOAD := 1.0 GB
+DISK := 3.4 GB
+# Where the words of the installer go.
+LOG := build/setup.log
 
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 unexport PYTHONPATH PYTHONHOME
@@ -18,7 +25,7 @@ unexport PYTHONPATH PYTHONHOME
 QUIET := COURSE_QUIET=1 DRILLS_PROGRESS=none
 
 .NOTPARALLEL:
-.PHONY: help setup lab test prove lint types pytest nbval warm charts notebooks clean
+.PHONY: help setup lab check test prove lint types pytest nbval warm charts notebooks clean
 
 # `make test TOPIC=contact` and `make prove TOPIC=contact`: one topic, and the framework's smoke tests.
 TOPIC ?=
@@ -38,6 +45,11 @@ endef
 setup: ## make .venv with the pinned packages, if it isn't there
 	@set -e; \
 	$(describe_install); \
+	mkdir -p $(dir $(LOG)); \
+	failed() { \
+		tail -n 12 $(LOG) >&2; \
+		echo "$$1 failed: the last lines are above, all of it is in $(LOG)" >&2; exit 1; \
+	}; \
 	python_of() { "$$1" -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])' 2>/dev/null; }; \
 	had_place=; had_python=; had_packages=; \
 	if [ -f $(STAMP) ]; then \
@@ -65,29 +77,30 @@ setup: ## make .venv with the pinned packages, if it isn't there
 		'$(PYTHON)' -c 'import venv, ensurepip' 2>/dev/null || { \
 			echo "'$(PYTHON)' has no venv module. On Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }; \
 		echo "making $(VENV): $$why"; \
+		echo "about $(PACKAGES) packages: about $(DOWNLOAD) to download, $(DISK) on disk" \
+			"(several GB more where the package index gives PyTorch with CUDA)"; \
 		rm -rf $(VENV); \
-		'$(PYTHON)' -m venv $(VENV); \
-		quiet=; \
+		'$(PYTHON)' -m venv $(VENV) >$(LOG) 2>&1 || failed "making $(VENV)"; \
 	else \
 		echo "updating $(VENV): pyproject.toml or constraints.txt has changed"; \
 		rm -f $(STAMP); \
-		quiet=-q; \
 	fi; \
-	echo "installing the packages pinned in constraints.txt (minutes the first time)"; \
-	$(BIN)/python -m pip install $$quiet -c constraints.txt -e '.[$(EXTRAS)]'; \
-	$(BIN)/python -m pip uninstall -q -y rfc3987-syntax lark; \
-	$(BIN)/python -c 'import course, jsonschema, nbformat'; \
+	echo "installing the packages pinned in constraints.txt; $(LOG) has the details"; \
+	$(BIN)/python -m pip install -c constraints.txt -e '.[$(EXTRAS)]' >$(LOG) 2>&1 || failed installing; \
+	$(BIN)/python -m pip uninstall -q -y rfc3987-syntax lark >>$(LOG) 2>&1 || failed uninstalling; \
+	echo "trying the new packages"; \
+	$(BIN)/python -c 'import course, jsonschema, nbformat' >>$(LOG) 2>&1 || failed "trying them"; \
 	{ echo "$$place"; python_of $(BIN)/python; echo "$$wanted"; } > $(STAMP); \
 	echo "$(VENV) is ready"
 
-lab: setup warm ## set up, then open the course in JupyterLab
-	@no_browser=; as_root=; \
-	if [ "$$(uname)" != Darwin ] && [ -z "$$DISPLAY$$WAYLAND_DISPLAY" ]; then \
-		no_browser=--no-browser; echo "no display: open the address printed below in a browser"; \
-	fi; \
-	if [ "$$(id -u)" = 0 ]; then as_root=--allow-root; fi; \
-	JUPYTER_CONFIG_PATH='$(CURDIR)/.jupyter' exec $(BIN)/python -m jupyterlab $$no_browser $$as_root \
-		--ServerApp.root_dir='$(CURDIR)' --LabApp.default_url=/lab/tree/notebooks/index.ipynb
+lab: setup ## set up, then open the course in JupyterLab, in copies under work/
+	@echo "compiling the chapters in the background"
+	@$(BIN)/python -m tools.warm --background
+	@JUPYTER_CONFIG_PATH='$(CURDIR)/.jupyter' exec $(BIN)/python -m tools.lab
+
+check: setup lint types ## lint, types and the quick tests, in about three minutes
+	$(QUIET) $(BIN)/pytest -q -m smoke $(OF_TOPIC) -n 2 --dist worksteal
+	@echo "the quick tests passed; make test runs all"
 
 test: setup lint types warm pytest nbval ## set up, then run every test, or those of TOPIC=contact
 	@echo "all tests passed"

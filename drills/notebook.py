@@ -1,6 +1,6 @@
-"""Exercises in a notebook: cards, badges, and `check` for what a cell defines.
+"""Exercises in a notebook: cards, badges, `check` for what a cell defines, and the home page.
 
-    from drills.notebook import badges, card, check
+    from drills.notebook import badges, card, check, home
 
     check(my_function)
 
@@ -14,15 +14,17 @@ import difflib
 import html as markup
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from drills import agenda, present, progress, workspace
 from drills import cards as catalogue
-from drills import present, progress, workspace
 from drills.borrowed import Assembled, Borrowed, Unusable, assemble, defined_by, own_source
 from drills.cards import Card
 from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED
@@ -159,8 +161,15 @@ def card(name: str) -> Shown:
 
 
 def badges(chapter: int) -> Shown:
-    """A row with the state of each exercise of a chapter: not attempted, attempted, solved."""
-    loaded = progress.load(_progress_file())
+    """A row with the state of each exercise of a chapter: not attempted, attempted, solved.
+
+    It stands at the top of a chapter, so the chapter counts as opened.
+    """
+
+    def opened(reading: progress.Reading) -> None:
+        reading.opened = progress.timestamp()
+
+    loaded = _noted(chapter, opened)
     spans, words = [], []
     for one in catalogue.cards():
         if one.chapter != chapter:
@@ -178,6 +187,62 @@ def badges(chapter: int) -> Shown:
         return Shown(f"Chapter {chapter} has no graded exercises.")
     notes = "".join(f"<p>{_escaped(notice)}</p>" for notice in loaded.notices)
     return Shown("\n".join([*words, *loaded.notices]), html=f"<div>{''.join(spans)}</div>{notes}")
+
+
+def cleared(chapter: int) -> Shown:
+    """Enter that the checkpoint of a chapter is passed."""
+    loaded = _noted(chapter, progress.note_checkpoint)
+    return Shown("\n".join([f"Checkpoint of chapter {chapter} passed.", *loaded.notices]))
+
+
+def home() -> Shown:
+    """The home page: where to go on, what is read and solved, and the time that is left."""
+    loaded = progress.load(_progress_file())
+    standing = agenda.standings(loaded)
+    reading = agenda.to_read(loaded, standing)
+    solving = agenda.to_solve(loaded, list(catalogue.cards()))
+    lines = []
+    if reading:
+        chapter, part = reading
+        link = chapter.notebook.removeprefix("notebooks/")
+        minutes = agenda.duration(max(round(part.minutes), 1))
+        lines.append(
+            f"**Go on here:** [chapter {chapter.number}, section {part.number}: {part.title}]"
+            f"({link}), about {minutes}."
+        )
+    if solving:
+        one = solving[0]
+        lines.append(
+            f"**Next exercise:** `{one.name}`, {one.title} (chapter {one.chapter}, difficulty "
+            f"{one.difficulty} of 5, about {one.minutes} min)."
+        )
+    if not lines:
+        lines.append("**All is read and solved.**")
+    table = [
+        "| | chapter | read | solved | left to read | left to solve | checkpoint |",
+        "|---:|---|---|---|---:|---:|---|",
+    ]
+    for row in standing:
+        chapter = row.chapter
+        link = chapter.notebook.removeprefix("notebooks/")
+        title = f"[{chapter.title}]({link})" if row.sections else chapter.title
+        read = f"{len(row.sections) - len(row.unread)} of {len(row.sections)} sections"
+        signs = "".join(present.STATE_SIGNS[loaded.of(card.name).state] for card in row.cards)
+        passed = f"passed on {row.checkpoint[:10]}" if row.checkpoint else "open"
+        table.append(
+            f"| {chapter.number} | {title} | {read if row.sections else 'coming'} | {signs} "
+            f"| {agenda.duration(row.reading_minutes) if row.sections else ''} "
+            f"| {agenda.duration(row.exercise_minutes)} | {passed if row.sections else ''} |"
+        )
+    signs = ", ".join(f"{present.STATE_SIGNS[s]} {present.STATE_WORDS[s]}" for s in progress.STATES)
+    to_read = agenda.duration(sum(row.reading_minutes for row in standing))
+    to_solve = agenda.duration(sum(row.exercise_minutes for row in standing))
+    foot = (
+        f"In all about {to_read} to read and {to_solve} to solve. {signs}. "
+        "`drills read 1 2` marks section 2 of chapter 1 as read."
+    )
+    page = "\n\n".join([*lines, "\n".join(table), foot, *loaded.notices])
+    return Shown(re.sub(r"\]\([^)]*\)|[*`\[]", "", page), markdown=page)
 
 
 def solution(name: str, give_up: bool = False) -> Shown:
@@ -319,6 +384,15 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 def _escaped(text: str) -> str:
     # Dollar signs would start a formula in a notebook.
     return markup.escape(text).replace("$", "&#36;")
+
+
+def _noted(chapter: int, edit: Callable[[progress.Reading], None]) -> progress.Loaded:
+    """Enter something on a chapter; where that can't be written, what there is and why."""
+    try:
+        return progress.change_chapter(_progress_file(), chapter, edit)
+    except progress.ProgressProblem as problem:
+        loaded = progress.load(_progress_file())
+        return progress.Loaded(loaded.records, loaded.chapters, (*loaded.notices, str(problem)))
 
 
 def _progress_file() -> Path | None:

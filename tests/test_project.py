@@ -250,8 +250,10 @@ case "$*" in
     "--version") echo "Python ${FAKE_VERSION:-3.11.9}" ;;
     *"import venv"*) [ -z "$FAKE_NO_VENV" ] ;;
     "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python" ;;
+    "-m tools."*) echo "$*" >> runs ;;
     "-m pip install "*)
         echo "$*" >> installs
+        echo "Collecting numpy, and a hundred lines more"
         touch .venv/half-made
         [ -z "$FAKE_FAIL" ] || { echo "no such package" >&2; exit 1; } ;;
 esac
@@ -319,6 +321,10 @@ def test_a_failed_install_is_not_trusted(tree: Tree) -> None:
     failed = tree.make("setup", FAKE_FAIL="1")
     assert failed.returncode != 0
     assert "no such package" in failed.stderr
+    assert "installing failed: the last lines are above, all of it is in build/setup.log" in (
+        failed.stderr
+    )
+    assert "no such package" in (tree.folder / "build" / "setup.log").read_text()
     assert not tree.stamp.exists()
     (tree.folder / ".venv" / "left-over").touch()
     again = tree.make("setup")
@@ -326,6 +332,35 @@ def test_a_failed_install_is_not_trusted(tree: Tree) -> None:
     assert "making .venv: the last install did not finish" in again.stdout
     assert not (tree.folder / ".venv" / "left-over").exists()
     assert tree.installs == 2
+
+
+def test_a_step_is_a_line_and_the_first_says_what_it_costs(tree: Tree) -> None:
+    first = tree.make("setup")
+    assert first.stderr == ""
+    _, sizes, installing, trying, ready = first.stdout.splitlines()
+    announced = r"about \d+ packages: about [\d.]+ GB to download, [\d.]+ GB on disk"
+    assert re.match(announced, sizes)
+    assert "build/setup.log" in installing and trying == "trying the new packages"
+    assert ready == ".venv is ready"
+    (tree.folder / "constraints.txt").write_text("numpy==2.1\n")
+    assert "on disk" not in tree.make("setup").stdout
+
+
+def test_lab_compiles_in_the_background_and_then_opens(tree: Tree) -> None:
+    done = tree.make("lab")
+    assert done.returncode == 0, done.stderr
+    runs = (tree.folder / "runs").read_text().splitlines()
+    assert runs == ["-m tools.warm --background", "-m tools.lab"]
+    assert done.stderr == ""
+    assert done.stdout.splitlines()[-1] == "compiling the chapters in the background"
+
+
+def test_the_readme_announces_what_the_set_up_announces() -> None:
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    sizes = dict(re.findall(r"^(PACKAGES|DOWNLOAD|DISK) := (.*)$", makefile, re.M))
+    said = "about {PACKAGES} pinned packages: {DOWNLOAD} to download and {DISK} on disk"
+    assert said.format(**sizes) in readme
 
 
 def test_changed_pins_are_installed_and_a_failure_then_is_not_trusted(tree: Tree) -> None:
@@ -383,7 +418,7 @@ def test_a_missing_or_old_python_leaves_what_is_there(tree: Tree) -> None:
 
 def test_help_is_the_default_and_names_every_target(tree: Tree) -> None:
     named = set(re.findall(r"^  make (\w+) ", tree.make().stdout, re.M))
-    assert {"lab", "test", "charts", "notebooks", "warm", "clean", "setup"} <= named
+    assert {"lab", "check", "test", "charts", "notebooks", "warm", "clean", "setup"} <= named
     assert named == targets()
 
 

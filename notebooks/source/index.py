@@ -15,6 +15,16 @@ from course import CHAPTERS, PREREQUISITES, contents
 
 Markdown(f"**What to know first:** {PREREQUISITES}")
 
+# %% [markdown]
+# ## Where you are
+#
+# Written anew each time you open the course; run the cell to see it as it is now.
+
+# %% tags=["home", "nbval-ignore-output"] jupyter={"source_hidden": true}
+from drills.notebook import home
+
+home()
+
 # %% jupyter={"source_hidden": true}
 Markdown(contents.figures())
 
@@ -69,7 +79,7 @@ Markdown(contents.map_of_chapters())
 # - **You have an interview soon.** Each chapter ends with the questions and their follow-ups. In a
 #   terminal, `.venv/bin/drills` lists coding drills that are graded in a second or two; the exercises of a
 #   chapter are graded in its notebook, which shows at its top which of them you have attempted and
-#   solved. Coming: the checkpoint that closes a chapter.
+#   solved. A checkpoint closes a chapter.
 # - **You want the code.** Each chapter is a module that needs neither a notebook nor a display, and
 #   `help` shows what is in it:
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -79,25 +80,20 @@ def test_a_newcomer_starts_fails_asks_and_solves(place: Place) -> None:
     assert "●" in next(line for line in place.run("list").out.splitlines() if " verlet " in line)
 
 
-# An answer that takes every angle from the x axis.
-ABSOLUTE_ANGLES = """
-import numpy as np
-
-def fk3(lengths, thetas):
-    points = [(0.0, 0.0)]
-    for length, theta in zip(lengths, thetas):
-        x, y = points[-1]
-        points.append((x + length * np.cos(theta), y + length * np.sin(theta)))
-    return np.array(points)
-"""
-
-
-def test_the_feedback_in_the_readme_is_what_one_gets(place: Place) -> None:
-    place.answer(ABSOLUTE_ANGLES, "fk3")
+def test_the_first_two_minutes_of_the_readme(place: Place) -> None:
+    """The answer that it shows gets the feedback that it shows; with the change it is right."""
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    (listing,) = re.findall(r"```python\n(import numpy as np\n.*?)```", readme, re.S)
+    place.run("start", "fk3")
+    place.answer(listing, "fk3")
     said = place.run("check", "fk3", "--seed", "1").out
     feedback = said.partition("\nChecks:")[0].strip()
     assert "Likely cause" in feedback
-    assert feedback in (ROOT / "README.md").read_text(encoding="utf-8"), said
+    assert feedback in readme, said
+    assert "Write `zip(lengths, np.cumsum(thetas))`" in readme
+    better = listing.replace("zip(lengths, thetas)", "zip(lengths, np.cumsum(thetas))")
+    place.answer(better, "fk3")
+    assert place.run("check", "fk3").code == 0
 
 
 def test_the_readme_of_the_drills_names_every_command_and_member() -> None:
@@ -154,6 +150,62 @@ def test_the_json_of_the_quick_commands(place: Place) -> None:
     assert given_up["solution"] == RIGHT
     assert place.json("status")["exercises"]["verlet"]["gave_up"] is True
     assert place.json("reset", "verlet")["backup"] is None
+
+
+def test_what_to_do_next_is_chosen(place: Place) -> None:
+    """By chapter, level and minutes; what was tried goes first, what is solved is gone."""
+    every = [card for card in catalogue.cards()]
+    names = [card.name for card in every]
+    following = place.json("next")
+    assert [entry["drill"] for entry in following["exercises"]] == names
+    assert following["minutes"] == sum(card.minutes for card in every)
+    assert following["reading"] == {"chapter": 1, "section": 1}
+    for options, fits in (
+        (["--chapter", "1"], lambda card: card.chapter == 1),
+        (["--chapter", "1", "--chapter", "8"], lambda card: card.chapter in (1, 8)),
+        (["--level", "3"], lambda card: card.difficulty == 3),
+        (["--minutes", "15"], lambda card: card.minutes <= 15),
+        (
+            ["--chapter", "1", "--level", "2", "--minutes", "10"],
+            lambda card: (card.chapter, card.difficulty) == (1, 2) and card.minutes <= 10,
+        ),
+    ):
+        fitting = [card.name for card in every if fits(card)]
+        assert 0 < len(fitting) < len(every)
+        for command in ("next", "list"):
+            chosen = place.json(command, *options)["exercises"]
+            assert [entry["drill"] for entry in chosen] == fitting
+    assert "Nothing fits" in place.run("list", "--minutes", "1").out
+    assert "Nothing that fits" in place.run("next", "--minutes", "1").out
+    place.answer(WRONG)
+    place.run("check", "verlet")
+    assert "Go on with verlet" in place.run("next").out
+    assert place.json("status")["next"] == "verlet"
+    place.answer(RIGHT)
+    place.run("check", "verlet")
+    assert place.json("next")["exercises"][0]["drill"] == names[0]
+    assert "verlet" not in [entry["drill"] for entry in place.json("next")["exercises"]]
+
+
+def test_a_chapter_is_started_read_and_counted(place: Place) -> None:
+    started = place.json("start", "1")
+    path = Path(started["file"])
+    assert (started["state"], path.name) == ("made", "01_rigid_body.ipynb")
+    assert path.parent == place.work and json.loads(path.read_text())["cells"]
+    assert place.json("start", "1")["state"] == "as it was"
+    parts = place.json("read", "1")["sections"]
+    assert len(parts) > 5 and not any(part["read"] for part in parts)
+    marked = place.json("read", "1", "2", "1")["sections"]
+    assert [part["number"] for part in marked if part["read"]] == [1, 2]
+    assert place.json("next")["reading"] == {"chapter": 1, "section": parts[2]["number"]}
+    assert place.json("read", "1", "--checkpoint")["checkpoint"]
+    row = next(row for row in place.json("status")["chapters"] if row["chapter"] == 1)
+    assert row["read"] == 2 and row["sections"] == len(parts) and row["checkpoint"]
+    assert row["reading_minutes"] == round(sum(part["minutes"] for part in parts[2:]))
+    place.json("read", "1", "--all")
+    assert place.json("next")["reading"] is None
+    undone = place.json("read", "1", "2", "--checkpoint", "--undo")
+    assert undone["checkpoint"] is None and not undone["sections"][1]["read"]
 
 
 def test_a_drill_is_checked_from_a_file(place: Place, name: str = "fk3") -> None:
@@ -314,6 +366,11 @@ MISUSE = [
     (["check", "verlet", "--seed", "-1"], "--seed"),
     (["check", "verlet", "--sed", "1"], "--seed"),
     (["hint"], "NAME"),
+    (["start", "2"], "still to come. Ready: 1"),
+    (["start", "77"], "no chapter 77"),
+    (["read", "1", "99"], "no section 99"),
+    (["list", "--chapter", "0"], "No exercise is of chapter 0"),
+    (["next", "--level", "6"], "--level"),
     (["hint", "nonsense_of_no_name"], "drills list"),
     (["verify", "--seeds", "0"], "--seeds"),
     (["watch", "verlet", "--file", "-"], "can't be watched"),
@@ -441,7 +498,8 @@ def test_two_terminals_at_once_count_both(place: Place) -> None:
 
 
 @pytest.mark.parametrize(
-    "arguments", [[], ["list"], ["status"], ["hint", "verlet"], ["start", "verlet"], ["--help"]]
+    "arguments",
+    [[], ["list"], ["next"], ["status"], ["start", "verlet"], ["start", "1"], ["--help"]],
 )
 def test_nothing_heavy_is_imported_before_it_is_needed(place: Place, arguments: list[str]) -> None:
     program = (
