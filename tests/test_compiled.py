@@ -68,10 +68,15 @@ def test_cache_is_used_by_the_next_process_and_dropped_when_a_callee_changes(tmp
 
 def test_old_caches_are_removed(tmp_path) -> None:
     package, cache = copy_of_the_package(tmp_path), tmp_path / "cache"
+    assert run(package, cache) == [8.0, 0, 1]
+    (mine,) = (cache / "compiled").iterdir()
     for number in range(6):
-        (package / "inner.py").write_text(INNER.format(number=float(number)))
-        assert run(package, cache)[0] == 2.0 * (3.0 + number)
-    assert len(list((cache / "compiled").iterdir())) <= 4
+        old = cache / "compiled" / f"{number:016x}"
+        old.mkdir()
+        os.utime(old, (number, number))
+    assert run(package, cache) == [8.0, 1, 0]
+    left = {path.name for path in (cache / "compiled").iterdir()}
+    assert left == {mine.name, *(f"{number:016x}" for number in (3, 4, 5))}
 
 
 def test_without_compilation_the_function_itself_comes_back() -> None:
