@@ -553,7 +553,7 @@ def test_against_mujoco(p, q, v, axis, angle):
 # ---- batches, and compiled code ----
 
 
-def vectors(n):
+def random_vectors(n):
     rng = np.random.default_rng(7)
     u = rng.normal(size=(3, n))
     u[:, 0] = 0.0
@@ -563,7 +563,7 @@ def vectors(n):
 
 def test_a_batch_is_its_columns():
     n = 6
-    u, v = vectors(n)
+    u, v = random_vectors(n)
     p, q = quat.exp(u), quat.exp(v)
     q[:, 2] = quat.from_euler_zyx(0.3, math.pi / 2, 0.1)
     pitch, roll = u[0], v[0]
@@ -599,7 +599,7 @@ def test_a_batch_is_its_columns():
 
 
 def test_one_rotation_with_many_vectors_and_the_other_way_round():
-    u, v = vectors(5)
+    u, v = random_vectors(5)
     q, batch = quat.exp(v[:, 0]), quat.exp(u)
     np.testing.assert_allclose(quat.rotate(q, u), quat.to_matrix(q) @ u, rtol=0, atol=2e-15)
     many = np.repeat(q[:, None], 5, axis=1)
@@ -659,7 +659,7 @@ def test_rotation_matrix_refuses(values, message):
 
 
 def test_rotation_matrix_accepts_one_and_many():
-    u, _ = vectors(5)
+    u, _ = random_vectors(5)
     R = quat.to_matrix(quat.exp(u))
     np.testing.assert_array_equal(quat.rotation_matrix(R), R)
     np.testing.assert_array_equal(quat.rotation_matrix(R[:, :, 3].tolist()), R[:, :, 3])

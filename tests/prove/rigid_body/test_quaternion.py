@@ -4,7 +4,7 @@ import numpy as np
 
 from course.compiled import MATRIX, VECTOR, compiled
 from course.rigid_body import quaternion as quat
-from tests.rigid_body.test_quaternion import vectors
+from tests.rigid_body.test_quaternion import random_vectors
 
 
 def _several(u, v):
@@ -28,7 +28,7 @@ def _few(u, v):
 
 
 def test_compiled_code_gives_the_same_numbers():
-    u, v = vectors(3)
+    u, v = random_vectors(3)
     single = compiled(_several, (VECTOR, VECTOR))
     for i in range(3):
         arguments = u[:, i].copy(), v[:, i].copy()
