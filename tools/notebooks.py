@@ -20,12 +20,16 @@ import nbclient
 import nbformat
 from nbformat import NotebookNode
 
+from drills import cards
+from tools import form
+
 FOLDER = Path(__file__).resolve().parent.parent / "notebooks"
 
 _KERNELSPEC = {"display_name": "Python 3", "language": "python", "name": "python3"}
 _WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
 _ADDRESS = re.compile(r"\bat 0x[0-9a-fA-F]{6,}")
 _CELL_TIMEOUT = 600  # s
+_MINUTES = re.compile(r"\{(open|folded|exercise) minutes\}")
 
 
 def sources(folder: Path = FOLDER) -> list[Path]:
@@ -41,7 +45,9 @@ def target(source: Path) -> Path:
 def read_source(source: Path) -> NotebookNode:
     """The notebook that a py:percent file describes, without outputs.
 
-    Every cell's id is a hash of its place and its text, so that it only changes with them.
+    Every cell's id is a hash of its place and its text, so that it only changes with them. In the
+    text `{open minutes}` and `{folded minutes}` become the time to read it, and `{exercise
+    minutes}` the sum of its exercises' cards.
 
     Args:
         source: path of the py:percent file.
@@ -50,8 +56,11 @@ def read_source(source: Path) -> NotebookNode:
         A notebook in format 4.5 with no metadata but its kernel's name.
     """
     parsed = jupytext.read(source, fmt="py:percent")
+    minutes = {**form.reading(parsed.cells), "exercise": _exercise_minutes(source)}
     cells = []
     for index, cell in enumerate(parsed.cells):
+        if cell.cell_type == "markdown":
+            cell.source = _MINUTES.sub(lambda match: str(minutes[match[1]]), cell.source)
         digest = hashlib.sha256(f"{index}\n{cell.cell_type}\n{cell.source}".encode())
         metadata = {k: v for k, v in cell.metadata.items() if k != "lines_to_next_cell"}
         make = {
@@ -61,6 +70,13 @@ def read_source(source: Path) -> NotebookNode:
         }[cell.cell_type]
         cells.append(make(cell.source, id=digest.hexdigest()[:12], metadata=metadata))
     return nbformat.v4.new_notebook(cells=cells, metadata={"kernelspec": dict(_KERNELSPEC)})
+
+
+def _exercise_minutes(source: Path) -> int:
+    """The sum of the minutes on the cards of a chapter's exercises; 0 where it is no chapter."""
+    number = source.stem.partition("_")[0]
+    mine = [one for one in cards.cards() if number == f"{one.chapter:02d}" and not one.drill]
+    return sum(one.minutes for one in mine)
 
 
 def run(notebook: NotebookNode, folder: Path) -> NotebookNode:

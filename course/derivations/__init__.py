@@ -5,7 +5,7 @@ algebra or by measurement. `python -m course.derivations` settles all of them an
 
     from course import derivations
     derivations.figure("semi_implicit_limit", "limit_ms")    # a number for the text
-    derivations.show("semi_implicit_limit")                  # a block for a notebook
+    derivations.show("semi_implicit_limit")                  # a card for a notebook
     derivations.answer("semi_implicit_limit", "2/omega")     # checks a learner's formula
 
 How one is written (`course/derivations/rigid_body/time_step.py` holds examples):
@@ -56,12 +56,13 @@ import functools
 import importlib
 import pkgutil
 import re
+import textwrap
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from course import CHAPTERS
+from course import CHAPTERS, cards
 from course.derivations import honest, records
 from course.derivations.answer import Answer, Formula, Symbol, answer_formula, equivalent, parse
 from course.derivations.found import Found, Verdict
@@ -81,6 +82,7 @@ __all__ = [
     "claim",
     "claims",
     "figure",
+    "formula",
     "run",
     "settle",
     "show",
@@ -239,6 +241,7 @@ class Outcome:
 # Filled by `claim`; read it through `claims`, which loads the files first.
 CLAIMS: dict[str, Claim] = {}
 Check = Callable[[Found], None]
+_FIGURES = 3  # on a card
 _NUMBERS = {chapter.topic: chapter.number for chapter in CHAPTERS}
 
 
@@ -406,35 +409,61 @@ def figure_text(value: float | str) -> str:
 
 @dataclass(frozen=True)
 class Block:
-    """A claim and its figures, as a short block of text for a notebook."""
+    """A claim as a card of a notebook: it asks "true, false, or only if?" and folds the verdict."""
 
     outcome: Outcome
 
-    def lines(self) -> list[tuple[str, str]]:
-        """The parts of the block, as pairs of heading and text."""
-        outcome = self.outcome
-        figures = ", ".join(f"{k} = {figure_text(v)}" for k, v in outcome.finding.figures.items())
-        parts = [
-            ("One hears", outcome.claim.claim),
-            ("Verdict", f"{outcome.finding.verdict.value} {outcome.condition}".strip()),
-            ("True is", outcome.corrected),
-            ("Measured", outcome.finding.statement),
-            ("Figures", figures),
-        ]
-        if outcome.claim.source:
-            parts.append(("Source", outcome.claim.source))
-        parts += [("DISAGREES", text) for text in outcome.disagreements]
-        return parts
+    @property
+    def verdict(self) -> str:
+        """The verdict in a sentence."""
+        verdict, condition = self.outcome.finding.verdict, self.outcome.condition
+        if verdict is Verdict.CONDITIONAL:
+            return f"It holds only if {condition}."
+        return "It is true." if verdict is Verdict.HOLDS else "It is false."
+
+    def _figures(self) -> list[str]:
+        shown = [f"{k} = {figure_text(v)}" for k, v in self.outcome.finding.figures.items()]
+        return shown[:_FIGURES]
+
+    def _disagreements(self) -> list[str]:
+        return [f"DISAGREES: {text}" for text in self.outcome.disagreements]
 
     def __repr__(self) -> str:
-        return "\n".join(f"{head}: {text}" for head, text in self.lines())
+        found = self.outcome.finding.verdict.value
+        lines = [
+            f'Claim: "{self.outcome.claim.claim}" True, false, or only if?',
+            f"Verdict: {found} {self.outcome.condition}".rstrip(),
+            *self._figures(),
+            *self._disagreements(),
+        ]
+        return "\n".join(textwrap.fill(line, cards.WIDTH) for line in lines)
 
     def _repr_markdown_(self) -> str:
-        return "\n".join(f"> **{head}:** {text}  " for head, text in self.lines())
+        outcome = self.outcome
+        verdict, corrected = cards.tex(self.verdict), cards.tex(outcome.corrected)
+        options = [
+            (
+                label,
+                f"**{'Right.' if found is outcome.finding.verdict else 'No.'} {verdict}** "
+                f"{corrected}",
+            )
+            for label, found in (
+                ("True", Verdict.HOLDS),
+                ("True only if ...", Verdict.CONDITIONAL),
+                ("False", Verdict.FALSE),
+            )
+        ]
+        settled = [cards.tex(outcome.finding.statement), *(f"`{x}`" for x in self._figures())]
+        if outcome.claim.source:
+            settled.append(f"*{outcome.claim.source}*")
+        more = cards.folded("How it was settled", "  \n".join(settled))
+        question = f"“{cards.tex(outcome.claim.claim)}” *True, false, or only if?*"
+        parts = [cards.choice("One hears:", question, options, more), *self._disagreements()]
+        return "\n\n".join(parts)
 
 
 def show(id: str) -> Block:
-    """The claim with this id as a block for a notebook, with figures computed now.
+    """The claim with this id as a card for a notebook, with figures computed now.
 
     Args:
         id: id of a claim.
@@ -462,8 +491,17 @@ def answer(id: str, text: str) -> Answer:
     Raises:
         ValueError: for an unknown id, one without a formula, or a text that is not a str.
     """
-    formula = _get(id).formula
-    if formula is None:
+    return answer_formula(formula(id), text)
+
+
+def formula(id: str) -> Formula:
+    """What a claim asks a learner for.
+
+    Raises:
+        ValueError: for an unknown id, or one without a formula.
+    """
+    asked = _get(id).formula
+    if asked is None:
         answerable = ", ".join(item.id for item in claims() if item.formula)
         raise ValueError(f"id is {id!r}, which asks for no formula; these do: {answerable}")
-    return answer_formula(formula, text)
+    return asked

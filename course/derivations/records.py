@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from course.check import refused
+
 FOLDER = Path(__file__).parent / "record"
 _TEXTS = ("verdict", "heard", "condition", "corrected", "formula", "source")
 
@@ -20,6 +22,26 @@ def load(file: str) -> dict[str, dict[str, Any]]:
     """
     path = FOLDER / f"{file}.toml"
     return tomllib.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+
+
+def figure(id: str, name: str) -> float | str:
+    """A figure of a claim as it is on record, without running its check.
+
+    Args:
+        id: id of a claim.
+        name: name of the figure.
+
+    Raises:
+        ValueError: for an unknown id or name.
+    """
+    entries = {key: entry for file in files() for key, entry in load(file).items()}
+    if id not in entries:
+        raise refused("id", id, "the id of a claim on record")
+    known = entries[id]["figures"]
+    if name not in known:
+        raise refused("name", name, ", ".join(known))
+    value: float | str = known[name][0]
+    return value
 
 
 def files() -> list[str]:

@@ -1,0 +1,263 @@
+"""Cards of a notebook: a question that is answered before anything is shown, figures to unfold.
+
+    from course.cards import figures, predict
+
+    predict("energy_on_a_spring")              # a question of the chapter's file, by its name
+    figures(read("chatter"), "MuJoCo Euler")   # the rows that matter; the rest is folded
+
+A card is HTML and Markdown without a script: a click on an option unfolds whether it is right and
+why, also in a saved notebook without a kernel. Questions and vocabulary of a chapter stand in
+`TOPIC.toml` beside this file, so that a cell doesn't give the answer away:
+
+    vocabulary = ["inertia tensor", ...]    # each in bold where the chapter defines it
+    checkpoint = ["verlet_frequency", ...]  # claims whose formulas are not on the chapter's page
+
+    [energy_on_a_spring]
+    ask = "The question?"
+    options = [["one answer", true, "Why it is right, with {claim.figure:.2f}."], ...]
+
+Fields are filled from the figures on record of `course.derivations`; a typed number is refused.
+"""
+
+import functools
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from course import CHAPTERS
+from course.cards.formula import tex
+from course.check import refused
+from course.interview import LEVELS, filled, questions, typed_numbers
+
+__all__ = [
+    "Option",
+    "Prediction",
+    "Shown",
+    "checkpoint",
+    "choice",
+    "figures",
+    "folded",
+    "gate",
+    "interview",
+    "predict",
+    "predictions",
+    "tex",
+    "vocabulary",
+]
+
+FOLDER = Path(__file__).parent
+WIDTH = 96  # columns of printed text
+_STYLE = "border-left:4px solid #3f51b5;padding:4px 0 4px 14px;margin:6px 0"
+
+
+class Shown:
+    """Markdown in a notebook, plain text elsewhere."""
+
+    def __init__(self, text: str, markdown: str) -> None:
+        self.text, self.markdown = text, markdown
+
+    def __repr__(self) -> str:
+        return self.text
+
+    def _repr_markdown_(self) -> str:
+        return self.markdown
+
+
+def folded(summary: str, body: str) -> str:
+    """Markdown that a click on its summary unfolds."""
+    return f"<details><summary>{summary}</summary>\n\n{body}\n\n</details>"
+
+
+def choice(head: str, question: str, options: Sequence[tuple[str, str]], more: str = "") -> str:
+    """Markdown of a question whose options unfold.
+
+    Args:
+        head: what kind of card it is.
+        question: Markdown.
+        options: what one can click on, and what it then says.
+        more: Markdown below.
+    """
+    parts = [f'<div style="{_STYLE}">', f"**{head}** {question}"]
+    parts += [folded(label, body) for label, body in options]
+    return "\n\n".join([*parts, *([more] if more else []), "</div>"])
+
+
+@dataclass(frozen=True)
+class Option:
+    """One answer to a question.
+
+    Attributes:
+        label: what one clicks on; raw HTML, so without < and >.
+        right: whether it is the right one.
+        why: Markdown with fields for figures.
+    """
+
+    label: str
+    right: bool
+    why: str
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """A question that is answered before anything is shown.
+
+    Attributes:
+        name: in its file.
+        ask: the question, Markdown.
+        options: the answers, one of them right.
+    """
+
+    name: str
+    ask: str
+    options: tuple[Option, ...]
+
+    def __post_init__(self) -> None:
+        if not self.ask.rstrip().endswith("?"):
+            raise refused(f"{self.name}: ask", self.ask, "a question")
+        if len(self.options) < 2 or sum(option.right for option in self.options) != 1:
+            labels = [option.label for option in self.options]
+            raise refused(f"{self.name}: options", labels, "two or more, one of them right")
+        for option in self.options:
+            if set(option.label) & set("<>"):
+                raise refused(f"{self.name}: label", option.label, "a text without < and >")
+            if typed := typed_numbers(option.why):
+                raise refused(f"{self.name}: why", typed, "a field such as {claim.figure:.3g}")
+
+
+def _file(topic: str) -> dict[str, Any]:
+    path = FOLDER / f"{topic}.toml"
+    if not path.is_file():
+        known = ", ".join(sorted(p.stem for p in FOLDER.glob("*.toml")))
+        raise refused("topic", topic, known)
+    return tomllib.loads(path.read_text(encoding="utf-8"))
+
+
+def vocabulary(topic: str) -> list[str]:
+    """The words of a chapter that an interviewer uses.
+
+    Raises:
+        ValueError: for a topic that has no file.
+    """
+    return list(_file(topic)["vocabulary"])
+
+
+@functools.cache
+def predictions(topic: str) -> dict[str, Prediction]:
+    """The questions of a chapter by name.
+
+    Raises:
+        ValueError: for a topic that has no file, or a question that is not whole.
+    """
+    return {
+        name: Prediction(name, entry["ask"], tuple(Option(*option) for option in entry["options"]))
+        for name, entry in _file(topic).items()
+        if isinstance(entry, dict)
+    }
+
+
+def predict(name: str) -> Shown:
+    """The card of a question, to answer before anything is shown.
+
+    Args:
+        name: of the question, in the file of any chapter.
+
+    Raises:
+        ValueError: for an unknown name.
+    """
+    from course.derivations.records import figure
+
+    known: dict[str, Prediction] = {}
+    for chapter in CHAPTERS:
+        if (FOLDER / f"{chapter.topic}.toml").is_file():
+            known |= predictions(chapter.topic)
+    if name not in known:
+        raise refused("name", name, ", ".join(known))
+    asked = known[name]
+    options = [
+        (o.label, f"**{'Right.' if o.right else 'No.'}** {filled(o.why, figure)}")
+        for o in asked.options
+    ]
+    plain = "\n".join([f"Predict: {name}", *(f"  {option.label}" for option in asked.options)])
+    return Shown(plain, choice("Predict.", f"{asked.ask} *Click your answer.*", options))
+
+
+def figures(text: str, *rows: str, summary: str = "All figures") -> Shown:
+    """The lines of a table that matter, with the whole table folded below.
+
+    Args:
+        text: the table.
+        rows: a line is shown that begins with one of these, in this order.
+        summary: what one clicks on to see all of it.
+
+    Raises:
+        ValueError: for a row that is not there.
+    """
+    lines = text.splitlines()
+    chosen = []
+    for row in rows:
+        found = [line for line in lines if line.lstrip().startswith(row)]
+        if not found:
+            raise refused("rows", row, "the beginning of a line of the table")
+        chosen += [line.rstrip() for line in found if line.rstrip() not in chosen]
+    shown = "\n".join(chosen)
+    whole = folded(summary, f"```text\n{text}\n```")
+    return Shown(shown or summary, f"```text\n{shown}\n```\n\n{whole}" if shown else whole)
+
+
+def interview(topic: str) -> Shown:
+    """The interview questions of a chapter, by level, with their answers folded.
+
+    Raises:
+        ValueError: for a topic without questions.
+    """
+    from course.derivations.records import figure
+
+    parts, plain = [], []
+    for level, name in LEVELS.items():
+        asked = questions(topic, level)
+        parts += [f"#### {name.capitalize()}", *(q.markdown(figure) for q in asked)]
+        plain += [f"{name}: {q.name}" for q in asked]
+    return Shown("\n".join(plain), "\n\n".join(parts))
+
+
+def checkpoint(topic: str, **answers: str) -> Shown:
+    """The gate at the end of a chapter: formulas to find, whose answers are not on its page.
+
+    Args:
+        topic: of the chapter.
+        **answers: the learner's formula for each claim that the chapter's file names; "" is open.
+
+    Returns:
+        The questions with what is right and what is not; the gate opens when all are right.
+
+    Raises:
+        ValueError: for a topic without a checkpoint, or a name that is not in it.
+    """
+    from course.derivations import answer, formula
+
+    wanted = gate(topic)
+    for name in answers:
+        if name not in wanted:
+            raise refused("answers", name, ", ".join(wanted))
+    lines, plain, right = [], [], 0
+    for name in wanted:
+        text = answers.get(name, "").strip()
+        found = answer(name, text) if text else None
+        right += bool(found)
+        state = found._repr_markdown_() if found else "Open."
+        lines.append(f"1. {tex(formula(name).asked())} (`{name}`)  \n   {state}")
+        plain.append(f"{name}: {found if found else 'open'}")
+    is_open = right == len(wanted)
+    verdict = f"{right} of {len(wanted)} right: gate {'cleared' if is_open else 'closed'}"
+    return Shown("\n".join([*plain, verdict]), "\n".join([*lines, "", f"**{verdict}**"]))
+
+
+def gate(topic: str) -> list[str]:
+    """The claims that the checkpoint of a chapter asks for.
+
+    Raises:
+        ValueError: for a topic that has no file.
+    """
+    return list(_file(topic)["checkpoint"])

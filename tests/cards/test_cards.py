@@ -1,0 +1,162 @@
+"""Cards: nothing is told before it is asked, and formulas are set as mathematics."""
+
+import re
+import tomllib
+
+import pytest
+
+from course import cards, derivations
+from course.cards.formula import tex
+
+TOPICS = sorted(path.stem for path in cards.FOLDER.glob("*.toml"))
+
+
+def open_text(markdown: str) -> str:
+    return re.sub(r"<details>.*?</details>", "", markdown, flags=re.S)
+
+
+@pytest.mark.parametrize(
+    ("text", "set_"),
+    [
+        ("stable while omega dt < 2.", r"stable while $\omega dt \lt 2$."),
+        ("rate omega sqrt((I2 - I1) / I3), and", r"rate $\omega \sqrt{(I_2 - I_1) / I_3}$, and"),
+        ("short by (omega h)^3 / 12 to", r"short by $(\omega h)^{3} / 12$ to"),
+        ("the term omega x (I omega).", r"the term $\omega \times (I \omega )$."),
+        ("the term Omega x L", r"the term $\Omega \times L$"),
+        ("v^2/2 - omega^2 h x v/2 is", r"$v^{2}/2 - \omega ^{2} h x v/2$ is"),
+        ("it adds m*g^2*h^2/2 a step", r"it adds $m\, g^{2}\, h^{2}/2$ a step"),
+        ("R^-1 L", "$R^{-1} L$"),
+        ("turns by 2 atan(omega h / 2) per", r"turns by $2 \arctan(\omega h / 2)$ per"),
+        ("1 / cos(pitch): 573", r"$1 / \cos(\text{pitch})$: 573"),
+        ("a 1 kg ball, 5 m up, I think, at 3 rad/s", None),
+        ("forces of 2 N m and 100 kN/m do it", None),
+        ("`a_name` of e - f", r"`a_name` of $e - f$"),
+        ("5 $ and 2 < 3", r"5 \$ and 2 \< 3"),
+    ],
+)
+def test_formulas_are_found_and_units_left_alone(text, set_):
+    assert tex(text) == (text if set_ is None else set_)
+
+
+def test_every_corrected_statement_can_be_set():
+    for item in derivations.claims():
+        found = tex(item.corrected)
+        bare = re.sub(r"\\\$", "", found)
+        assert bare.count("$") % 2 == 0, item.id
+        for formula in re.findall(r"\$([^$]+)\$", bare):
+            for left, right in ("()", "{}"):
+                assert formula.count(left) == formula.count(right), (item.id, formula)
+
+
+@pytest.mark.parametrize(
+    ("id", "right"),
+    [
+        ("renormalising_repairs", "False"),
+        ("top_condition", "True only if ..."),
+        ("quaternion_has_no_lock", "True"),
+    ],
+)
+def test_a_claim_is_asked_before_it_is_settled(id, right):
+    block = derivations.show(id)
+    outcome = block.outcome
+    text = block._repr_markdown_()
+    seen = open_text(text)
+    assert "True, false, or only if?" in seen
+    assert block.verdict not in text.split("<details>")[0]
+    for hidden in (outcome.corrected[:20], outcome.finding.statement[:20], "Right."):
+        assert hidden in text and hidden not in seen
+    options = re.findall(r"<summary>(.*?)</summary>\n\n\*\*(Right|No)\.", text)
+    assert [label for label, said in options if said == "Right"] == [right]
+    assert len(options) == 3
+
+
+def test_a_claim_is_short_as_text():
+    for id in ("renormalising_repairs", "rk4_costs_four_times", "gyroscopic_term_holds_the_top_up"):
+        lines = repr(derivations.show(id)).splitlines()
+        verdict = next(n for n, line in enumerate(lines) if line.startswith("Verdict: "))
+        assert len(lines) - verdict <= 4
+        assert max(map(len, lines)) <= 96
+
+
+def test_a_disagreement_is_not_folded(monkeypatch):
+    outcome = derivations.run("top_condition")
+    worse = type(outcome)(outcome.claim, outcome.finding, ("it fell",), ())
+    block = derivations.Block(worse)
+    assert "DISAGREES: it fell" in open_text(block._repr_markdown_())
+    assert "DISAGREES: it fell" in repr(block)
+
+
+@pytest.mark.parametrize("topic", TOPICS)
+def test_the_file_of_a_chapter_is_whole(topic):
+    assert len(cards.vocabulary(topic)) == len(set(map(str.lower, cards.vocabulary(topic))))
+    answerable = {item.id for item in derivations.claims() if item.formula}
+    assert len(cards.gate(topic)) >= 3 and set(cards.gate(topic)) <= answerable
+    labels = []
+    for name in cards.predictions(topic):
+        shown = cards.predict(name)
+        seen = open_text(shown.markdown)
+        assert "Right." in shown.markdown and "Right." not in seen and "{" not in seen
+        for option in cards.predictions(topic)[name].options:
+            assert option.why[:15] not in seen
+        rights = [o.right for o in cards.predictions(topic)[name].options]
+        labels.append(rights.index(True))
+    assert len(set(labels)) > 1, "the right answer always stands at the same place"
+
+
+@pytest.mark.parametrize(
+    ("entry", "named"),
+    [
+        ('ask = "It moves."\noptions = [["a", true, "b"], ["c", false, "d"]]', "ask"),
+        ('ask = "Which?"\noptions = [["a", true, "b"]]', "options"),
+        ('ask = "Which?"\noptions = [["a", true, "b"], ["c", true, "d"]]', "options"),
+        ('ask = "Which?"\noptions = [["a < b", true, "b"], ["c", false, "d"]]', "label"),
+        ('ask = "Which?"\noptions = [["a", true, "by 3.1 m"], ["c", false, "d"]]', "why"),
+    ],
+)
+def test_a_question_that_is_not_whole_is_refused(entry, named):
+    options = tomllib.loads(entry)
+    with pytest.raises(ValueError, match=named):
+        cards.Prediction(
+            "one", options["ask"], tuple(cards.Option(*option) for option in options["options"])
+        )
+
+
+def test_bad_names_are_refused():
+    for call, named in (
+        (lambda: cards.predict("nothing"), "nothing"),
+        (lambda: cards.vocabulary("nothing"), "nothing"),
+        (lambda: cards.figures("a 1\nb 2", "c"), "'c'"),
+        (lambda: cards.checkpoint("rigid_body", nothing="1"), "nothing"),
+        (lambda: derivations.records.figure("nothing", "x"), "nothing"),
+        (lambda: derivations.records.figure("top_condition", "x"), "critical_rad_per_s"),
+    ):
+        with pytest.raises(ValueError, match=named):
+            call()
+
+
+def test_figures_show_the_rows_that_matter():
+    table = "head 0\nrow one 1\nrow two 2\nrow three 3"
+    shown = cards.figures(table, "head", "row two")
+    assert repr(shown) == "head 0\nrow two 2"
+    assert "row three" in shown.markdown and "row three" not in open_text(shown.markdown)
+    assert "row two 2" in open_text(shown.markdown)
+
+
+def test_the_checkpoint_opens_when_all_is_right():
+    right = {name: derivations.formula(name).expression for name in cards.gate("rigid_body")}
+    assert "gate cleared" in repr(cards.checkpoint("rigid_body", **right))
+    for name in right:
+        closed = cards.checkpoint("rigid_body", **(right | {name: "omega"}))
+        assert "gate closed" in repr(closed) and f"{len(right) - 1} of {len(right)}" in repr(closed)
+    blank = cards.checkpoint("rigid_body")
+    assert f"0 of {len(right)} right" in repr(blank)
+    for name, expression in right.items():
+        assert expression not in blank.markdown and derivations.formula(name).question[:20]
+
+
+def test_the_interview_has_every_question_by_level():
+    shown = cards.interview("rigid_body")
+    text = shown.markdown
+    assert text.index("#### Screen") < text.index("#### Senior") < text.index("#### Staff")
+    assert text.count("In a minute") == len(repr(shown).splitlines()) >= 10
+    assert not re.search(r"\{\w+\.\w+", text)

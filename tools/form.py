@@ -1,0 +1,168 @@
+"""The form of a chapter: what its notebook may ask of a reader before something moves again.
+
+Words, paragraphs and the time they take are counted here, for the tests and for the line of the
+first screen that says how long the chapter is. Prose is the text of Markdown cells outside of what
+a click unfolds; a formula counts as one word, code and pictures as none.
+"""
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+
+from nbformat import NotebookNode
+
+BEFORE_FIRST_PICTURE = 120  # words
+PARAGRAPH = 90  # words
+OPEN_PROSE = 4500  # words in a chapter
+SCREEN = 250  # words without a picture, a question or a control
+COLUMNS = 96  # of printed text
+FIGURES = 12  # printed lines with figures in one output
+
+WORDS_A_MINUTE = 180  # of technical prose
+MINUTES = {"predict": 1, "show": 1, "answer": 1, "simulation": 3}  # what one does in a scene
+
+_ASKED = re.compile(r"^\s*(predict|show|card|check|answer|checkpoint|interview)\(", re.M)
+_MOVED = re.compile(r"^\s*(?:\w+\.)?simulation\(", re.M)
+_IMAGE = re.compile(r"!\[[^\]]*\]\([^)]*\)|<img\b[^>]*>")
+_DETAILS = re.compile(r"<details\b(?:(?!<details\b).)*?</details>", re.S)
+_FENCE = re.compile(r"^```.*?^```", re.S | re.M)
+_MATH = re.compile(r"\$\$.*?\$\$|\$[^$]+\$", re.S)
+_TAG = re.compile(r"<[^>]+>")
+
+
+def opened(text: str) -> str:
+    """Markdown without its fold-outs."""
+    while _DETAILS.search(text):
+        text = _DETAILS.sub("", text)
+    return text
+
+
+def words(text: str) -> int:
+    """Words of Markdown: formulas count one, code blocks, pictures and tags none."""
+    plain = _TAG.sub(" ", _MATH.sub(" formula ", _IMAGE.sub(" ", _FENCE.sub(" ", text))))
+    return sum(any(c.isalnum() for c in token) for token in plain.split())
+
+
+def paragraphs(text: str) -> list[str]:
+    """Paragraphs of Markdown: blocks, entries of lists, cells of tables."""
+    blocks = re.split(r"\n\s*\n|\n(?=\s*(?:[*-]|\d+\.) )|</t[dh]>|</tr>", _FENCE.sub("", text))
+    return [cell for block in blocks for cell in (block.split("|") if "|\n" in block else [block])]
+
+
+def pauses(cell: NotebookNode) -> list[str]:
+    """What interrupts the reading of a code cell: "question", "simulation", "picture"."""
+    found = ["question"] if _ASKED.search(cell.source) else []
+    if _MOVED.search(cell.source):
+        found.append("simulation")
+    kinds = [kind for output in cell.get("outputs", []) for kind in output.get("data", {})]
+    return found + (["picture"] if any(kind.startswith("image/") for kind in kinds) else [])
+
+
+def stretches(cells: Sequence[NotebookNode]) -> Iterator[tuple[int, str]]:
+    """The words between one picture, question or control and the next: (words, where it ends)."""
+    count = 0
+    for cell in cells:
+        if cell.cell_type == "markdown":
+            pieces = _IMAGE.split(opened(cell.source))
+            for place, piece in enumerate(pieces):
+                count += words(piece)
+                if place < len(pieces) - 1:
+                    yield count, "picture"
+                    count = 0
+        elif cell.cell_type == "code" and (found := pauses(cell)):
+            yield count, "+".join(found)
+            count = 0
+    yield count, "end"
+
+
+def first_screen(cells: Sequence[NotebookNode]) -> int:
+    """The words before both a simulation and a question are reached; all if one is missing."""
+    count, missing = 0, {"question", "simulation"}
+    for stretch, kind in stretches(cells):
+        count += stretch
+        missing -= set(kind.split("+"))
+        if not missing:
+            break
+    return count
+
+
+def open_words(cells: Sequence[NotebookNode]) -> int:
+    """Words of open prose."""
+    return sum(words(opened(cell.source)) for cell in cells if cell.cell_type == "markdown")
+
+
+def printed(cell: NotebookNode) -> Iterator[str]:
+    """The texts that outputs of a cell show as they are: printed, or in an open block of code."""
+    for output in cell.get("outputs", []):
+        data = output.get("data", {})
+        if output.output_type == "stream":
+            yield output.text
+        elif "text/markdown" in data:
+            yield from re.findall(
+                r"^```text\n(.*?)^```", opened(data["text/markdown"]), re.S | re.M
+            )
+        elif set(data) == {"text/plain"}:
+            yield data["text/plain"]
+
+
+def faults(cells: Sequence[NotebookNode]) -> list[str]:
+    """Where the outputs and paragraphs of a notebook are too long, one sentence each."""
+    found = []
+    for number, cell in enumerate(cells):
+        if cell.cell_type == "markdown":
+            for paragraph in paragraphs(cell.source):
+                if (count := words(paragraph)) > PARAGRAPH:
+                    found.append(f"cell {number}: {count} words in a paragraph: {paragraph[:60]!r}")
+            continue
+        for text in printed(cell) if cell.cell_type == "code" else ():
+            lines = text.splitlines()
+            wide = max(map(len, lines), default=0)
+            if wide > COLUMNS:
+                found.append(f"cell {number}: prints {wide} columns")
+            rows = sum(any(c.isdigit() for c in line) for line in lines)
+            if rows > FIGURES:
+                found.append(f"cell {number}: prints {rows} lines of figures")
+    return found
+
+
+def undefined(texts: Sequence[str], vocabulary: Sequence[str]) -> list[str]:
+    """The terms that a chapter does not define where they first appear, one sentence each.
+
+    Args:
+        texts: Markdown in the order of reading; headings do not count.
+        vocabulary: the terms; each is set in bold where it first appears, and defined there.
+    """
+    body = "\n\n".join(re.sub(r"^#+ .*$", "", text, flags=re.M) for text in texts)
+    bold = [match.span() for match in re.finditer(r"\*\*[^*\n]+\*\*", body)]
+    found = []
+    for term in vocabulary:
+        pattern = r"(?<!\w)" + r"[\s-]+".join(map(re.escape, re.split(r"[\s-]+", term)))
+        first = re.search(pattern + r"(?:s|es)?(?!\w)", body, re.I)
+        if first is None:
+            found.append(f"{term} does not appear")
+        elif not any(start <= first.start() and first.end() <= end for start, end in bold):
+            around = " ".join(body[max(first.start() - 40, 0) : first.end() + 20].split())
+            found.append(f"{term} is not defined where it first appears: ...{around}...")
+    return found
+
+
+def reading(cells: Sequence[NotebookNode]) -> dict[str, int]:
+    """How long a chapter takes, in minutes.
+
+    Args:
+        cells: of its source.
+
+    Returns:
+        "open": to read what is open and to do what is asked on the way; "folded": to read the rest.
+    """
+    whole = sum(words(cell.source) for cell in cells if cell.cell_type == "markdown")
+    code = "\n".join(cell.source for cell in cells if cell.cell_type == "code")
+    done = sum(
+        minutes * len(re.findall(rf"^\s*(?:\w+\.)?{name}\(", code, re.M))
+        for name, minutes in MINUTES.items()
+    )
+    in_open = open_words(cells)
+    return {
+        "open": math.ceil(in_open / WORDS_A_MINUTE) + done,
+        "folded": math.ceil((whole - in_open) / WORDS_A_MINUTE),
+    }
