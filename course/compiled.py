@@ -25,9 +25,10 @@ from typing import Any
 
 import numba
 from numba import types
+from numba.core import event
 from numba.extending import overload
 
-# A cached function loads in a few hundredths of a second; only a real compilation is announced.
+# What takes less is not announced. Loading from the cache never is, however long it takes.
 _ANNOUNCE_AFTER = 0.5  # s
 
 VECTOR = types.Array(numba.float64, 1, "C")
@@ -42,6 +43,29 @@ def acceleration_type(array: types.Array) -> types.FunctionType:
 def _announce(name: str) -> None:
     if os.environ.get("COURSE_QUIET") != "1":
         print(f"compiling {name} (once; the next run starts at once) ...", file=sys.stderr)
+
+
+def _announce_later(name: str) -> threading.Timer:
+    timer = threading.Timer(_ANNOUNCE_AFTER, _announce, [name])
+    timer.daemon = True
+    timer.start()
+    return timer
+
+
+class _Announcement(event.Listener):
+    """Announces that numba compiles this function: what it finds in its cache is no such event."""
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        self._function = function
+        self._timers: list[threading.Timer] = []
+
+    def on_start(self, event: Any) -> None:
+        if event.data["dispatcher"].py_func is self._function:
+            self._timers.append(_announce_later(self._function.__qualname__))
+
+    def on_end(self, event: Any) -> None:
+        if event.data["dispatcher"].py_func is self._function:
+            self._timers.pop().cancel()
 
 
 _KEEP = 3  # folders of earlier states of the sources
@@ -84,7 +108,12 @@ def _alone(folder: str, function: Callable[..., Any]) -> Iterator[None]:
     with contextlib.ExitStack() as stack:
         with contextlib.suppress(OSError):  # where nothing can be written, nothing is kept either
             lock = stack.enter_context(open(Path(folder or os.devnull) / name, "w"))
-            fcntl.flock(lock, fcntl.LOCK_EX)
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                waiting = _announce_later(function.__qualname__)
+                stack.callback(waiting.cancel)
+                fcntl.flock(lock, fcntl.LOCK_EX)
         yield
 
 
@@ -106,18 +135,17 @@ def compiled(function: Callable[..., Any], signature: Any) -> Callable[..., Any]
     """
     if numba.config.DISABLE_JIT:
         return function
-    timer = threading.Timer(_ANNOUNCE_AFTER, _announce, [function.__qualname__])
-    timer.daemon = True
-    timer.start()
     start = time.thread_time()
     name = f"{function.__module__}.{function.__qualname__}"
     folder, numba.config.CACHE_DIR = numba.config.CACHE_DIR, _cache_folder()
     try:
-        with _alone(numba.config.CACHE_DIR, function):
+        with (
+            _alone(numba.config.CACHE_DIR, function),
+            event.install_listener("numba:compile", _Announcement(function)),
+        ):
             result = numba.njit(signature, cache=True, error_model="numpy")(function)
     finally:
         numba.config.CACHE_DIR = folder
-        timer.cancel()
     COMPILE_SECONDS[f"{name} {signature}"] = time.thread_time() - start
     return result
 

@@ -7,7 +7,10 @@ are there belong to their sources. What is written depends on nothing but source
 builds are the same to the byte where the outputs are.
 """
 
+import base64
 import hashlib
+import importlib
+import operator
 import os
 import re
 import sys
@@ -20,6 +23,9 @@ import nbclient
 import nbformat
 from nbformat import NotebookNode
 
+import course
+import course.contents
+from course.check import one_of
 from drills import cards
 from tools import form
 
@@ -28,6 +34,10 @@ FOLDER = Path(__file__).resolve().parent.parent / "notebooks"
 _KERNELSPEC = {"display_name": "Python 3", "language": "python", "name": "python3"}
 _WIDGET_VIEW = "application/vnd.jupyter.widget-view+json"
 _ADDRESS = re.compile(r"\bat 0x[0-9a-fA-F]{6,}")
+# A film of a simulation: its title, and its module in course.simulations.
+_FILM = re.compile(r"!\[([^\]]+)\]\(attachment:([\w.]+)\.png\)")
+# What a text takes from the package, such as {{contents.figures}}.
+_FILLED = re.compile(r"\{\{([\w.]+)\}\}")
 _CELL_TIMEOUT = 600  # s
 _MINUTES = re.compile(r"\{(open|folded|exercise) minutes\}")
 
@@ -42,11 +52,25 @@ def target(source: Path) -> Path:
     return source.parent.parent / f"{source.stem}.ipynb"
 
 
+def filled(text: str) -> str:
+    """A text with what the package `course` has in place of {{names}}; functions are called.
+
+    Raises:
+        AttributeError: there is no such name.
+    """
+
+    def value(match: re.Match[str]) -> str:
+        found = operator.attrgetter(match[1])(course)
+        return str(found() if callable(found) else found).rstrip("\n")
+
+    return _FILLED.sub(value, text)
+
+
 def read_source(source: Path) -> NotebookNode:
     """The notebook that a py:percent file describes, without outputs.
 
-    Every cell's id is a hash of its place and its text, so that it only changes with them. In the
-    text `{open minutes}` and `{folded minutes}` become the time to read it, and `{exercise
+    Every cell's id is a hash of its place and its text, so that it only changes with them. A text
+    is `filled`; in it `{open minutes}` and `{folded minutes}` become the time to read it, and `{exercise
     minutes}` the sum of its exercises' cards.
 
     Args:
@@ -60,7 +84,7 @@ def read_source(source: Path) -> NotebookNode:
     cells = []
     for index, cell in enumerate(parsed.cells):
         if cell.cell_type == "markdown":
-            cell.source = _MINUTES.sub(lambda match: str(minutes[match[1]]), cell.source)
+            cell.source = _MINUTES.sub(lambda match: str(minutes[match[1]]), filled(cell.source))
         digest = hashlib.sha256(f"{index}\n{cell.cell_type}\n{cell.source}".encode())
         metadata = {k: v for k, v in cell.metadata.items() if k != "lines_to_next_cell"}
         make = {
@@ -79,11 +103,37 @@ def _exercise_minutes(source: Path) -> int:
     return sum(one.minutes for one in mine)
 
 
+def films(text: str) -> dict[str, dict[str, str]]:
+    """The films that a text shows, as the attachments of its cell.
+
+    A film is there before a kernel runs and while it is busy: cells of text keep what they show
+    when all cells are run. `![title](attachment:topic.module.png)` is one of the simulation
+    `course.simulations.topic.module`; the live simulation finds it by its title and hides it.
+
+    Args:
+        text: markdown.
+
+    Returns:
+        File name -> MIME type -> base64.
+
+    Raises:
+        ValueError: the title is not that of the simulation.
+    """
+    found = {}
+    for title, name in _FILM.findall(text):
+        from course.simulations.painter import film
+
+        model = importlib.import_module(f"course.simulations.{name}").MODEL
+        one_of("title of a film", title, [model.title])
+        found[f"{name}.png"] = {"image/png": base64.b64encode(film(model)).decode("ascii")}
+    return found
+
+
 def run(notebook: NotebookNode, folder: Path) -> NotebookNode:
     """Run every cell in a fresh kernel of this interpreter and keep what comes out.
 
     A widget lives only as long as its kernel. What is kept is the rest of its output: the picture
-    that it offers beside itself, or at least its text.
+    that it offers beside itself, or at least its text. Films are recorded here, too.
 
     Args:
         notebook: the notebook to run; it is left as it was.
@@ -108,9 +158,16 @@ def run(notebook: NotebookNode, folder: Path) -> NotebookNode:
     # Neither the compiler's announcements nor the progress of whoever builds it belong in it.
     client.execute(env={**os.environ, "COURSE_QUIET": "1", "DRILLS_PROGRESS": "none"})
     executed.metadata = nbformat.from_dict({"kernelspec": dict(_KERNELSPEC)})
+    shown = False
     for cell in executed.cells:
+        if cell.cell_type == "markdown" and (attachments := films(cell.source)):
+            cell.attachments = nbformat.from_dict(attachments)
+            shown = True
         for output in cell.get("outputs", []):
-            output.get("data", {}).pop(_WIDGET_VIEW, None)
+            if output.get("data", {}).pop(_WIDGET_VIEW, None) and shown:
+                for part in (output.data, output.metadata):
+                    part.pop("image/png", None)  # it would stand below the film
+                shown = False
             output.get("metadata", {}).pop(_WIDGET_VIEW, None)
     return executed
 
@@ -178,6 +235,9 @@ def check(source: Path) -> list[str]:
             if cell.get(part) != other.get(part):
                 faults.append(f"{place}: its {part} differs from the source")
         if cell.cell_type != "code":
+            wanted_films = {f"{name}.png" for _, name in _FILM.findall(cell.source)}
+            if set(cell.get("attachments", {})) != wanted_films:
+                faults.append(f"{place}: its films are not those of its text")
             continue
         if cell.source.strip():
             count += 1

@@ -52,6 +52,7 @@ Checks import what they need (SymPy, MuJoCo, the chapters) when they run: import
 costs nothing.
 """
 
+import difflib
 import functools
 import importlib
 import pkgutil
@@ -332,7 +333,12 @@ def _get(id: str) -> Claim:
     if id not in CLAIMS:
         _load()
     if id not in CLAIMS:
-        raise ValueError(f"id is {id!r}; `python -m course.derivations` lists the ids there are")
+        near = difflib.get_close_matches(str(id), CLAIMS, 3)
+        meant = f"; did you mean {' or '.join(near)}?" if near else ""
+        raise ValueError(
+            f"id is {id!r}{meant or '; there is no such claim'} "
+            "(`python -m course.derivations` lists the ids there are)"
+        )
     return CLAIMS[id]
 
 

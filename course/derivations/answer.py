@@ -119,7 +119,6 @@ _ALIASES = {
     "ω": " omega ",
     "ζ": " zeta ",
     "π": " pi ",
-    "√": " sqrt ",
     "·": "*",
     "×": "*",
     "−": "-",
@@ -133,7 +132,7 @@ _FUNCTIONS = ("sqrt", "exp", "log", "ln", "sin", "cos", "tan", "asin", "acos", "
 _TOKEN = re.compile(
     r"\s*(?:(?P<number>(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)"
     r"|(?P<name>[A-Za-z][A-Za-z0-9_]*)"
-    r"|(?P<op>\*\*|[-+*/^()]))",
+    r"|(?P<op>\*\*|[-+*/^()√]))",
     re.ASCII,
 )
 
@@ -158,7 +157,7 @@ def _tokens(text: str) -> list[tuple[str, str]]:
 
 class _Parser:
     """sum := product (± product)*; product := factor ((* | / | nothing) factor)*;
-    factor := ± factor | atom [^ factor]; atom := number | name | function (sum) | (sum)
+    factor := ± factor | atom [^ factor]; atom := number | name | function (sum) | √ atom | (sum)
     """
 
     def __init__(self, text: str, names: frozenset[str]) -> None:
@@ -182,10 +181,13 @@ class _Parser:
         self.position += 1
         return token
 
-    def _sum(self) -> Node:
+    def _deeper(self) -> None:
         self.depth += 1
         if self.depth > MAX_DEPTH:
             raise _Unreadable(f"it is nested more than {MAX_DEPTH} levels deep")
+
+    def _sum(self) -> Node:
+        self._deeper()
         node = self._product()
         while self._peek()[1] in ("+", "-"):
             node = (self._take()[1], node, self._product())
@@ -199,15 +201,13 @@ class _Parser:
             if word in ("*", "/"):
                 self._take()
                 node = (word, node, self._factor())
-            elif kind in ("number", "name") or word == "(":
+            elif kind in ("number", "name") or word in ("(", "√"):
                 node = ("*", node, self._factor())
             else:
                 return node
 
     def _factor(self) -> Node:
-        self.depth += 1
-        if self.depth > MAX_DEPTH:
-            raise _Unreadable(f"it is nested more than {MAX_DEPTH} levels deep")
+        self._deeper()
         sign = self._peek()[1]
         if sign in ("+", "-"):
             self._take()
@@ -237,6 +237,11 @@ class _Parser:
             raise _Unreadable(f"'{word[:20]}' is not a symbol here; the symbols are {known}")
         if word == "(":
             return self._close(self._sum())
+        if word == "√":
+            self._deeper()
+            node = self._atom()
+            self.depth -= 1
+            return ("call", "sqrt", node)
         if kind == "end":
             raise _Unreadable("it stops where a number, a symbol or a bracket should follow")
         raise _Unreadable(f"did not expect '{word}' there")
@@ -510,8 +515,14 @@ def _strip_relation(formula: Formula, text: str) -> str:
 def _describe(found: dict[str, Any], reason: str) -> str:
     at = ", ".join(f"{name} = {value:g}" for name, value in found["values"].items())
     where = f"With {at}" if at else "As a number"
-    yours = f"yours {reason}" if reason else f"yours gives {found['yours']:.6g}"
-    return f"{where}: {yours}, the right one gives {found['ours']:.6g}."
+    if reason:
+        return f"{where}: yours {reason}, the right one gives {found['ours']:.6g}."
+    yours, ours = found["yours"], found["ours"]
+    digits = next((n for n in range(6, 17) if f"{yours:.{n}g}" != f"{ours:.{n}g}"), 17)
+    told = f"{where}: yours gives {yours:.{digits}g}, the right one gives {ours:.{digits}g}."
+    if abs(yours - ours) < 1e-3 * abs(ours):
+        told += " If you rounded a number: write it exactly, such as sqrt(2) or 1/3."
+    return told
 
 
 def answer_formula(formula: Formula, text: str) -> Answer:

@@ -7,6 +7,7 @@ const ALIGN = { 0: "left", 0.5: "center", 1: "right" };
 const BASELINE = { 0: "bottom", 0.5: "middle", 1: "top" };
 const FAR = 1e7; // farther away than this a point is drawn here
 const SLACK = 2; // what is cut off may stand out by this much: half of a line [pixels]
+const LETTERS = 8; // no smaller ones however narrow the picture [pixels]
 const MINUS = "\u2212";
 
 // A number as `written` in pen.py writes it.
@@ -160,7 +161,8 @@ export function paint(canvas, paper, at, wide) {
       context.save();
       context.translate(px(x) + right * size, py(y) - up * size);
       context.rotate((-turn * Math.PI) / 180);
-      context.font = `${bold ? "bold " : ""}${letters * size}px ${FONT}`;
+      const letter = Math.max(letters * size, Math.min(LETTERS, letters) * ratio);
+      context.font = `${bold ? "bold " : ""}${letter}px ${FONT}`;
       context.fillStyle = paper.colours[colour];
       context.textAlign = ALIGN[align];
       context.textBaseline = BASELINE[baseline];
@@ -217,6 +219,15 @@ function render({ model, el }) {
   let requested = false;
   let move = null;
 
+  // A notebook shows a film of the simulation, so that something moves before a kernel runs and
+  // while it is busy; once the live picture is there, the film gives way to it.
+  let films = [];
+  const giveWay = (label) => {
+    const page = canvas.closest(".jp-Notebook") ?? document;
+    films = [...page.querySelectorAll("img")].filter((film) => film.alt === label);
+    for (const film of films) film.style.display = "none";
+  };
+
   const request = () => {
     if (!requested) {
       requested = true;
@@ -236,17 +247,19 @@ function render({ model, el }) {
       const said = readouts.map(([name, value]) => `${name} ${value}`);
       canvas.setAttribute("aria-label", [paper.label, ...said].join(", "));
       print(numbers, readouts);
+      if (!canvas.dataset.frame) giveWay(paper.label);
       canvas.dataset.frame = frame.id;
       model.send({ type: "drawn", id: frame.id });
     }
   }
 
-  const receive = (content, buffers) => {
-    if (content.type !== "frame") return;
-    const view = buffers[0];
+  const take = (id, view) => {
     const bytes = view.buffer.slice(view.byteOffset, view.byteOffset + view.byteLength);
-    frame = { id: content.id, numbers: new Float64Array(bytes) };
+    frame = { id, numbers: new Float64Array(bytes) };
     request();
+  };
+  const receive = (content, buffers) => {
+    if (content.type === "frame") take(content.id, buffers[0]);
   };
 
   const pointer = (kind, event) => {
@@ -299,10 +312,12 @@ function render({ model, el }) {
     request();
   });
   observer.observe(canvas);
+  take(0, model.get("_first"));
   model.send({ type: "ready" });
 
   return () => {
     observer.disconnect();
+    for (const film of films) film.style.display = "";
     model.off("msg:custom", receive);
     model.off("change:_pointer", listens);
     model.off("change:_keys", listens);

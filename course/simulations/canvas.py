@@ -67,6 +67,7 @@ class Canvas(anywidget.AnyWidget):
 
     _esm = pathlib.Path(__file__).with_suffix(".js")
     _paper = traitlets.Dict().tag(sync=True)
+    _first = traitlets.Bytes().tag(sync=True)  # to be drawn while the kernel is still busy
     _pointer = traitlets.Bool(False).tag(sync=True)
     _keys = traitlets.List(traitlets.Unicode()).tag(sync=True)
 
@@ -77,7 +78,7 @@ class Canvas(anywidget.AnyWidget):
             "background": paper.background, "words": paper.words.entries,
             "colours": paper.colours.entries,
         }  # fmt: skip
-        super().__init__(_paper=told, **options)
+        super().__init__(_paper=told, _first=_buffer(frame), **options)
         self._frame = frame
         self._traffic = _Traffic()
         self._lock = threading.RLock()
@@ -133,7 +134,7 @@ class Canvas(anywidget.AnyWidget):
         traffic.sent_at = time.monotonic()
         traffic.waiting = False
         content = {"type": "frame", "id": traffic.sent}
-        self.send(content, [self._frame.data.astype("<f8", copy=False).tobytes()])
+        self.send(content, [_buffer(self._frame)])
 
     def _receive(self, _widget: Any, content: Any, _buffers: Any) -> None:
         """Messages of the browser: data, so looked at before use."""
@@ -170,6 +171,10 @@ class Canvas(anywidget.AnyWidget):
 
     def _repr_mimebundle_(self, **_options: Any) -> tuple[dict[str, Any], dict[str, Any]]:
         return bundle(self, self._frame)
+
+
+def _buffer(frame: Picture) -> bytes:
+    return frame.data.astype("<f8", copy=False).tobytes()
 
 
 def bundle(widget: Any, frame: Picture) -> tuple[dict[str, Any], dict[str, Any]]:

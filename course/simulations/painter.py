@@ -1,6 +1,10 @@
-"""Pictures by matplotlib, as the browser draws them: what a saved notebook shows."""
+"""Pictures by matplotlib, as the browser draws them: what a saved notebook shows.
+
+`to_png` is one picture, `film` a recording that moves without a kernel and without a script.
+"""
 
 import io
+import itertools
 import math
 from typing import Any
 
@@ -9,8 +13,11 @@ from matplotlib import patches
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox, ScaledTranslation, TransformedBbox
+from PIL import Image
 
+from course.check import positive
 from course.simulations import pen
+from course.simulations.model import Experiment, Model
 from course.simulations.pen import Picture, decode
 
 # Farther away than this a point is drawn here, as in the browser.
@@ -18,6 +25,9 @@ _FAR = 1e7
 
 # What is cut off may stand out of its rectangle by this much: half of a line [pixels].
 _SLACK = 2.0
+
+# Colours of a film; one more would not fit beside "unchanged" into six bits.
+_COLOURS = 63
 
 # Room for one number below the picture, wide and high [pixels].
 _CELL = (122.0, 44.0)
@@ -99,11 +109,8 @@ def draw(picture: Picture, axes: Any) -> None:
             )  # fmt: skip
 
 
-def to_png(picture: Picture, sharpness: float = 1.5) -> bytes:
-    """A picture and its numbers as a PNG, `sharpness` dots for each pixel of the paper.
-
-    The same picture gives the same bytes.
-    """
+def _page(picture: Picture, sharpness: float) -> FigureCanvasAgg:
+    """A picture with its numbers below, `sharpness` dots for each pixel of the paper."""
     paper, numbers = picture.paper, picture.numbers
     xmin, xmax, ymin, ymax = paper.window
     width = paper.width
@@ -111,7 +118,7 @@ def to_png(picture: Picture, sharpness: float = 1.5) -> bytes:
     columns = max(1, int((width - 16.0) // _CELL[0]))
     height = drawn + _CELL[1] * math.ceil(len(numbers) / columns)
     figure = Figure(figsize=(width / 100.0, height / 100.0), dpi=100.0 * sharpness)
-    FigureCanvasAgg(figure)
+    page = FigureCanvasAgg(figure)
     figure.set_facecolor(paper.background)
     draw(picture, figure.add_axes((0.0, 1.0 - drawn / height, 1.0, drawn / height)))
     grey, ink = paper.colours.entries[pen.GREY], paper.colours.entries[pen.INK]
@@ -121,6 +128,54 @@ def to_png(picture: Picture, sharpness: float = 1.5) -> bytes:
         for words, below, colour, size in ((name, 2.0, grey, 11.0), (value, 17.0, ink, 14.0)):
             figure.text(x, (top - below) / height, words, color=colour, va="top",
                         fontsize=0.68 * size, parse_math=False)  # fmt: skip
+    return page
+
+
+def to_png(picture: Picture, sharpness: float = 1.5) -> bytes:
+    """A picture and its numbers as a PNG, `sharpness` dots for each pixel of the paper.
+
+    The same picture gives the same bytes.
+    """
     buffer = io.BytesIO()
-    figure.savefig(buffer, format="png", metadata={"Software": None})
+    _page(picture, sharpness).print_png(buffer, metadata={"Software": None})
+    return buffer.getvalue()
+
+
+def film(model: Model, seconds: float = 4.0, rate: float = 10.0) -> bytes:
+    """The first preset of a model from its start on, as an animated PNG that begins anew for ever.
+
+    Args:
+        model: the simulation.
+        seconds: of the simulation, and of the film.
+        rate: pictures per second.
+
+    Returns:
+        The file: 63 colours, and where a picture is like the one before, nothing.
+    """
+    count = max(2, round(positive("seconds", seconds, unit="s") * positive("rate", rate)))
+    experiment = Experiment(model)
+    experiment.choose(next(iter(model.presets)))
+    pictures = []
+    for _ in range(count):
+        page = _page(experiment.picture(), 1.0)
+        page.draw()
+        pictures.append(np.asarray(page.buffer_rgba())[..., :3])
+        experiment.advance(1.0 / rate)
+    # One palette for all, from some of them; its last place is for what has not changed.
+    some = Image.fromarray(np.concatenate(pictures[:: max(1, count // 8)]))
+    palette = some.quantize(_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    drawn = [
+        np.asarray(Image.fromarray(p).quantize(palette=palette, dither=Image.Dither.NONE))
+        for p in pictures
+    ]
+    changes = [np.where(a == b, _COLOURS, b) for a, b in itertools.pairwise(drawn)]
+    frames = [Image.fromarray(numbers.astype(np.uint8), "P") for numbers in (drawn[0], *changes)]
+    for frame in frames:
+        frame.putpalette([*(palette.getpalette() or [])[: 3 * _COLOURS], 0, 0, 0])
+        frame.info["transparency"] = _COLOURS
+    buffer = io.BytesIO()
+    frames[0].save(
+        buffer, "PNG", save_all=True, append_images=frames[1:], duration=round(1000.0 / rate),
+        loop=0, disposal=0, blend=1, transparency=_COLOURS, optimize=True,
+    )  # fmt: skip
     return buffer.getvalue()

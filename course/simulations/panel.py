@@ -16,6 +16,8 @@ from course.simulations.model import Experiment, Model
 from course.simulations.record import Field
 
 _PICTURES_PER_SECOND = 40.0
+# As wide as the column of the controls.
+_STYLE = {"style": {"description_width": "118px"}, "layout": {"width": "auto"}}
 # After a pause of the kernel the simulation goes on from where it was, it does not catch up [s].
 _LONGEST_ADVANCE = 0.1
 
@@ -44,7 +46,7 @@ class Panel(ipywidgets.VBox):
         for name, widget in self.inputs.items():
             widget.observe(lambda change, name=name: self._changed(name, change["new"]), "value")
         self._preset = ipywidgets.Dropdown(
-            options=list(model.presets), description="Preset", **_style("330px")
+            options=list(model.presets), tooltip="Preset", layout={"width": "auto"}
         )
         self._note = ipywidgets.HTML()
         self._play = ipywidgets.Button(
@@ -59,9 +61,9 @@ class Panel(ipywidgets.VBox):
         buttons = ipywidgets.HBox([self._play, self._reset])
         side = ipywidgets.VBox(
             [buttons, self._preset, self._note, *self.inputs.values()],
-            layout={"flex": "0 0 346px", "width": "346px"},
+            layout={"flex": "1 1 250px", "max_width": "346px"},
         )
-        self.canvas.layout = ipywidgets.Layout(flex="1 1 520px", max_width="960px")
+        self.canvas.layout = ipywidgets.Layout(flex="3 1 400px", max_width="960px")
         super().__init__(
             [
                 ipywidgets.HTML(f'<b style="font-size:15px">{html.escape(model.title)}</b>'),
@@ -182,7 +184,7 @@ class Panel(ipywidgets.VBox):
         if self.model.recorded:
             note += " (Recorded: these pictures were computed beforehand.)"
         self._note.value = (
-            '<div style="width:322px;line-height:1.35;font-size:13px;white-space:normal">'
+            '<div style="line-height:1.35;font-size:13px;white-space:normal">'
             f"{html.escape(note)}</div>"
         )
 
@@ -210,18 +212,14 @@ class Panel(ipywidgets.VBox):
 def _input(field: Field) -> Any:
     """The widget that sets a field."""
     if field.switch:
-        return ipywidgets.Checkbox(description=field.label, indent=False, layout={"width": "330px"})
+        return ipywidgets.Checkbox(description=field.label, indent=False, layout={"width": "auto"})
     if field.choices:
         options = [(words, k) for k, words in enumerate(field.choices)]
-        return ipywidgets.Dropdown(options=options, description=field.label, **_style("330px"))
+        return ipywidgets.Dropdown(options=options, description=field.label, **_STYLE)
     label = f"{field.label} [{field.unit}]" if field.unit else field.label
     whole = isinstance(field.default, int)
     kind = ipywidgets.IntSlider if whole else ipywidgets.FloatSlider
     return kind(
         value=field.default, min=field.low, max=field.high, step=field.step, description=label,
-        readout_format="d" if whole else f".{field.decimals}f", **_style("330px"),
+        readout_format="d" if whole else f".{field.decimals}f", **_STYLE,
     )  # fmt: skip
-
-
-def _style(width: str) -> dict[str, Any]:
-    return {"style": {"description_width": "118px"}, "layout": {"width": width}}

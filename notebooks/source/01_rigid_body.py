@@ -3,6 +3,17 @@
 #
 # *How does a rigid body move, and how do you compute it without lying about energy?*
 #
+# **One question.** Run the cell below the picture, choose *Explicit Euler gains energy* and press *Play*. Nothing
+# gives or takes energy there, yet the box bounces higher and higher. Where does the energy come from?
+#
+# ![Rigid body simulator: bouncing box](attachment:rigid_body.bouncing_box.png)
+
+# %%
+from course.simulations.rigid_body import simulation
+
+simulation()
+
+# %% [markdown]
 # <table>
 # <tr><td><b>You will be able to</b></td> <td>write the equations of motion of any rigid body and say where each term
 # comes from; represent and update orientation without singularities or drift; choose an integrator by its measured
@@ -406,8 +417,6 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 # changes when impact times are not resolved; what the box does at rest when the rest threshold is off.
 
 # %%
-from course.simulations.rigid_body import simulation
-
 simulation()
 
 # %% [markdown]

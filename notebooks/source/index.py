@@ -7,34 +7,26 @@
 # one rigid body to a policy that leaves the simulator for the real machine. Every number in the
 # course is computed in front of you. Every method is measured, speed against accuracy, beside the
 # library that professionals use for the same job, and pushed until it fails.
-
-# %% jupyter={"source_hidden": true}
-from IPython.display import Markdown
-
-from course import CHAPTERS, PREREQUISITES, contents
-
-Markdown(f"**What to know first:** {PREREQUISITES}")
+#
+# **What to know first:** {{PREREQUISITES}}
 
 # %% [markdown]
 # ## Where you are
 #
 # Written anew each time you open the course; run the cell to see it as it is now.
 
-# %% tags=["home", "nbval-ignore-output"] jupyter={"source_hidden": true}
+# %% tags=["home", "nbval-ignore-output"]
 from drills.notebook import home
 
 home()
 
-# %% jupyter={"source_hidden": true}
-Markdown(contents.figures())
-
 # %% [markdown]
+# {{contents.figures}}
+#
 # ## The chapters
-
-# %% jupyter={"source_hidden": true}
-Markdown(contents.map_of_chapters())
-
-# %% [markdown]
+#
+# {{contents.map_of_chapters}}
+#
 # ## Five sides of every subject
 #
 # | | what you find there |
@@ -80,13 +72,5 @@ Markdown(contents.map_of_chapters())
 #   terminal, `.venv/bin/drills` lists coding drills that are graded in a second or two; the exercises of a
 #   chapter are graded in its notebook, which shows at its top which of them you have attempted and
 #   solved. A checkpoint closes a chapter.
-# - **You want the code.** Each chapter is a module that needs neither a notebook nor a display, and
-#   `help` shows what is in it:
-
-# %%
-import importlib
-
-for chapter in CHAPTERS:
-    if chapter.there:
-        summary, *_ = importlib.import_module(chapter.module).__doc__.splitlines()
-        print(f"help({chapter.module})  # {summary}")
+# - **You want the code.** Each chapter is a module that needs neither a notebook nor a display:
+#   `from course import rigid_body`. Then `help(rigid_body)` shows what is in it.

@@ -122,6 +122,8 @@ def test_equivalent_forms_of_one_limit_pass(text):
         ("verlet_frequency", "acos(1 - (omega h)^2/2)/h"),
         ("implicit_midpoint_limit", "2 atan(h omega/2)"),
         ("rk4_limit", "sqrt(8)/ω"),
+        ("rk4_limit", "2√2/ω"),
+        ("rk4_limit", "√√64 / omega"),
         ("rk4_limit", "2^1.5/omega"),
         ("explicit_growth_proportional_to_dt", "exp(h)^(omega^2)"),
         ("principal_axis_is_stable", "omega sqrt((I3-I2)/I1) sqrt((I2-I1)/I3)"),
@@ -221,7 +223,16 @@ def test_messages_say_what_is_wrong(text, said):
     assert said in result.message
 
 
+def test_a_rounded_number_is_told_from_the_exact_one():
+    result = _check("rk4_limit", "2.828427/omega")
+    assert not result.correct
+    assert "yours gives 2.828427, the right one gives 2.8284271." in result.message
+    assert "write it exactly" in result.message
+    assert "exactly" not in _check("rk4_limit", "2.5/omega").message
+
+
 HOSTILE = [
+    "√" * 150 + "2",
     "",
     "   ",
     "\n",

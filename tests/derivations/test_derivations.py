@@ -86,6 +86,7 @@ def test_figure_and_show():
         (lambda: derivations.figure("semi_implicit_limit", "nothing"), "limit_ms"),
         (lambda: derivations.claims(77), "77"),
         (lambda: derivations.show("no_such_claim"), "no_such_claim"),
+        (lambda: derivations.show("rk4_limt"), "did you mean rk4_limit"),
         (lambda: derivations.answer("planar_state", "6"), "semi_implicit_limit"),
     ],
 )

@@ -1,11 +1,14 @@
 """The builder of the notebooks, and the notebooks that it built."""
 
+import base64
 import sys
 from pathlib import Path
 
 import nbformat
 import pytest
 
+from course import DIMENSIONS
+from course.simulations import painter
 from tools import notebooks
 
 SOURCE = '''# %% [markdown]
@@ -38,6 +41,13 @@ Canvas()
 for part in ("one", "two", "three"):
     print(part, flush=True)
 print(os.environ["COURSE_QUIET"], sys.executable == os.environ["EXPECTED_PYTHON"])
+
+# %% [markdown]
+# {{DIMENSIONS}}
+# ![Rigid body simulator: bouncing box](attachment:rigid_body.bouncing_box.png)
+
+# %%
+Canvas()
 '''
 
 
@@ -55,6 +65,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, bytes, bytes]:
     source = put(folder, SOURCE)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("EXPECTED_PYTHON", sys.executable)
+        patch.setattr(painter, "film", lambda model: model.title.encode())
         builds = [notebooks.build(source).read_bytes() for _ in range(2)]
     assert sorted(path.name for path in folder.iterdir()) == ["07_example.ipynb", "source"]
     return SOURCE, builds[0], builds[1]
@@ -92,17 +103,22 @@ def test_a_fresh_build_has_no_fault(example: Path) -> None:
 def test_what_is_kept_of_an_output(example: Path) -> None:
     notebook = nbformat.read(notebooks.target(example), as_version=4)
     assert set(notebook.metadata) == {"kernelspec"}
-    title, canvas, printed = notebook.cells
+    title, canvas, printed, text, live = notebook.cells
     assert title.source == "# A notebook of three cells"
     assert set(canvas.outputs[0].data) == {"image/png", "text/plain"}
     assert printed.outputs[0].text == "one\ntwo\nthree\n1 True\n"
     assert printed.metadata == {"tags": ["nbval-ignore-output"]}
-    assert [cell.execution_count for cell in (canvas, printed)] == [1, 2]
+    assert [cell.execution_count for cell in (canvas, printed, live)] == [1, 2, 3]
+    # A film stands in the text, so the picture of the widget below it is not kept.
+    (film,) = text.attachments.values()
+    assert base64.b64decode(film["image/png"]) == b"Rigid body simulator: bouncing box"
+    assert text.source.startswith(str(DIMENSIONS))
+    assert set(live.outputs[0].data) == {"text/plain"}
 
 
 def test_the_cell_ids_depend_on_place_and_text_only(example: Path) -> None:
     before = [cell.id for cell in notebooks.read_source(example).cells]
-    assert len(set(before)) == 3
+    assert len(set(before)) == 5
     example.write_text(SOURCE.replace("three cells", "3 cells"), encoding="utf-8")
     after = [cell.id for cell in notebooks.read_source(example).cells]
     assert after[0] != before[0]
@@ -119,9 +135,19 @@ def test_a_changed_tag_is_a_fault(example: Path) -> None:
     assert any("cell 2: its metadata differs" in fault for fault in notebooks.check(example))
 
 
+def test_a_missing_film_is_a_fault(example: Path) -> None:
+    edit(example, lambda notebook: notebook.cells[3].pop("attachments"))
+    assert any("cell 3: its films" in fault for fault in notebooks.check(example))
+
+
+def test_a_film_has_the_title_by_which_the_live_picture_finds_it() -> None:
+    with pytest.raises(ValueError, match="title of a film is 'A box'"):
+        notebooks.films("![A box](attachment:rigid_body.bouncing_box.png)")
+
+
 def test_an_added_cell_is_a_fault(example: Path) -> None:
     example.write_text(SOURCE + "\n# %%\n1 + 1\n", encoding="utf-8")
-    assert any("has 3 cells, its source has 4" in fault for fault in notebooks.check(example))
+    assert any("has 5 cells, its source has 6" in fault for fault in notebooks.check(example))
 
 
 def test_a_cell_that_was_not_run_is_a_fault(example: Path) -> None:

@@ -122,7 +122,9 @@ def test_messages_that_make_no_sense_are_ignored(content):
 
 
 def test_what_the_browser_is_told_once():
-    told = Canvas(numbered(0))._paper
+    canvas = Canvas(numbered(3))
+    told = canvas._paper
+    assert struct.unpack(f"<{len(canvas._first) // 8}d", canvas._first)[-1] == 3
     assert told["label"] == "Shapes" and told["window"] == list(PAPER.window)
     assert told["words"] == ["", "time"] and told["colours"][draw.RED] == "#c1272d"
 

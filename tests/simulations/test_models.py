@@ -2,15 +2,18 @@
 
 import subprocess
 import sys
+from io import BytesIO
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
 from course.simulations import pen as draw
 from course.simulations.model import Experiment, recorded
-from course.simulations.painter import to_png
+from course.simulations.painter import film, to_png
 from tests.budget import examples
 from tests.simulations.models import MODELS, WALK
 
@@ -133,6 +136,24 @@ def test_recorded_pictures_are_shown_in_turn_and_the_last_one_stays():
         assert shown.picture().data.tobytes() == pictures[k].tobytes()
         shown.advance(0.1001)
     assert model.recorded and not WALK.recorded
+
+
+def test_a_film_shows_each_picture_as_it_is_drawn():
+    made = film(WALK, 0.5, 10.0)
+    assert made == film(WALK, 0.5, 10.0)
+    shown: Any = Image.open(BytesIO(made))
+    experiment = Experiment(WALK)
+    experiment.choose(next(iter(WALK.presets)))
+    assert (shown.n_frames, shown.info["duration"], shown.info["loop"]) == (5, 100, 0)
+    for k in range(5):
+        shown.seek(k)
+        still = Image.open(BytesIO(to_png(experiment.picture(), 1.0)))
+        frame, picture = (np.asarray(i.convert("RGB"), float) for i in (shown, still))
+        away = np.abs(frame - picture).max(axis=-1)  # 63 colours for all shades of the letters
+        assert (away > 40.0).mean() < 1e-3 and away.mean() < 1.0, k
+        experiment.advance(0.1)
+    with pytest.raises(ValueError, match="seconds"):
+        film(WALK, 0.0)
 
 
 def test_models_need_no_widget_and_no_plot():

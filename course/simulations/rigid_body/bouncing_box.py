@@ -42,6 +42,7 @@ CONTROLS = Record(
     start=Field(TUMBLING),  # x, y, angle, vx, vy, omega [m, rad, m/s, rad/s]
 )
 
+_MOST = 64  # impacts that are followed within one step
 _PREVIEW = 3.0  # how much of the motion ahead is drawn [s]
 _SAMPLE = 0.01  # time between two points of a path, rounded to whole steps [s]
 _MEMORY = 10.0  # how much of the energy's past is shown [s]
@@ -52,7 +53,7 @@ STATE = Record(
     steps=Field(0),
     owed=Field(0.0, unit="s"),  # time that is less than a step and was not yet made
     impacts=Field(0),
-    unresolved=Field(0),  # steps with more impacts than are followed within one step
+    unresolved=Field(0),  # steps with more than _MOST impacts
     deepest=Field(0.0, unit="m"),  # of a corner in the ground at the end of a step
     peak=Field(0.0, unit="m"),  # greatest height of the centre so far
     energy=Field(0.0, unit="J"),  # at the start
@@ -100,7 +101,7 @@ def _run(box, controls, how, steps):
     counts = np.zeros((2, 1), np.int64)
     step_boxes_loop(
         box, counts, box, parameters, np.zeros((3, 1)), 0.0, -controls["gravity"], dt, steps,
-        coefficient, resolve, True, 64,
+        coefficient, resolve, True, _MOST,
     )  # fmt: skip
     return counts[0, 0], counts[1, 0]
 
@@ -180,10 +181,11 @@ _INTEGRATOR, _ENERGY = word(*MENU)[0], word("kinetic", "potential", "total")[0]
 _M, _J, _S, _MM, _MS, _PERCENT, _DASH = word(" m", " J", " s", " mm", " ms", " %", "\N{EN DASH}")
 _COMMA, _FOUND, _LATE = word(", ", ", impacts found in time", ", impacts noticed late")
 _THIS, _FINE = word("path with these settings, 3 s", "the same box computed finely")
+(_VELOCITY,) = word("velocity")
 _X, _Y, _T, _E = word("x [m]", "height [m]", "time [s]", "energy [J]")
 _NOW, _OVER_TIME, _AT_START = word("energy now", "energy over time", "at start")
 _TIME, _CHANGE, _HEIGHT, _HIGHEST = word("time", "energy change", "height", "highest so far")
-_IMPACTS, _UNRESOLVED, _DEEPEST = word("impacts", "steps not resolved", "deepest in ground")
+_IMPACTS, _UNRESOLVED, _DEEPEST = word("impacts", f"steps > {_MOST} impacts", "deepest in ground")
 
 # In units of the window, not metres.
 _SCENE, _BARS, _STRIP = (0.62, 5.42, 0.62, 4.62), (6.4, 8.82, 2.98, 4.62), (6.4, 8.82, 0.62, 2.22)
@@ -248,6 +250,8 @@ def _world(pen, state, controls):
     x, y = _SCENE[1] - 2.55, _SCENE[3] - 0.12
     draw.key(pen, x, y, _THIS, draw.BLUE, 2.0, 0.7)
     draw.key(pen, x, y - 0.2, _FINE, draw.INK, 2.0, 0.7, 5.0, 4.0)
+    draw.key(pen, x, y - 0.4, _VELOCITY, draw.INK, 1.8)
+    draw.arrow(pen, x, y - 0.4, x + 0.3, y - 0.4, draw.INK, 1.8)
     draw.title(pen, _SCENE[0], _SCENE[3], _INTEGRATOR + controls["integrator"])
     draw.words(pen, _COMMA)
     step = controls["timestep"]
@@ -263,7 +267,7 @@ def _energies(pen, state, controls, first):
     start = state["energy"]
     highest = max(start, past[3, first:end].max(), path[7, :n].max())
     top = 1.18 * highest if highest > 1e-9 else 1.0
-    draw.area(pen, _BARS, (0.0, 3.0, 0.0, top))
+    draw.area(pen, _BARS, (0.0, 3.75, 0.0, top))
     draw.axes(pen, 0, _E, _NOW, 0, 4)
     now = energies(state["box"][:, 0], controls["gravity"])
     for k in range(3):
@@ -272,7 +276,7 @@ def _energies(pen, state, controls, first):
         draw.text(pen, k + 0.5, now[k], 0, draw.INK, 12.0, draw.CENTRE, draw.BOTTOM, 0.0, 2.0)
         draw.number(pen, now[k], 1)
     draw.segment(pen, 0.0, start, 3.0, start, draw.GREY, 1.2, 1.0, 2.0, 3.0)
-    draw.text(pen, 0.0, start, _AT_START, draw.GREY, 11.0, draw.LEFT, draw.BOTTOM, 3.0, 2.0)
+    draw.text(pen, 3.0, start, _AT_START, draw.GREY, 11.0, draw.LEFT, draw.MIDDLE, 3.0)
     begin = max(0.0, past[0, end - 1] - _MEMORY)
     draw.area(pen, _STRIP, (begin, begin + _MEMORY, 0.0, top))
     draw.axes(pen, _T, _E, _OVER_TIME, 5, 4)
@@ -358,7 +362,7 @@ PRESETS = {
         {"rest_speed": 0.0},
         "Each bounce is a fixed share shorter than the last, so infinitely many fit into a "
         "finite time. Without a speed below which nothing bounces, steps run out of the impacts "
-        "that are allowed in one step (not resolved).",
+        f"that are followed in one step: {_MOST}.",
     ),
 }
 
