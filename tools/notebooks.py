@@ -70,8 +70,8 @@ def read_source(source: Path) -> NotebookNode:
     """The notebook that a py:percent file describes, without outputs.
 
     Every cell's id is a hash of its place and its text, so that it only changes with them. A text
-    is `filled`; in it `{open minutes}` and `{folded minutes}` become the time to read it, and `{exercise
-    minutes}` the sum of its exercises' cards.
+    is `filled`; in it `{open minutes}` and `{folded minutes}` become the time to read it, and
+    `{exercise minutes}` the sum of its exercises' cards.
 
     Args:
         source: path of the py:percent file.
