@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -13,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from drills.cards import Card
 from drills.inprocess import InProcess
 from drills.reasons import SENTENCES, Reason
-from drills.report import Check, Cost, Report
+from drills.report import Check, Cost, Part, Report
 from drills.sandbox import Handle, Loaded, Raised
 from drills.values import (
     Failure,
@@ -78,6 +79,7 @@ class Learner:
         self.steps: list[Step] = []
         self.loading = 0.0  # s, the submission's top level
         self.asked = ""  # the last request, as one would type it
+        self.last_args: tuple[Any, ...] = ()  # of the last request
         self.longest = 0.0  # s, the slowest request so far by this side's clock
         self._attempt = attempt
 
@@ -105,6 +107,7 @@ class Learner:
         self, kind: str, name: str, handle: Handle | None, args: Any, kwargs: dict[str, Any]
     ) -> Any:
         kept = _copied(args), _copied(kwargs)
+        self.last_args = kept[0]
         self.asked = describe_call(name, *kept) if kind in ("call", "new", "method") else ""
         try:
             result = request(self.child, kind, name, handle, args, kwargs)
@@ -128,6 +131,7 @@ class Attempt:
         card: what is graded.
         report: what was found so far.
         shown: the slip that the answers show, whichever check has failed; or "".
+        in_part: a sentence on what is right where the rest is wrong, or "".
     """
 
     def __init__(self, card: Card, child: Place, report: Report, given: str = "") -> None:
@@ -142,9 +146,24 @@ class Attempt:
         self.card = card
         self.report = report
         self.shown = ""
+        self.in_part = ""
+        self._part = -1
         self.rng = np.random.default_rng(report.seed)
         self.learner = Learner(child, self)
         self.reference = InProcess(card.solution_text(), given)
+
+    def plan(self, parts: Sequence[tuple[str, str]]) -> None:
+        """Say which cases there will be, each with its level and its label."""
+        self.report.parts = [Part(*part) for part in parts]
+
+    @contextmanager
+    def part(self, index: int) -> Iterator[None]:
+        """What is checked inside belongs to this case of the plan."""
+        before, self._part = self._part, index
+        self.report.begun.add(index)
+        yield  # a case that an exception leaves has not ended
+        self.report.ended.add(index)
+        self._part = before
 
     @property
     def failed(self) -> bool:
@@ -346,7 +365,7 @@ class Attempt:
             self._add(Check("inputs unchanged", Reason.INPUTS_CHANGED, sentence, call))
 
     def _add(self, check: Check) -> None:
-        self.report.checks.append(check)
+        self.report.checks.append(replace(check, part=self._part))
 
 
 def _copied(value: Any) -> Any:

@@ -6,9 +6,10 @@
 from __future__ import annotations
 
 import importlib
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from drills.attempt import Attempt, Place
 from drills.cards import card
@@ -34,6 +35,8 @@ class Slip:
         source: the whole wrong answer instead, where an edit does not say it.
         after: text that comes behind the edited one.
         ends: the reason that shows this slip by itself, for one that never answers.
+        cause: whether the arguments of the request that ended it can be what ended it.
+        generic: known to every exercise and recognised by its values, not by its text.
     """
 
     name: str
@@ -42,6 +45,8 @@ class Slip:
     source: str = ""
     after: str = ""
     ends: Reason | None = None
+    cause: Callable[[tuple[Any, ...]], bool] = lambda args: True
+    generic: bool = False
 
     def text(self, solution: str) -> str:
         """The source of the slip.
@@ -93,36 +98,60 @@ def coarse_slips(entry: str, shown: str) -> tuple[Slip, ...]:
         entry: the function's name.
         shown: what the digits that are gone would have shown, a sentence.
     """
-    return tuple(
-        Slip(
-            name,
-            told,
-            ((f"def {entry}(", "def exact("),),
-            after=f"""
+    return (
+        _changed("single_precision", entry, "np.asarray(p, dtype=np.float32) for p in parts",
+            "The answer is right to single precision only: somewhere it became float32, of seven "
+            f"digits. {shown} Keep float64."),
+        _changed("rounded", entry, "np.round(p, 6) for p in parts",
+            "The answer is rounded to a few decimals. Round when you print, never what you "
+            "return: the next computation needs the digits."),
+    )  # fmt: skip
+
+
+def value_slips(
+    entry: str, *, swapped: bool = False, in_part: bool = True, whole: bool = True
+) -> tuple[Slip, ...]:
+    """Mistakes that every function knows, which `drills.judge` names by the values.
+
+    Args:
+        entry: the function's name.
+        swapped: whether its first two results have one shape, so that they can be swapped.
+        in_part: whether it returns several values, or an array of several.
+        whole: whether one of its cases is of whole numbers.
+    """
+    found = [
+        _changed("whole_numbers", entry,
+            "np.asarray(p).astype(np.asarray(args[0]).dtype) for p in parts",
+            "Whole numbers lose the digits behind the point: an array of integers takes no "
+            "fractions and says nothing. np.array and np.zeros_like keep the type of what they are "
+            "given; write dtype=float."),
+        _changed("results_swapped", entry, "parts[i] for i in (1, 0, *range(2, len(parts)))",
+            "The values are right and come back in another order than the task's."),
+        _changed("one_part_right", entry, "p + 1e-3 * (i > 0) for i, p in enumerate(parts)"
+            ") if len(parts) > 1 else (np.concatenate((parts[0][:-1], parts[0][-1:] + 1e-3)),",
+            "One part of the answer is right in every case and another is not: look for the "
+            "mistake where only the latter is computed."),
+    ]  # fmt: skip
+    return tuple(itertools.compress(found, (whole, swapped, in_part)))
+
+
+def _changed(name: str, entry: str, parts: str, told: str) -> Slip:
+    """The worked answer whose results, a tuple `parts`, are changed."""
+    return Slip(
+        name,
+        told,
+        ((f"def {entry}(", "def exact("),),
+        after=f"""
 
 def {entry}(*args):
     import numpy as np
 
     answer = exact(*args)
     parts = answer if isinstance(answer, tuple) else (answer,)
-    short = tuple({short} for part in parts)
-    return short if isinstance(answer, tuple) else short[0]
+    parts = tuple({parts})
+    return parts if isinstance(answer, tuple) else parts[0]
 """,
-        )
-        for name, short, told in (
-            (
-                "single_precision",
-                "np.asarray(part, dtype=np.float32)",
-                "The answer is right to single precision only: somewhere it became float32, of "
-                f"seven digits. {shown} Keep float64.",
-            ),
-            (
-                "rounded",
-                "np.round(part, 6)",
-                "The answer is rounded to a few decimals. Round when you print, never what you "
-                "return: the next computation needs the digits.",
-            ),
-        )
+        generic=True,
     )
 
 

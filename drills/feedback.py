@@ -10,6 +10,7 @@ import html as markup
 import math
 import textwrap
 import unicodedata
+from dataclasses import replace
 from typing import Any
 
 from drills.cards import Card
@@ -65,8 +66,11 @@ def text(
     if report.diagnosis:
         page.heading("Likely cause")
         page.wrapped(report.diagnosis)
-    if report.checks:
-        page.cases(report.checks)
+    if report.checks or report.parts:
+        page.cases(report)
+    for note in report.notes:
+        page.lines.append("")
+        page.wrapped(note)
     if report.costs:
         page.costs(report.costs)
     if report.output:
@@ -162,13 +166,16 @@ class _Page:
         if check.why and not math.isnan(check.error):
             self.labelled("tolerance", check.why)
 
-    def cases(self, checks: list[Check]) -> None:
-        good = sum(check.passed for check in checks)
-        self.heading(f"Checks: {good} of {len(checks)} hold")
-        rows = grouped(checks)
+    def cases(self, report: Report) -> None:
+        self.lines.append("")
+        tally = textwrap.wrap(tally_text(report), self.width, subsequent_indent="  ")
+        self.lines += [self.paint(line, "head") for line in tally]
+        rows = grouped(report.checks)
         for worst, count in rows[:SHOWN_CASES]:
             times = f" ({count} cases)" if count > 1 else ""
             note = check_note(worst)
+            if count > 1 and note == report.sentence:
+                note = "as said above"
             line = f"{worst.name}{times}: {note}" if note else f"{worst.name}{times}"
             self.lines.append(f"  {self.mark(worst.passed)} {self.cut(line, self.width - 5)}")
         if len(rows) > SHOWN_CASES:
@@ -197,16 +204,40 @@ class _Page:
             self.lines += ["", self.paint(note, "dim")]
 
 
+def tally_text(report: Report) -> str:
+    """What holds, level by level: "Cases: simple 2 of 2, core 9 of 9, edge 2 of 4"."""
+    parts = [f"{level} {hold} of {asked}" for level, hold, asked in report.tally()]
+    if report.unreached:
+        parts.append(f"{report.unreached} not reached")
+    if parts:
+        return f"Cases: {', '.join(parts)}"
+    good = sum(check.passed for check in report.checks)
+    return f"Checks: {good} of {len(report.checks)} hold"
+
+
 def grouped(checks: list[Check]) -> list[tuple[Check, int]]:
-    """Checks of one name and reason together: the worst, and their number; failures first."""
+    """Checks of one name and reason together: the worst, and their number; failures first.
+
+    What is said of several in the same words is said once.
+    """
     groups: dict[tuple[str, Reason], list[Check]] = {}
     for check in checks:
-        groups.setdefault((check.name, check.reason), []).append(check)
+        said = check.name if check.passed or not check.sentence else f"\0{check.sentence}"
+        key = (said, check.reason)
+        if not check.passed and math.isfinite(check.error):
+            key = (check.name, check.reason)  # its sentence tells its own error
+        groups.setdefault(key, []).append(check)
 
     def badness(check: Check) -> float:
         return -math.inf if math.isnan(check.error) else check.error
 
     rows = [(max(group, key=badness), len(group)) for group in groups.values()]
+    rows = [
+        (replace(worst, name=f"{worst.name} and others"), count)
+        if len({check.name for check in group}) > 1
+        else (worst, count)
+        for (worst, count), group in zip(rows, groups.values(), strict=True)
+    ]
     return sorted(rows, key=lambda row: row[0].passed)
 
 
@@ -275,6 +306,7 @@ def as_dict(report: Report, card: Card) -> dict[str, Any]:
                 "unit": check.unit,
                 "why": check.why,
                 "slip": check.slip or None,
+                "level": report.parts[check.part].level if check.part >= 0 else None,
             }
             for check in report.checks
         ],
@@ -287,6 +319,11 @@ def as_dict(report: Report, card: Card) -> dict[str, Any]:
             }
             for cost in report.costs
         ],
+        "cases": [
+            {"level": level, "hold": hold, "asked": asked} for level, hold, asked in report.tally()
+        ],
+        "not_reached": report.unreached,
+        "notes": list(report.notes),
         "output": clean(report.output),
         "seconds": report.seconds,
     }
@@ -319,7 +356,8 @@ def html(report: Report, card: Card) -> str:
     if report.problem:
         parts.append(f"<pre>{escape(_problem_text(report))}</pre>")
     if report.checks:
-        parts.append(_table(report.checks))
+        parts.append(f"<p>{escape(tally_text(report))}</p>{_table(report.checks)}")
+    parts += [f"<p>{escape(note)}</p>" for note in report.notes]
     if report.costs:
         rows = "<br>".join(escape(cost_text(cost)) for cost in report.costs)
         parts.append(f"<p>{rows}</p>")

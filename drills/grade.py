@@ -9,28 +9,26 @@ import ast
 import secrets
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Sequence
 
 from drills import cards as catalogue
 from drills import exercise as exercises
-from drills.attempt import Attempt, Place, Step, request
+from drills.attempt import Attempt, Place, Step
 from drills.cards import Card
+from drills.diagnosis import diagnosis, repeated
 from drills.exercise import Exercise
-from drills.inprocess import InProcess
 from drills.reasons import SENTENCES, Reason
 from drills.report import Problem, Report
 from drills.sandbox import (
     Child,
     Ended,
-    Handle,
     Limits,
     Loaded,
     MissingName,
     Raised,
     SyntaxProblem,
 )
-from drills.values import Failure, Mismatch, close, describe, describe_call, identical
+from drills.values import Mismatch, describe, describe_call, identical
 
 PARSED = 20_000  # characters of foreign text parsed here; the time can grow as their square
 
@@ -156,7 +154,7 @@ def _check_signature(card: Card, loaded: Loaded) -> None:
 def _check_replay(attempt: Attempt, twin: Place, steps: Sequence[Step]) -> None:
     """Make the same requests in a second process: the bits must be the same."""
     twin.load()
-    for step, result in _repeated(twin, steps):
+    for step, result in repeated(twin, steps):
         if not identical(result, step.result):
             attempt.require(
                 "same answer in a second process",
@@ -169,31 +167,6 @@ def _check_replay(attempt: Attempt, twin: Place, steps: Sequence[Step]) -> None:
                 reason=Reason.NOT_DETERMINISTIC,
             )
             return
-
-
-def _repeated(place: Place | InProcess, steps: Sequence[Step]) -> Iterator[tuple[Step, Any]]:
-    """Make the recorded requests again somewhere else; handles become those of the new place."""
-    handles: dict[int, Any] = {}
-
-    def there(value: Any) -> Any:
-        return handles.get(id(value), value) if isinstance(value, Handle) else value
-
-    for step in steps:
-        args = tuple(map(there, step.args))
-        kwargs = {key: there(value) for key, value in step.kwargs.items()}
-        result: Any
-        try:
-            result = request(place, step.kind, step.target, there(step.handle), args, kwargs)
-        except Raised as raised:
-            result = Failure(raised.type)
-        except Ended:
-            raise
-        except Exception as error:  # our own text of a slip, run in this process
-            result = Failure(type(error).__name__)
-        if isinstance(step.result, Handle) and not isinstance(result, Failure):
-            handles[id(step.result)] = result
-            continue
-        yield step, result
 
 
 def _stopped(attempt: Attempt, stop: Exception) -> None:
@@ -221,37 +194,14 @@ def _stopped(attempt: Attempt, stop: Exception) -> None:
 def _conclude(attempt: Attempt, graded: Exercise) -> None:
     """The first failed check gives the reason, unless the run itself was stopped; then the slip."""
     report = attempt.report
+    report.sort()
     failures = [check for check in report.checks if not check.passed]
     if report.passed and failures:
         report.reason, report.sentence = failures[0].reason, failures[0].sentence
     if report.passed and not report.checks:
         raise AssertionError(f"the judge of {report.drill} checked nothing")
     if not report.passed:
-        shown = next((check.slip for check in failures if check.slip), "")
-        slip = shown or attempt.shown or _matched_slip(attempt, graded)
-        if slip:
-            report.slip = slip
-            report.diagnosis = next(s.sentence for s in graded.slips if s.name == slip)
-
-
-def _matched_slip(attempt: Attempt, graded: Exercise) -> str:
-    """The slip that gives what the submission gave in every recorded request, or ""."""
-    for slip in graded.slips:
-        if slip.ends is attempt.report.reason:
-            return slip.name
-    solution, steps = attempt.card.solution_text(), attempt.learner.steps
-
-    def gives_the_same(text: str) -> bool:
-        local = InProcess(text, graded.given)
-        return all(close(step.result, result) for step, result in _repeated(local, steps))
-
-    if gives_the_same(solution):
-        return ""  # what came back was right as far as it went
-    for slip in graded.slips:
-        # One that never answers must not be run here.
-        if slip.ends is None and gives_the_same(slip.text(solution)):
-            return slip.name
-    return ""
+        report.slip, report.diagnosis = diagnosis(attempt, graded)
 
 
 def _entry_text(source: str, entry: str) -> str | None:

@@ -1,11 +1,12 @@
-"""How a function is judged: by cases, each compared with the worked answer.
+"""How an answer is judged: by cases, in the order simple, core, edge.
 
-`judge_of` makes the judge of an exercise from what is special about it. A judge of behaviour (a
-controller, an environment) is written by hand and borrows `repeat_calls` and `coarse`.
+`judge_of` makes the judge of a function, whose cases are compared with the worked answer.
+`staged` makes that of a behaviour (a controller, an environment) from stages written by hand.
 """
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 
 from drills.attempt import Attempt
 from drills.reasons import Reason
+from drills.report import LEVELS, Shown
+from drills.terminal import listed
 from drills.values import Mismatch, as_float64, describe, describe_call, identical
 
 Array = NDArray[np.float64]
@@ -22,10 +25,44 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Case:
-    """One call of a function exercise: its arguments, and a word on what is special."""
+    """One call of a function exercise: its arguments, a word on what is special, its level."""
 
     args: tuple[Any, ...]
     label: str = "random"
+    level: str = "core"
+
+
+WHOLE = "whole numbers"  # the label of the case whose arguments are integers
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A step of a judge that is written by hand: its level, what it is called, what it does."""
+
+    level: str
+    label: str
+    run: Callable[[Attempt], object]
+
+
+def staged(*stages: Stage, timed: Callable[[Attempt], None]) -> Callable[[Attempt], None]:
+    """The judge that goes through stages in the order of their levels.
+
+    All simple ones are tried; after these a failure ends the run, as what comes later builds on
+    what came before. What is right is timed.
+    """
+    ordered = sorted(stages, key=lambda stage: LEVELS.index(stage.level))
+
+    def judge(attempt: Attempt) -> None:
+        attempt.plan([(stage.level, stage.label) for stage in ordered])
+        for index, stage in enumerate(ordered):
+            if attempt.failed and stage.level != LEVELS[0]:
+                return
+            with attempt.part(index):
+                stage.run(attempt)
+        if not attempt.failed:
+            timed(attempt)
+
+    return judge
 
 
 @dataclass(frozen=True)
@@ -58,10 +95,11 @@ def judge_of(
     nearest: Callable[[Any, Array], Array] = lambda got, truth: truth,
     told: Callable[[Sequence[Answer]], str] = lambda answers: "",
     first: Callable[[Attempt, Case, tuple[Any, ...], str], None] | None = None,
-    last: Callable[[Attempt, Sequence[Answer]], None] = lambda attempt, answers: None,
+    last: Callable[[Attempt, Sequence[Answer]], None] | None = None,
+    then: tuple[str, str] = ("core", "many calls in a row"),
     timed: Callable[[Attempt, Sequence[Case]], None] | None = None,
 ) -> Callable[[Attempt], None]:
-    """The judge of a pure function: every case in random order, some of them twice.
+    """The judge of a pure function: every case, level by level, and some of them twice.
 
     The worked answer says what is right; names and units of the values are those of the card.
 
@@ -77,23 +115,33 @@ def judge_of(
             where the run was stopped between two.
         first: checks of an answer before its values are compared.
         last: checks after all cases, unless an answer was not of the form asked for.
+        then: level and label of what `last` looks at.
         timed: what is timed; the first case when None.
     """
 
     def judge(attempt: Attempt) -> None:
-        drawn = cases(attempt.rng)
-        answers: list[Answer] = []
+        drawn = sorted(cases(attempt.rng), key=lambda case: LEVELS.index(case.level))
+        after = [then] if last is not None else []
+        attempt.plan([*((case.level, case.label) for case in drawn), *after])
+        answers: dict[int, Answer] = {}
         try:
-            for index in attempt.rng.permutation(len(drawn)):
-                answers.append(answer(attempt, drawn[index]))
+            for index in _shuffled(attempt.rng, drawn):
+                with attempt.part(index):
+                    answers[index] = answer(attempt, drawn[index])
         finally:
+            answered = [answers[index] for index in sorted(answers)]
+            attempt.report.shown = _simplest_wrong(answered)
             with np.errstate(all="ignore"):  # what came back may be as large as it likes
-                attempt.shown = told([a for a in answers if a.parts])
+                readable = [a for a in answered if a.parts]
+                attempt.shown = told(readable) or swapped(readable) or whole_numbers(readable)
+                attempt.in_part = one_part_right(attempt, readable, names)
         if {check.reason for check in attempt.report.checks} & MALFORMED:
             return
-        last(attempt, answers)
+        if last is not None:
+            with attempt.part(len(drawn)):
+                last(attempt, answered)
         if not attempt.failed:
-            repeat_calls(attempt, [(a.case.args, a.got) for a in answers])
+            repeat_calls(attempt, [(a.case.args, a.got) for a in answered])
         if not attempt.failed:
             (timed or _first_timed)(attempt, drawn)
 
@@ -123,6 +171,21 @@ def judge_of(
         return Answer(case, got, call, parts, tuple(truth), right)
 
     return judge
+
+
+def _shuffled(rng: np.random.Generator, cases: Sequence[Case]) -> list[int]:
+    """The cases level by level; within one in random order, so that none can be counted on."""
+    order = rng.permutation(len(cases)).tolist()
+    return sorted(order, key=lambda index: LEVELS.index(cases[index].level))
+
+
+def _simplest_wrong(answers: Sequence[Answer]) -> Shown | None:
+    """What a picture can be drawn of: the first case that is wrong and has the form asked for."""
+    for a in answers:
+        if a.parts and not all(a.right):
+            if all(off(part, truth) < np.inf for part, truth in zip(a.parts, a.truth, strict=True)):
+                return Shown(a.case.label, a.case.args, a.parts, a.truth)
+    return None
 
 
 # A property of numbers that are missing, not finite or of another shape says nothing.
@@ -182,6 +245,85 @@ def either_sign(got: Any, truth: Array) -> Array:
             return -truth if as_float64(got, truth.shape) @ truth < 0.0 else truth
     except Mismatch:
         return truth
+
+
+def swapped(answers: Sequence[Answer]) -> str:
+    """The slip of answers whose values are right in another order, or ""."""
+    if not answers or len(answers[0].truth) < 2:
+        return ""
+    for order in itertools.permutations(range(len(answers[0].truth))):
+        if order == tuple(sorted(order)):
+            continue
+        errors = [
+            off(a.parts[i], a.truth[j]) / (1.0 + float(np.max(np.abs(a.truth[j]), initial=0.0)))
+            for a in answers
+            for i, j in enumerate(order)
+        ]
+        if max(errors) <= 1e-9:
+            return "results_swapped"
+    return ""
+
+
+def whole_numbers(answers: Sequence[Answer]) -> str:
+    """The slip of answers in which an array of integers cut the digits off, or ""."""
+    wrong = [a for a in answers if not all(a.right)]
+    if wrong and all(a.case.label == WHOLE for a in wrong) and len(answers) > len(wrong):
+        return "whole_numbers"
+    pairs = [
+        pair
+        for a in wrong
+        for *pair, right in zip(a.parts, a.truth, a.right, strict=True)
+        if not right
+    ]
+    values = [as_float64(got, truth.shape) for got, truth in pairs if off(got, truth) < 1.0]
+    cut = len(values) == len(pairs) and all(np.array_equal(v, np.trunc(v)) for v in values)
+    # Nothing but zeros was not cut off: it was never computed.
+    return "whole_numbers" if cut and any(v.any() for v in values) else ""
+
+
+def one_part_right(attempt: Attempt, answers: Sequence[Answer], names: Sequence[str]) -> str:
+    """A sentence on the parts that are right in every case where others never are, or ""."""
+    if len(answers) < 3:
+        return ""
+    if len(answers[0].truth) > 1:
+        said = list(names) or [v.name for v in attempt.card.signatures[0].returns]
+        table = np.array([a.right for a in answers])
+    else:
+        found = _rows_right(answers)
+        if found is None:
+            return ""
+        table, said = found
+    good = [bool(column.all()) for column in table.T]
+    bad = [bool(column.mean() < 0.7) for column in table.T]
+    right, wrong = (list(itertools.compress(said, mask)) for mask in (good, bad))
+    if not right or not wrong:
+        return ""
+    return (
+        f"Right in every case: {listed(right, 'and')}. Wrong: {listed(wrong, 'and')}. Look for the "
+        "mistake where only the latter is computed."
+    )
+
+
+def _rows_right(answers: Sequence[Answer]) -> tuple[Any, list[str]] | None:
+    """Which rows (or components) of a single array are right, case by case."""
+    shapes = {a.truth[0].shape for a in answers}
+    if len(shapes) > 1 or not (shape := shapes.pop()) or shape[0] < 2:
+        return None
+    if any(off(a.parts[0], a.truth[0]) == np.inf for a in answers):
+        return None
+    for axis in range(len(shape)):
+        others = tuple(i for i in range(len(shape)) if i != axis)
+        truths = np.array([a.truth[0] for a in answers])
+        errors = np.array([np.abs(as_float64(a.parts[0], shape) - a.truth[0]) for a in answers])
+        scale = 1.0 + np.abs(truths)
+        right = (errors <= 1e-9 * scale).all(axis=tuple(i + 1 for i in others))
+        # What is the same in all cases, such as a base at the origin, is right by itself.
+        moving = np.ptp(truths, axis=0).max(axis=others) > 0.0
+        if (right.all(axis=0) & moving).any() and not right.all():
+            word = "component" if len(shape) == 1 else ("row", "column")[axis]
+            kept = np.flatnonzero(moving)
+            return right[:, kept], [f"{word} {i}" for i in kept]
+    return None
 
 
 def coarse(answers: Sequence[Answer]) -> str:

@@ -4,9 +4,31 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 from drills.reasons import SENTENCES, Reason
 from drills.sandbox import Frame
+
+# In this order an exercise asks, and a learner is told: the simplest failure first.
+LEVELS = ("simple", "core", "edge")
+
+
+@dataclass(frozen=True)
+class Part:
+    """One of the cases of an exercise: its level, one of `LEVELS`, and what it is called."""
+
+    level: str
+    label: str
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A case that failed, for the picture of it: what was asked, what came back, what is right."""
+
+    label: str
+    args: tuple[Any, ...]
+    got: Any
+    expected: Any
 
 
 @dataclass(frozen=True)
@@ -22,6 +44,7 @@ class Check:
             none.
         why: why the tolerance is what it is.
         slip: the slip that this failure shows, or "".
+        part: the case that it belongs to, an index into `Report.parts`; -1 for none.
     """
 
     name: str
@@ -35,6 +58,7 @@ class Check:
     unit: str = ""
     why: str = ""
     slip: str = ""
+    part: int = -1
 
     @property
     def passed(self) -> bool:
@@ -65,7 +89,11 @@ class Problem:
 
 @dataclass
 class Report:
-    """The verdict and everything that explains it."""
+    """The verdict and everything that explains it.
+
+    `parts` are all cases of the exercise in the order of `LEVELS`; `begun` and `ended` hold the
+    indices of those that were asked, and of those whose questions were all answered.
+    """
 
     drill: str
     seed: int
@@ -79,8 +107,33 @@ class Report:
     call: str = ""
     problem: Problem | None = None
     costs: list[Cost] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    parts: list[Part] = field(default_factory=list)
+    begun: set[int] = field(default_factory=set)
+    ended: set[int] = field(default_factory=set)
+    shown: Shown | None = None
     output: str = ""
     seconds: float = 0.0
+
+    def sort(self) -> None:
+        """Bring the checks into the order of the levels, and within one into that of its cases."""
+        places = {i: (LEVELS.index(part.level), i) for i, part in enumerate(self.parts)}
+        self.checks.sort(key=lambda check: places.get(check.part, (len(LEVELS), 0)))
+
+    def tally(self) -> list[tuple[str, int, int]]:
+        """For each level that was begun: how many of its cases hold, and how many were asked."""
+        failed = {check.part for check in self.checks if not check.passed}
+        rows: list[tuple[str, int, int]] = []
+        for level in LEVELS:
+            asked = {i for i in self.begun if self.parts[i].level == level}
+            if asked:
+                rows.append((level, len((asked & self.ended) - failed), len(asked)))
+        return rows
+
+    @property
+    def unreached(self) -> int:
+        """How many cases were not asked."""
+        return len(self.parts) - len(self.begun)
 
     @property
     def passed(self) -> bool:

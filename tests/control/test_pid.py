@@ -430,7 +430,7 @@ INTEGRALS = {
         {CUT}""",
     "integrated after use, frozen": f"""raw = pd + self.i
         {CUT}
-        if u == raw:
+        if u == raw or raw * e < 0:
             self.i += ki * e * dt""",
     "judged by the sample before": f"""if self.saturated * e <= 0:
             self.i += ki * e * dt
@@ -449,7 +449,7 @@ INTEGRALS = {
         self.i += dt / (self.kp / ki if ki and self.kp else 1.0) * (u - raw)""",
     "back-calculation in one sample": f"""raw = pd + self.i + ki * e * dt
         {CUT}
-        self.i = u - pd""",
+        self.i = u - pd if ki else 0.0""",
     "back-calculation, slow": f"""self.i += ki * e * dt
         raw = pd + self.i
         {CUT}

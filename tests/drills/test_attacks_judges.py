@@ -169,7 +169,7 @@ NAMED_BEFORE = {
 @pytest.mark.parametrize("label", NAMED_BEFORE)
 def test_a_mistake_is_not_named_as_one_that_it_is_not(label):
     report = grade_here(label.partition(":")[0], NAMED_BEFORE[label], seed=4242)
-    assert not report.passed and report.slip == "", report.slip
+    assert not report.passed and report.slip in ("", "one_part_right"), report.slip
 
 
 def test_swapped_results_of_a_bounce_are_a_wrong_value_not_an_exception():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,8 +10,8 @@ import numpy as np
 
 from drills.attempt import Attempt
 from drills.chart import Plan, chart_of
-from drills.exercise import Exercise, Slip, coarse_slips, slips
-from drills.judge import Answer, Case, coarse, judge_of, off
+from drills.exercise import Exercise, Slip, coarse_slips, slips, value_slips
+from drills.judge import WHOLE, Answer, Case, coarse, judge_of, off
 from drills.reasons import Reason
 
 CLOSED_FORM = "the motion has a closed form; rounding of some dozens of flights stays below 1e-9"
@@ -23,19 +24,30 @@ def cases(rng: np.random.Generator) -> list[Case]:
     def between(low: float, high: float) -> float:
         return float(rng.uniform(low, high))
 
-    def clear(label: str, *ranges: tuple[float, float]) -> Case:
+    def clear(label: str, *ranges: tuple[float, float], level: str = "core") -> Case:
         """A case whose end is not at the moment of an impact, where the velocity jumps."""
         while True:
             y, v, dt, e = (between(*r) for r in ranges[:4])
             gravity = between(*ranges[4]) if len(ranges) > 4 else 9.81
             ends = [bounce_step(y, v, dt * (1.0 + s), e, gravity)[1] for s in (-1e-6, 1e-6)]
             if abs(ends[1] - ends[0]) < 1e-3:
-                return Case((y, v, dt, e, gravity), label)
+                return Case((y, v, dt, e, gravity), label, level)
+
+    def late_hop(share: float) -> Case:
+        """Some way into all that is left after the first impact: it still bounces."""
+        while True:
+            y, e = between(0.3, 1.0), between(0.5, 0.8)
+            impact = math.sqrt(2.0 * 9.81 * y)
+            rest = 2.0 * e * impact / (9.81 * (1.0 - e))
+            dt = impact / 9.81 + between(share - 0.04, share + 0.04) * rest
+            ends = [bounce_step(y, 0.0, dt * (1.0 + s), e, 9.81)[1] for s in (-1e-6, 1e-6)]
+            if abs(ends[1] - ends[0]) < 1e-3:
+                return Case((y, 0.0, dt, e, 9.81), "near the end of its bounces")
 
     zero, usual = (0.0, 0.0), (0.3, 0.9)
     cases = [
-        clear("falling", (1.0, 2.0), (-2.0, 0.0), (0.001, 0.1), usual),
-        clear("rising", (0.0, 2.0), (1.0, 5.0), (0.001, 0.1), usual),
+        clear("falling", (1.0, 2.0), (-2.0, 0.0), (0.001, 0.1), usual, level="simple"),
+        clear("rising", (0.0, 2.0), (1.0, 5.0), (0.001, 0.1), usual, level="simple"),
         clear("one impact", (0.01, 0.05), (-5.0, -3.0), (0.02, 0.05), usual),
         clear("one impact", (0.1, 1.0), (-3.0, 3.0), (0.6, 0.8), usual),
         clear("several impacts", (0.5, 2.0), (-5.0, 5.0), (1.5, 2.0), (0.6, 0.9)),
@@ -43,24 +55,33 @@ def cases(rng: np.random.Generator) -> list[Case]:
         clear("on the Moon", (0.1, 0.3), (-1.0, 1.0), (2.0, 3.0), (0.7, 0.9), (1.62, 1.63)),
         clear("many impacts", (0.2, 0.3), (-1.0, 1.0), (9.0, 10.0), (0.985, 0.99)),
         clear("elastic", (0.1, 1.0), (-3.0, 3.0), (2.0, 5.0), (1.0, 1.0)),
-        clear("upwards from the floor", zero, (0.5, 2.0), (0.01, 0.05), usual),
+        clear("upwards from the floor", zero, (0.5, 2.0), (0.01, 0.05), usual, level="edge"),
         clear("upwards from the floor and back", zero, (0.5, 1.0), (0.25, 0.3), (0.8, 0.9)),
-        clear("downwards at the floor", zero, (-2.0, -1.0), (0.01, 0.05), usual),
-        clear("inelastic", (0.1, 0.5), (-1.0, 1.0), (0.6, 0.8), zero),
+        *(late_hop(share) for share in (0.6, 0.8, 0.95)),
+        clear("downwards at the floor", zero, (-2.0, -1.0), (0.01, 0.05), usual, level="edge"),
+        clear("inelastic", (0.1, 0.5), (-1.0, 1.0), (0.6, 0.8), zero, level="edge"),
         clear("comes to rest", (0.05, 0.2), (-1.0, 1.0), (4.0, 6.0), (0.3, 0.5)),
-        Case((0.0, 0.0, 0.01, 0.5, 9.81), "lies on the floor"),
-        Case((0.0, 0.0, 1.0, 1.0, 9.81), "lies on an elastic floor"),
-        Case((0.0, 1e-7, 0.01, between(*usual), 9.81), "hardly moves"),
+        Case((0.0, 0.0, 0.01, 0.5, 9.81), "lies on the floor", "edge"),
+        Case((0.0, 0.0, 1.0, 1.0, 9.81), "lies on an elastic floor", "edge"),
+        Case((0.0, 1e-7, 0.01, between(*usual), 9.81), "hardly moves", "edge"),
+        Case((2, -1, 1, 1, 10), WHOLE, "edge"),
         _small(between(1e-3, 4e-3), between(0.7, 0.9), between(1.2, 1.6)),
     ]
     falling, bouncing = clear("falling", (1.0, 2.0), (-2.0, 0.0), (0.2, 0.3), usual), cases[3]
-    cases += [Case(case.args[:4], "gravity left out") for case in (falling, bouncing)]
+    cases += [Case(case.args[:4], "gravity left out", "edge") for case in (falling, bouncing)]
     return cases
+
+
+def _rests(y: float, v: float, dt: float, e: float, gravity: float = 9.81) -> bool:
+    """Whether infinitely many bounces end within the step."""
+    impact = math.sqrt(v * v + 2.0 * gravity * y)
+    rest = 2.0 * e * impact / (gravity * (1.0 - e)) if e < 1.0 else math.inf
+    return impact == 0.0 or (v + impact) / gravity + rest <= dt
 
 
 def _small(speed: float, restitution: float, flights: float) -> Case:
     """A ball that hops by a micrometre, some way into its second hop: it is not at rest yet."""
-    return Case((0.0, speed, flights * 2.0 * speed / 9.81, restitution, 9.81), "small hops")
+    return Case((0.0, speed, flights * 2.0 * speed / 9.81, restitution, 9.81), "small hops", "edge")
 
 
 def told(answers: Sequence[Answer]) -> str:
@@ -215,6 +236,10 @@ SLIPS = slips(
     energy_gained=("up = restitution * impact", "up = restitution * (gravity * dt - v)",
         "The ball is turned round with more speed than the impact had: the speed at the *end* of "
         "the step, gained below the floor, is used in a flight from the impact on."),
+    rest_time_halved=("    if gone * (1.0 - restitution) >= up:\n",
+        "    if 2.0 * gone * (1.0 - restitution) >= up:\n",
+        "The ball is put to rest after u / (g (1 - e)). A flight with speed u lasts 2 u / g, up "
+        "and down, so all that are left last 2 u / (g (1 - e)): twice as long."),
     rests_too_early=(
         _LOOP.format(speed="restitution * impact", rest="if v < 0.8:\n            return 0.0, 0.0"),
         "The ball is put to rest although it still bounces: a threshold on its speed cuts off "
@@ -228,10 +253,19 @@ ENDLESS = Slip(
     "2 u / (g (1 - e)). Beyond it, the ball lies still.",
     source=_ENDLESS,
     ends=Reason.TIMED_OUT,
+    cause=lambda args: _rests(*args),
 )
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, 1e-9, CLOSED_FORM, names=("height", "velocity"), told=told, last=energy),
+    judge=judge_of(
+        cases,
+        1e-9,
+        CLOSED_FORM,
+        names=("height", "velocity"),
+        told=told,
+        last=energy,
+        then=("core", "a row of steps"),
+    ),
     given=Path(__file__).with_name("given.py").read_text(encoding="utf-8"),
     examples=(
         "bounce_step(1.0, 0.0, 0.2, 0.5)",
@@ -247,5 +281,10 @@ EXERCISE = Exercise(
         error_unit="m",
         failed_above=5.0,
     ),
-    slips=(*SLIPS, ENDLESS, *coarse_slips("bounce_step", "A ball near rest is then at rest.")),
+    slips=(
+        *SLIPS,
+        ENDLESS,
+        *coarse_slips("bounce_step", "A ball near rest is then at rest."),
+        *value_slips("bounce_step", swapped=True),
+    ),
 )

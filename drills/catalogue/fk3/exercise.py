@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from drills.attempt import Attempt
 from drills.chart import Plan, chart_of
-from drills.exercise import Exercise, coarse_slips, slips
-from drills.judge import Case, coarse, judge_of
+from drills.exercise import Exercise, coarse_slips, slips, value_slips
+from drills.judge import WHOLE, Case, coarse, judge_of
 
 Array = NDArray[np.float64]
 
@@ -28,16 +28,17 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
     quarter = math.pi / 2.0
     return [Case((lengths(), angles())) for _ in range(10)] + [
-        Case((np.ones(3), np.zeros(3)), "stretched along x"),
-        Case((lengths(), np.array([quarter, 0.0, 0.0])), "stretched along y"),
+        Case((np.ones(3), np.zeros(3)), "stretched along x", "simple"),
+        Case((lengths(), np.array([quarter, 0.0, 0.0])), "stretched along y", "simple"),
         Case((lengths(), np.array([0.0, math.pi, 0.0])), "folded back"),
         Case((lengths(), np.array([quarter, -quarter, quarter])), "a staircase"),
         Case((lengths(), np.array([0.0, 0.0, rng.uniform(0.3, 2.5)])), "the last joint alone"),
         Case((lengths(), -rng.uniform(0.1, 1.0, 3)), "all clockwise"),
-        Case((lengths(), rng.uniform(20.0, 60.0, 3)), "many turns"),
-        Case((np.array([1.0, 0.0, 0.5]), angles()), "a link of no length"),
-        Case((np.zeros(3), angles()), "an arm of no length"),
-        Case((np.array([1e-3, 1.0, 1e3]), angles()), "links of very different lengths"),
+        Case((lengths(), rng.uniform(20.0, 60.0, 3)), "many turns", "edge"),
+        Case((np.array([1.0, 0.0, 0.5]), angles()), "a link of no length", "edge"),
+        Case((np.zeros(3), angles()), "an arm of no length", "edge"),
+        Case((np.array([1e-3, 1.0, 1e3]), angles()), "links of very different lengths", "edge"),
+        Case((np.array([2, 1, 3]), rng.permutation([1, 2, -1])), WHOLE, "edge"),
     ]
 
 
@@ -160,5 +161,7 @@ EXERCISE = Exercise(
         tolerance=1e-6,
         failed_above=1.8,
     ),
-    slips=SLIPS + coarse_slips("fk3", "A difference of two near positions then has hardly any."),
+    slips=SLIPS
+    + coarse_slips("fk3", "A difference of two near positions then has hardly any.")
+    + value_slips("fk3"),
 )

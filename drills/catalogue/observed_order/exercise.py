@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from drills.attempt import Attempt
 from drills.chart import Plan, chart_of
-from drills.exercise import Exercise, coarse_slips, slips
-from drills.judge import Answer, Case, coarse, judge_of, off
+from drills.exercise import Exercise, coarse_slips, slips, value_slips
+from drills.judge import WHOLE, Answer, Case, coarse, judge_of, off
 from drills.values import describe_call
 
 Array = NDArray[np.float64]
@@ -22,25 +22,28 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """Power laws, exact and disturbed by the next power."""
 
-    def runs(order: float, ratio: float, n: int, disturbed: float, label: str) -> Case:
+    def runs(
+        order: float, ratio: float, n: int, disturbed: float, label: str, level: str = "core"
+    ) -> Case:
         end, C, D = rng.normal(size=(3, n))
         C = 0.5 * C / np.linalg.norm(C)
         steps = [0.7 * ratio**-i for i in range(3)]
         values = [end + C * h**order + disturbed * D * h ** (order + 1.0) for h in steps]
-        return Case((*values, ratio) if "left out" not in label else tuple(values), label)
+        return Case((*values, ratio) if "left out" not in label else tuple(values), label, level)
 
     return [
-        runs(1.0, 2.0, 3, 0.0, "first order"),
-        runs(2.0, 2.0, 3, 0.0, "second order"),
+        runs(1.0, 2.0, 3, 0.0, "first order", "simple"),
+        runs(2.0, 2.0, 3, 0.0, "second order", "simple"),
         runs(4.0, 2.0, 2, 0.0, "fourth order"),
         runs(2.0, 2.0, 4, 0.1, "second order and a little more"),
         runs(4.0, 2.0, 4, 0.1, "fourth order and a little more"),
         runs(2.0, 3.0, 3, 0.0, "a third of the step"),
         runs(3.0, 1.5, 3, 0.05, "two thirds of the step"),
-        runs(float(rng.uniform(0.5, 0.9)), 2.0, 2, 0.0, "less than first order"),
-        runs(2.0, 2.0, 1, 0.0, "one quantity"),
+        runs(float(rng.uniform(0.5, 0.9)), 2.0, 2, 0.0, "less than first order", "edge"),
+        runs(2.0, 2.0, 1, 0.0, "one quantity", "edge"),
         runs(2.0, 10.0, 6, 0.0, "a tenth of the step"),
-        runs(3.0, 2.0, 3, 0.0, "ratio left out"),
+        runs(3.0, 2.0, 3, 0.0, "ratio left out", "edge"),
+        Case((np.array([21, 40]), np.array([9, 25]), np.array([5, 20]), 2), WHOLE, "edge"),
     ]
 
 
@@ -165,7 +168,12 @@ SLIPS = slips(
 
 EXERCISE = Exercise(
     judge=judge_of(
-        cases, 1e-9, "two differences and a logarithm: rounding", told=told, last=no_order
+        cases,
+        1e-9,
+        "two differences and a logarithm: rounding",
+        told=told,
+        last=no_order,
+        then=("edge", "runs that have no order"),
     ),
     examples=(
         "observed_order(np.array([1.16]), np.array([1.04]), np.array([1.01]))",
@@ -180,5 +188,6 @@ EXERCISE = Exercise(
         failed_above=10.0,
     ),
     slips=SLIPS
-    + coarse_slips("observed_order", "A difference of two extrapolated results needs the others."),
+    + coarse_slips("observed_order", "A difference of two extrapolated results needs the others.")
+    + value_slips("observed_order"),
 )

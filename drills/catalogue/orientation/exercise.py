@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from drills.attempt import Attempt
 from drills.chart import Plan, angle_between, chart_of
-from drills.exercise import Exercise, coarse_slips, slips
-from drills.judge import Answer, Case, coarse, either_sign, judge_of, off
+from drills.exercise import Exercise, coarse_slips, slips, value_slips
+from drills.judge import WHOLE, Answer, Case, coarse, either_sign, judge_of, off
 
 Array = NDArray[np.float64]
 
@@ -31,25 +31,28 @@ def cases(rng: np.random.Generator) -> list[Case]:
     def start() -> Array:
         return _direction(rng, 4)
 
-    def turn(angle: float, dt: float, label: str) -> Case:
-        return Case((start(), angle / dt * _direction(rng, 3), dt), label)
+    def turn(angle: float, dt: float, label: str, level: str = "core") -> Case:
+        return Case((start(), angle / dt * _direction(rng, 3), dt), label, level)
 
     return [
         Case((start(), rng.normal(size=3) * 8.0, float(10.0 ** rng.uniform(-3.0, -0.5))))
         for _ in range(6)
     ] + [
-        Case((np.array([1.0, 0.0, 0.0, 0.0]), rng.normal(size=3), 0.2), "from the identity"),
-        Case((start(), np.zeros(3), 0.1), "at rest"),
-        Case((start(), rng.normal(size=3), 0.0), "no time"),
+        Case(
+            (np.array([1.0, 0.0, 0.0, 0.0]), rng.normal(size=3), 0.2), "from the identity", "simple"
+        ),
+        Case((start(), np.zeros(3), 0.1), "at rest", "edge"),
+        Case((start(), rng.normal(size=3), 0.0), "no time", "edge"),
         Case((start(), rng.normal(size=3), -0.3), "backwards"),
-        turn(1e-9, 1e-3, TINY),
-        turn(1e-5, 1e-3, "a turn of 1e-5 rad"),
-        turn(math.pi, 0.5, "half a turn"),
-        turn(2.0 * math.pi, 1.0, "a full turn"),
-        turn(float(rng.uniform(500.0, 900.0)), 0.05, "a hundred turns"),
-        Case((start(), 1e-200 * _direction(rng, 3), 1e-3), "a rate of 1e-200 rad/s"),
+        turn(1e-9, 1e-3, TINY, "edge"),
+        turn(1e-5, 1e-3, "a turn of 1e-5 rad", "edge"),
+        turn(math.pi, 0.5, "half a turn", "edge"),
+        turn(2.0 * math.pi, 1.0, "a full turn", "edge"),
+        turn(float(rng.uniform(500.0, 900.0)), 0.05, "a hundred turns", "edge"),
+        Case((start(), 1e-200 * _direction(rng, 3), 1e-3), "a rate of 1e-200 rad/s", "edge"),
+        Case((np.array([1, 0, 0, 0]), np.array([1, -2, 3]), 1), WHOLE, "edge"),
         *(
-            Case((start(), float(rng.uniform(1.0, 6.0)) * axis, 0.25), "about one axis")
+            Case((start(), float(rng.uniform(1.0, 6.0)) * axis, 0.25), "about one axis", "simple")
             for axis in np.eye(3)
         ),
     ]
@@ -208,5 +211,7 @@ EXERCISE = Exercise(
         error_unit="rad",
         failed_above=4.0,
     ),
-    slips=SLIPS + coarse_slips("update_orientation", "A step of 1e-9 rad then does nothing."),
+    slips=SLIPS
+    + coarse_slips("update_orientation", "A step of 1e-9 rad then does nothing.")
+    + value_slips("update_orientation"),
 )

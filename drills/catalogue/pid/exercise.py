@@ -21,6 +21,7 @@ from drills.catalogue.pid.chart import SETPOINT, WIDE, sampled
 from drills.catalogue.pid.slips import SLIPS
 from drills.chart import chart_of
 from drills.exercise import Exercise
+from drills.judge import Stage, staged
 from drills.sandbox import Handle, Limits
 from drills.values import as_float64, describe
 
@@ -128,24 +129,7 @@ def _number(got: Any) -> float:
     return float(as_float64(got, (), "the command"))
 
 
-def judge(attempt: Attempt) -> None:
-    """Each part alone, limits, memory, refusals; then the closed loops."""
-    for stage in (_parts, _limits, _memory, _refusals, _windup, _loops):
-        stage(attempt)
-        if attempt.failed:
-            return
-    _time(attempt)
-
-
 # --- each part alone ------------------------------------------------------------------------------
-
-
-def _parts(attempt: Attempt) -> None:
-    _proportional(attempt)
-    _integral(attempt)
-    _derivative(attempt)
-    if not attempt.failed:
-        _kick(attempt)
 
 
 def _proportional(attempt: Attempt) -> None:
@@ -154,9 +138,12 @@ def _proportional(attempt: Attempt) -> None:
     setpoints, measurements = rng.uniform(-2.0, 2.0, (2, 6))
     expected = controller.numbers.kp * (setpoints - measurements)
     got = controller.run(setpoints, measurements)
-    controller.compare(
-        "proportional part alone", got, expected, slip="error_sign" if _near(got, -expected) else ""
-    )
+    slip = ""
+    if _near(got, -expected):
+        # Which of the two is differentiated tells a wrong sign from arguments in the wrong order.
+        ramp = Controller(attempt, Numbers(kd=1.0)).run(0.1 * np.arange(4.0), 0.0)
+        slip = "arguments_swapped" if np.any(np.abs(ramp[1:]) > 1e-3) else "error_sign"
+    controller.compare("proportional part alone", got, expected, slip=slip)
 
 
 def _integral(attempt: Attempt) -> None:
@@ -307,11 +294,40 @@ def _limits(attempt: Attempt) -> None:
         errors = np.array([0.1, -0.1, far])
         got = controller.run(errors, 0.0)
         free = numbers.kp * errors
+        one_size = (abs(numbers.u_min), numbers.u_max)
+        slip = "output_not_limited" if _near(got, free) else ""
+        if any(_near(got, np.clip(free, -size, size)) for size in one_size):
+            slip = "symmetric_limits"
         controller.compare(
             "the command keeps its limit",
             got,
             np.clip(free, numbers.u_min, numbers.u_max),
-            slip="output_not_limited" if _near(got, free) else "",
+            slip=slip,
+        )
+
+
+def _after_limits(attempt: Attempt) -> None:
+    """Without an integral nothing is remembered of a command that was cut off."""
+    for side in (1.0, -1.0):
+        limit = float(attempt.rng.uniform(4.0, 6.0))
+        numbers = Numbers(kp=float(attempt.rng.uniform(1.5, 2.5)), u_min=-limit, u_max=limit)
+        controller = Controller(attempt, numbers)
+        free = side * limit * np.array([0.2, 1.7, 0.3])
+        got = controller.run(free / numbers.kp, 0.0)
+        cut = 0.7 * limit
+        error, allowed = abs(float(got[2] - free[2])), 0.5 * cut
+        clamped = abs(got[2] - (free[2] - side * cut)) <= 1e-9 * limit
+        controller.require(
+            "nothing is left of a command that was cut off",
+            bool(error <= allowed),
+            sentence=f"With ki = kd = 0 the command after one at its limit is {got[2]:.6g} N m; "
+            f"kp e is {free[2]:.6g} N m.",
+            got=f"{got[2]:.6g}",
+            expected=f"{free[2]:.6g}",
+            error=error,
+            tolerance=allowed,
+            why="half of what was cut off, as kinds of anti-windup differ",
+            slip="clamped_increments" if clamped else "",
         )
 
 
@@ -323,10 +339,14 @@ def _memory(attempt: Attempt) -> None:
         ("reset forgets the integral", Numbers(ki=7.0), "reset_keeps_integral"),
         ("reset forgets the derivative", Numbers(kd=1.5), "reset_keeps_derivative"),
     ):
-        controller = Controller(attempt, numbers)
-        controller.run([at, at, other], [other, at, other])
+        controller, never = Controller(attempt, numbers), Controller(attempt, numbers)
+        for one in (controller, never):
+            one.run([at, at, other], [other, at, other])
         controller.reset()
-        controller.compare(name, controller.update(at, at), 0.0, slip=slip)
+        got, kept = controller.update(at, at), never.update(at, at)
+        if abs(got - kept) > 1e-9 * (1.0 + abs(kept)):
+            slip = ""  # it did forget something
+        controller.compare(name, got, 0.0, slip=slip)
     if attempt.failed:
         return
     numbers = Numbers(4.0, 20.0, 0.3, 0.004, -3.0, 2.0, 0.012)
@@ -395,11 +415,12 @@ def _refusals(attempt: Attempt) -> None:
             functools.partial(attempt.learner.new, ENTRY, *arguments),
             sentence=f"A controller was made although {what}.",
             call=f"PID({', '.join(f'{argument:.4g}' for argument in arguments)})",
+            slip="nan_accepted" if math.isnan(value) else "arguments_unchecked",
         )
     controller, twin = Controller(attempt, good), Controller(attempt, good)
     for one in (controller, twin):
         one.run(1.0, [0.2, 0.3])
-    for pair in ((0.5, math.nan), (math.inf, 0.3)):
+    for pair in ((0.5, math.nan), (math.inf, 2.3)):
         attempt.require_error(
             "refused: an update with a number that is not finite",
             functools.partial(attempt.learner.method, controller.handle, "update", *pair),
@@ -416,7 +437,7 @@ def _refusals(attempt: Attempt) -> None:
         twin.run(0.9, [0.4, 0.5]),
         "After a refused update the commands are others than without it.",
         controller,
-        "nan_accepted",
+        "changed_before_refusal",
     )
 
 
@@ -443,6 +464,29 @@ def _windup(attempt: Attempt) -> None:
             tolerance=2.0 * gain,
             why="what the integral gains in two samples",
             slip="integral_clamped_small" if _flattens(np.diff(got), gain) else "",
+        )
+
+
+def _leaves_limit(attempt: Attempt) -> None:
+    """An integral that alone holds the command at its limit lets go when the error turns round."""
+    for side in (1.0, -1.0):
+        numbers = Numbers(ki=float(attempt.rng.uniform(9.0, 12.0)), kd=1.0, u_min=-5.0, u_max=5.0)
+        controller = Controller(attempt, numbers)
+        gain = numbers.ki * numbers.dt
+        rise = math.ceil(5.0 / gain) + 10
+        got = side * controller.run(side * np.repeat([1.0, -1.0], (rise, 4 * rise)), 0.0)
+        error = float(got[-1] + 5.0)
+        controller.require(
+            "the integral comes back from the limit",
+            bool(error <= 2.0 * gain),
+            sentence=f"Under an error that has changed its sign for {4 * rise * numbers.dt:.3g} s "
+            f"the command is {side * got[-1]:.4g} N m; the limit there is {-side * 5.0:.4g} N m.",
+            got=f"{side * got[-1]:.6g}",
+            expected=f"{-side * 5.0:.6g}",
+            error=max(error, 0.0),
+            tolerance=2.0 * gain,
+            why="what the integral gains in two samples",
+            slip="integral_frozen" if got[-1] >= 5.0 - 2.0 * gain else "",
         )
 
 
@@ -507,7 +551,10 @@ def _loops(attempt: Attempt) -> None:
         angles, _ = closed_loop(controller, joint, setpoints)
         _kept(attempt, controller)
         _settled(attempt, f"settled at {1.0 / dt:g} Hz", controller, plant, angles)
-    # Both ways: an integral may know one limit and not the other.
+
+
+def _jams(attempt: Attempt) -> None:
+    """Both ways: an integral may know one limit and not the other."""
     for side in attempt.rng.permutation([1.0, -1.0]).tolist():
         if not attempt.failed:
             _jam(attempt, side)
@@ -609,10 +656,24 @@ def _between(value: float, low: float, high: float) -> bool:
 
 
 EXERCISE = Exercise(
-    judge=judge,
+    judge=staged(
+        Stage("simple", "the proportional part", _proportional),
+        Stage("simple", "the integral", _integral),
+        Stage("simple", "the derivative", _derivative),
+        Stage("core", "a step of the set-point", _kick),
+        Stage("core", "the limits", _limits),
+        Stage("core", "after a limit", _after_limits),
+        Stage("core", "reset", _memory),
+        Stage("core", "an integral at its limits", _windup),
+        Stage("core", "an integral that lets go", _leaves_limit),
+        Stage("core", "closed loops", _loops),
+        Stage("core", "a jam", _jams),
+        Stage("edge", "what is refused", _refusals),
+        timed=_time,
+    ),
     given=GIVEN,
     limits=Limits(total=60.0),
-    # all parts alone, the refusals and the beginning of the first loop
+    # all parts alone and the beginning of the first loop
     replayed=150,
     examples=(
         "PID(2.0, 0.0, 0.0, 0.01, -5.0, 5.0, 0.05).update(1.0, 0.25)",

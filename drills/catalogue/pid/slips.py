@@ -8,6 +8,44 @@ SLIPS = slips(
         "The integral goes on while the command is held at its limit, and all of it has to be "
         "unwound before the joint turns back. Don't integrate while the command is cut off and "
         "the error pushes further out."),
+    integral_frozen=("integral = self.integral + self.ki * error * self.dt",
+        "integral = self.integral",
+        "        if not deeper:\n            self.integral = integral",
+        "        if wanted == command:\n"
+        "            self.integral = integral + self.ki * error * self.dt",
+        "The integral stands still whenever the command is at its limit, also when the error "
+        "would bring it back: an integral that alone holds the limit stays there for ever. Stop "
+        "it only while the error pushes further out."),
+    clamped_increments=("self.rate = 0.0  # [y/s]", "self.rate = self.command = self.parts = 0.0",
+        "        wanted = self.kp * error + integral - self.kd * self.rate\n",
+        "        parts = self.kp * error - self.kd * self.rate\n"
+        "        wanted = self.command + parts - self.parts + self.ki * error * self.dt\n"
+        "        self.parts = parts\n",
+        "        return float(command)", "        self.command = command\n        return command",
+        "What the limit cut off is missing afterwards: increments are added to a command that was "
+        "cut. Without an integral the command is kp e, whatever came before; limit what you "
+        "return, and keep the sum of the parts."),
+    arguments_swapped=("def update(self, setpoint: float, measurement: float)",
+        "def update(self, measurement: float, setpoint: float)",
+        "Set-point and measurement are taken for each other: the error has the wrong sign and the "
+        "set-point is differentiated. The task says update(setpoint, measurement)."),
+    symmetric_limits=("max(wanted, self.u_min)", "max(wanted, -self.u_max)",
+        "The command is limited to the same size on both sides. The limits need not be "
+        "symmetric: u_min below, u_max above."),
+    arguments_unchecked=("            if not 0.0 <= value < np.inf:",
+        "            if value != value:", "if not 0.0 < dt < np.inf:", "if dt != dt:",
+        "if not u_min < u_max:", "if u_min != u_min:",
+        "The constructor takes numbers that make no controller: a negative gain, a dt of zero, "
+        "limits that leave nothing between them. Raise ValueError there; later nobody knows "
+        "where the nonsense came from."),
+    changed_before_refusal=('        for name, value in (("setpoint", setpoint), '
+        '("measurement", measurement)):\n',
+        '        before, self.last = self.last, measurement\n'
+        '        for name, value in (("setpoint", setpoint), ("measurement", measurement)):\n',
+        "change = 0.0 if self.last is None else measurement - self.last",
+        "change = 0.0 if before is None else measurement - before",
+        "The update is refused, but too late: something of it was kept before, and the next "
+        "commands are others. Check the arguments first, then change the state."),
     derivative_kick=("else measurement - self.last", "else self.last - (setpoint - measurement)",
         "self.last = measurement", "self.last = setpoint - measurement",
         "The derivative is taken of the error, so a step of the set-point is differentiated too: "

@@ -13,6 +13,7 @@ from drills.attempt import Attempt, Place
 from drills.catalogue.randomize.bench import (
     ALLOWED,
     ENTRY,
+    Arrays,
     Bench,
     Unreadable,
     alike,
@@ -59,28 +60,40 @@ def judge(attempt: Attempt) -> None:
 
 def _judge(attempt: Attempt) -> None:
     seeds = [int(seed) for seed in attempt.rng.integers(1 << 32, size=6)]
-    bench = Bench(attempt, draw_setting(attempt.rng))
-    same_arrays(attempt, "the constructor leaves the model", bench.before, bench.arrays())
+    attempt.plan([(level, label) for level, label, _, _ in STAGES])
+    drawn: list[Arrays | None] = []
+    bench: Bench | None = None
+    for index, (_, _, goes_on, run) in enumerate(STAGES):
+        if attempt.failed and not goes_on:
+            return
+        with attempt.part(index):
+            bench = bench or Bench(attempt, draw_setting(attempt.rng))
+            run(bench, drawn, seeds)
+        if drawn and drawn[0] is None:
+            return
+    if bench is not None and not attempt.failed:
+        _time(bench)
+
+
+def _untouched(bench: Bench, drawn: list[Arrays | None], seeds: list[int]) -> None:
+    found = bench.arrays()
+    same_arrays(bench.attempt, "the constructor leaves the model", bench.before, found)
     undelayed(bench, "before the first draw")
     move_data(bench)
-    first = one_draw(bench, seeds[0])
-    if first is None:
-        return
-    repeated(bench, first, seeds)
-    if attempt.failed:
-        return
-    distributions(bench, first, seeds[2])
-    reused_actions(bench, seeds[3])
-    noise_added(bench, seeds[4])
-    if attempt.failed:
-        return
-    equal_ends(bench, seeds[5])
-    if attempt.failed:
-        return
-    defaults(bench, seeds[5])
-    refusals(bench)
-    if not attempt.failed:
-        _time(bench)
+
+
+# Level, label, whether it is tried after a failure, and what is done with what was drawn first.
+STAGES: tuple[tuple[str, str, bool, Callable[[Bench, list[Any], list[int]], object]], ...] = (
+    ("simple", "a new randomizer", True, _untouched),
+    ("simple", "one draw", True, lambda b, drawn, s: drawn.append(one_draw(b, s[0]))),
+    ("core", "many draws, and back", True, lambda b, drawn, s: repeated(b, drawn[0], s)),
+    ("core", "distributions", False, lambda b, drawn, s: distributions(b, drawn[0], s[2])),
+    ("core", "actions in one array", True, lambda b, drawn, s: reused_actions(b, s[3])),
+    ("core", "noise", True, lambda b, drawn, s: noise_added(b, s[4])),
+    ("edge", "ranges of one value", False, lambda b, drawn, s: equal_ends(b, s[5])),
+    ("edge", "the defaults", False, lambda b, drawn, s: defaults(b, s[5])),
+    ("edge", "what is refused", True, lambda b, drawn, s: refusals(b)),
+)
 
 
 def _time(bench: Bench) -> None:

@@ -39,7 +39,7 @@ def repeated(bench: Bench, first: Arrays, seeds: list[int]) -> None:
     action = [np.zeros(bench.default.nu)]
     bench.draw(40, seeds[1], action)
     again = bench.randomize(seeds[0])
-    state = bench.state()
+    state, computed = bench.state(), bench.computed()
     learner.method(bench.randomizer, "restore", bench.data)
     restored = bench.arrays()
     now = bench.state()
@@ -85,7 +85,7 @@ def repeated(bench: Bench, first: Arrays, seeds: list[int]) -> None:
         sentence="After restore these arrays differ from what they were: ",
     )
     if not attempt.failed:
-        check_state(bench, bench.before, state, now, "restore")
+        check_state(bench, bench.before, state, now, "restore", computed)
         undelayed(bench, "after restore")
 
 
@@ -318,6 +318,8 @@ def reused_actions(bench: Bench, seed: int) -> None:
         return
     bench.randomize(seed)
     reused = bench.learner.given("delay_reused", bench.randomizer, [*actions])
+    # An array that was kept itself gives back what its caller wrote last.
+    aliased = np.where(np.arange(9)[:, None] < lags[0], expected[lags[0]], actions)
     attempt.compare(
         "actions handed over in one array",
         reused,
@@ -326,7 +328,7 @@ def reused_actions(bench: Bench, seed: int) -> None:
         unit="1",
         why="the same actions, in an array that the caller writes again",
         call="delay(action)",
-        slip="action_not_copied",
+        slip="action_not_copied" if _same(reused, aliased) else "",
     )
 
 

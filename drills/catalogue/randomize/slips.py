@@ -40,6 +40,11 @@ SLIPS = slips(
         'default["dof_damping"] * (1.0 + added[model.dof_jntid])',
         "You multiply the default damping. Most joints have none by default, and a factor leaves "
         "a zero where it is: they are never randomised. Add a draw instead."),
+    no_joint_damped=("np.isin(model.jnt_type, single)",
+        "np.array([kind in single for kind in model.jnt_type])",
+        "No joint got any damping. Does your test find the hinges and slides? A number of "
+        "model.jnt_type is not equal to a member of mujoco.mjtJoint when it stands on its left, "
+        "as in `in`: compare with int(mujoco.mjtJoint.mjJNT_HINGE)."),
     free_joints_damped=("np.where(self._damped, rng.uniform(*self.damping, size=model.njnt), 0.0)",
         "rng.uniform(*self.damping, size=model.njnt)",
         "You added damping to every degree of freedom, those of free and ball joints included. A "

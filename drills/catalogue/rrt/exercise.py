@@ -10,12 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from drills.attempt import Attempt, Place
-from drills.catalogue.rrt.replay import PROPERTIES, Fault, Run, faults
+from drills.catalogue.rrt.replay import PROPERTIES, Fault, Run, drawn_from, faults
 from drills.catalogue.rrt.slips import SLIPS
 from drills.catalogue.rrt.worlds import GOAL, HIGH, LOW, START, World, clutter, refused, worlds
 from drills.chart import Plan, chart_of
 from drills.exercise import Exercise
 from drills.reasons import Reason
+from drills.report import LEVELS, Shown
 from drills.sandbox import Limits, Raised
 from drills.values import Mismatch, as_float64, describe
 
@@ -33,26 +34,36 @@ PARTS = ("path", "nodes", "parents", "samples")
 
 
 def judge(attempt: Attempt) -> None:
-    """Wrong queries are refused; then one run in each world, replayed; then the targets."""
-    for world in refused(attempt.rng):
-        if not _refuses(attempt, world):
-            return
+    """One run in each world, replayed; then the targets, and queries that must be refused."""
+    wrong = refused(attempt.rng)
+    drawn = sorted(worlds(attempt.rng), key=lambda world: LEVELS.index(world.level))
+    attempt.plan(
+        [(world.level, world.label) for world in drawn]
+        + [("core", "the targets"), ("edge", "where the numbers come from")]
+        + [("edge", world.label) for world in wrong]
+    )
     made: list[tuple[World, Run]] = []
-    drawn = worlds(attempt.rng)
-    for index in attempt.rng.permutation(len(drawn)):
-        run = _run(attempt, drawn[index])
+    for index, world in enumerate(drawn):
+        with attempt.part(index):
+            run = _run(attempt, world)
         if run is None:
             return
-        made.append((drawn[index], run))
+        made.append((world, run))
     _report(attempt, made)
     if not attempt.failed:  # the targets of a run that is wrong tell nothing about the drawing
-        _report_targets(attempt, made)
-    _report_generator(attempt, made)
+        with attempt.part(len(drawn)):
+            _report_targets(attempt, made)
+    if not attempt.failed:
+        with attempt.part(len(drawn) + 1):
+            _report_generator(attempt, made)
+    for index, world in enumerate(wrong, len(drawn) + 2):
+        with attempt.part(index):
+            _refuses(attempt, world)
     if not attempt.failed:
         _report_cost(attempt, max(drawn, key=lambda world: world.closed * world.max_samples))
 
 
-def _refuses(attempt: Attempt, world: World) -> bool:
+def _refuses(attempt: Attempt, world: World) -> None:
     try:
         answer, raised = _ask(attempt, world), None
     except Raised as error:
@@ -64,12 +75,17 @@ def _refuses(attempt: Attempt, world: World) -> bool:
         return answer
 
     missing = "bounds_unchecked" if "bounds" in world.label else "collision_accepted"
-    return attempt.require_error(
+    seen = isinstance(answer, list | tuple) and len(answer) == len(PARTS)
+    if answer is None or (seen and answer[0] is None and not np.size(answer[3])):
+        missing = "none_instead_of_an_error"  # it did notice
+    elif not seen or attempt.failed:
+        missing = ""
+    attempt.require_error(
         world.label,
         outcome,
         sentence=f"The query must be refused with ValueError: {world.label}.",
         call=_typed(world),
-        slip="" if raised or not isinstance(answer, list | tuple) else missing,
+        slip="" if raised else missing,
     )
 
 
@@ -123,33 +139,32 @@ def _table(value: Any, what: str) -> Array:
 
 
 def _report(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
-    """One check for each property, with the first world where it does not hold."""
-    found = [(world, fault) for world, run in made for fault in faults(world, run)]
-    if len({fault.slip for _, fault in found}) > 1:
-        # A refused step looks like this slip now and then; all of them together must.
-        found = [pair for pair in found if pair[1].slip != "line_for_segment"]
+    """One check for each property in each world."""
+    found = [faults(world, run) for world, run in made]
+    everything = [fault for some in found for fault in some]
+    ambiguous = len({fault.slip for fault in everything}) > 1
     for of in PROPERTIES:
-        mine = [(world, fault) for world, fault in found if fault.of == of]
-        if not mine:
-            attempt.require(of, True, sentence="")
-            continue
-        world, fault = _telling(mine)
-        attempt.require(
-            of,
-            False,
-            sentence=f"{fault.sentence} (world: {world.label})",
-            call=_typed(world),
-            slip=fault.slip,
-        )
+        slip = _telling([fault for fault in everything if fault.of == of])
+        # A refused step looks like this slip now and then; all of them together must.
+        slip = "" if slip == "line_for_segment" and ambiguous else slip
+        for index, ((world, run), some) in enumerate(zip(made, found, strict=True)):
+            fault = next((fault for fault in some if fault.of == of), None)
+            with attempt.part(index):
+                attempt.require(
+                    of,
+                    fault is None,
+                    sentence=f"{fault.sentence} (world: {world.label})" if fault else "",
+                    call=_typed(world) if fault else "",
+                    slip=slip,
+                )
+            if fault and attempt.report.shown is None:
+                attempt.report.shown = Shown(world.label, world.arguments(), run, None)
 
 
-def _telling(found: list[tuple[World, Fault]]) -> tuple[World, Fault]:
-    """The fault to show: the grossest of the edges, else the first that names a slip."""
-    for slip in GROSSEST:
-        for world, fault in found:
-            if fault.slip == slip:
-                return world, fault
-    return next((pair for pair in found if pair[1].slip), found[0])
+def _telling(found: list[Fault]) -> str:
+    """The slip behind faults of one property: the grossest of the edges, else the first named."""
+    named = [fault.slip for fault in found if fault.slip]
+    return next((slip for slip in GROSSEST if slip in named), next(iter(named), ""))
 
 
 def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
@@ -188,7 +203,7 @@ def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
         tolerance=LARGEST_CHI2,
         unit="1",
         why="chi-squared of the counts in 16 equal parts of the world",
-        slip="bounds_from_zero",
+        slip=drawn_from([(world, run.samples) for world, run in closed]),
     )
     points = np.vstack(places)
     twice = max(1.0 - len(np.unique(column)) / max(len(column), 1) for column in points.T)

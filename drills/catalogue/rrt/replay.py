@@ -71,8 +71,31 @@ def _targets(world: World, run: Run) -> list[Fault]:
         found.append(Fault("targets", text))
     if bounds_faults(run.samples, world.bounds):
         text = "A target lies outside the bounds. Draw between (xmin, ymin) and (xmax, ymax)."
-        found.append(Fault("targets", text, "bounds_from_zero"))
+        found.append(Fault("targets", text, drawn_from([(world, run.samples)])))
     return found
+
+
+def drawn_from(runs: list[tuple[World, Array]]) -> str:
+    """The slip of targets that fill another rectangle than the world, or ""."""
+    tried: dict[str, bool] = {}
+    for world, samples in runs:
+        low, high = world.bounds
+        points = samples[~(samples == world.goal).all(axis=1)]
+        if len(points) < 20:
+            continue
+        for slip, first, second in (
+            ("bounds_from_zero", np.zeros(2), high),
+            ("symmetric_bounds", -high, high),
+            ("axes_swapped", low[::-1], high[::-1]),
+            ("bounds_by_axis", np.array([low[0], high[0]]), np.array([low[1], high[1]])),
+        ):
+            corners = np.minimum(first, second), np.maximum(first, second)
+            room = 0.3 * (corners[1] - corners[0]) + TOLERANCE
+            inside = ((points >= corners[0] - TOLERANCE) & (points <= corners[1] + TOLERANCE)).all()
+            filled = (points.min(axis=0) <= corners[0] + room).all()
+            filled &= (points.max(axis=0) >= corners[1] - room).all()
+            tried[slip] = tried.get(slip, True) and bool(inside and filled)
+    return next((slip for slip, fits in tried.items() if fits), "")
 
 
 def _tree(world: World, run: Run) -> list[Fault]:
@@ -82,7 +105,9 @@ def _tree(world: World, run: Run) -> list[Fault]:
         text = f"The tree has {len(run.nodes)} nodes, of {world.max_samples} targets at most."
         return [Fault("tree", text)]
     if not len(run.nodes) or not np.array_equal(run.nodes[0], world.start):
-        return [Fault("tree", "The first node is not the start.")]
+        at_goal = len(run.nodes) and np.array_equal(run.nodes[0], world.goal)
+        slip = "grown_from_the_goal" if at_goal else ""
+        return [Fault("tree", "The first node is not the start.", slip)]
     if run.parents[0] != -1:
         return [Fault("tree", f"The start's parent is {run.parents[0]}, not -1.")]
     later = np.flatnonzero(

@@ -74,6 +74,27 @@ SLIPS = slips(
     bounds_from_zero=(_TARGET, "goal if rng.random() < GOAL_BIAS else rng.uniform(0.0, high)",
         "Targets are not drawn over the whole world, or beyond it. Draw uniformly between both "
         "corners of the bounds, each axis by its own; the lower corner need not be zero."),
+    symmetric_bounds=(_TARGET, "goal if rng.random() < GOAL_BIAS else rng.uniform(-high, high)",
+        "Targets are drawn between minus the upper corner and the upper corner. The world has two "
+        "corners of its own: draw between them."),
+    axes_swapped=(_TARGET,
+        "goal if rng.random() < GOAL_BIAS else rng.uniform(low[::-1], high[::-1])",
+        "x and y of the targets are swapped: x is drawn between the ends of y. A row of bounds is "
+        "a corner, (x, y)."),
+    bounds_by_axis=(_TARGET,
+        "goal if rng.random() < GOAL_BIAS else rng.uniform((low[0], high[0]), (low[1], high[1]))",
+        "The rows of bounds are read as the ends of x and the ends of y. They are corners: "
+        "(xmin, ymin) and (xmax, ymax)."),
+    grown_from_the_goal=("    nodes[0] = start\n",
+        "    start, goal = goal, start\n    nodes[0] = start\n",
+        "Start and goal are taken for each other: the tree grows from the goal. Its first node is "
+        "the start, and the order of the arguments is rrt(start, goal, ...)."),
+    none_instead_of_an_error=(
+        "        if not edge_is_free(point, point, discs):\n",
+        "        if not edge_is_free(point, point, discs):\n"
+        "            return None, np.array([start]), np.array([-1]), np.zeros((0, 2))\n",
+        "A query that makes no sense is answered with None, which says that the planner searched "
+        "and found nothing. The caller cannot tell the two apart: raise ValueError."),
     collision_accepted=('    for name, point in (("start", start), ("goal", goal)):\n',
         "    for name, point in ():\n",
         "A start or a goal inside a disc, or outside the bounds, is accepted. There is no path "

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,13 +29,14 @@ class World:
     step: float
     max_samples: int
     closed: bool = False  # the goal cannot be reached, so that every target is drawn
+    level: str = "core"
 
     def arguments(self) -> tuple[Array, Array, Array, Array, float, int]:
         """The call's arguments but for the generator."""
         return self.start, self.goal, self.discs, self.bounds, self.step, self.max_samples
 
 
-def _world(label: str, discs: Array, step: float, budget: int, **more: bool) -> World:
+def _world(label: str, discs: Array, step: float, budget: int, **more: Any) -> World:
     return World(label, START, GOAL, discs, np.array([LOW, HIGH]), step, budget, **more)
 
 
@@ -77,7 +79,7 @@ def worlds(rng: np.random.Generator) -> list[World]:
     ends = np.array([0.5, 5e-10]), np.array([9.5, 5e-10])
     empty = np.zeros((0, 3))
     found = [
-        _world("no disc at all", empty, 0.7, 500),
+        _world("no disc at all", empty, 0.7, 500, level="simple"),
         _world("thin posts", clutter(rng, 90, 0.1, 0.2), 0.8, 500),
         _world("thick discs", clutter(rng, 22, 0.4, 0.8), 0.5, 500),
         _world("a gate in a fence", gate, 0.5, 500),
@@ -86,14 +88,17 @@ def worlds(rng: np.random.Generator) -> list[World]:
         _world("a ring around the goal", ring(GOAL, 0.6, 0.1), 0.9, 400, closed=True),
         World(
             "a corridor into which a disc dips by 1e-7 m", *ends, dip, corridor, 4.0, 150,
-            closed=True,
+            closed=True, level="edge",
         ),
         World(
             "goal within one step", START, near, clutter(rng, 20, 0.2, 0.4),
-            np.array([LOW, HIGH]), 0.5, 500,
+            np.array([LOW, HIGH]), 0.5, 500, level="simple",
         ),
-        World("start is goal", START, START.copy(), empty, np.array([LOW, HIGH]), 0.5, 50),
-        _world("no target allowed", empty, 0.5, 0),
+        World(
+            "start is goal", START, START.copy(), empty, np.array([LOW, HIGH]), 0.5, 50,
+            level="edge",
+        ),
+        _world("no target allowed", empty, 0.5, 0, level="edge"),
     ]  # fmt: skip
     return [world for world in found if _fair(world)]
 

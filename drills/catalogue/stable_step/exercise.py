@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from drills.attempt import Attempt
 from drills.chart import Plan, chart_of
-from drills.exercise import Exercise, coarse_slips, slips
-from drills.judge import Answer, Case, coarse, judge_of
+from drills.exercise import Exercise, coarse_slips, slips, value_slips
+from drills.judge import WHOLE, Answer, Case, coarse, judge_of
 
 Array = NDArray[np.float64]
 
@@ -46,16 +46,19 @@ def cases(rng: np.random.Generator) -> list[Case]:
     R = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
     stiff = R @ np.diag([1e6, 1.0]) @ R.T
     return [
-        Case((_chain(np.full(9, k)), m * np.eye(8)), "a chain of equal masses"),
+        Case((_chain(np.full(9, k)), m * np.eye(8)), "a chain of equal masses", "simple"),
         chain(3, "a chain"),
         chain(12, "a long chain"),
-        Case((np.array([[k]]), np.array([[m]])), "one spring"),
+        Case((np.array([[k]]), np.array([[m]])), "one spring", "simple"),
         coupled(2, "two coordinates, coupled masses"),
         coupled(3, "three coordinates, coupled masses"),
         coupled(6, "six coordinates, coupled masses"),
-        Case((free, np.diag(rng.uniform(0.5, 2.0, 2))), "free in space"),
-        Case((0.5 * (stiff + stiff.T), np.diag(rng.uniform(0.5, 2.0, 2))), "stiff and soft"),
-        Case((_chain(np.array([k, 2.0 * k])), np.array([[m]])), "one mass, two springs"),
+        Case((free, np.diag(rng.uniform(0.5, 2.0, 2))), "free in space", "edge"),
+        Case(
+            (0.5 * (stiff + stiff.T), np.diag(rng.uniform(0.5, 2.0, 2))), "stiff and soft", "edge"
+        ),
+        Case((np.array([[300, -100], [-100, 200]]), np.array([[2, 1], [1, 3]])), WHOLE, "edge"),
+        Case((_chain(np.array([k, 2.0 * k])), np.array([[m]])), "one mass, two springs", "simple"),
     ]
 
 
@@ -188,6 +191,7 @@ EXERCISE = Exercise(
         "1e-9 of the limit: eigenvalues of these matrices are known to 1e-12",
         told=coarse,
         last=simulated,
+        then=("core", "a simulation at the limit"),
     ),
     examples=(
         "largest_stable_step(np.array([[1e5]]), np.array([[1.0]]))",
@@ -203,5 +207,6 @@ EXERCISE = Exercise(
         failed_above=1.0,
     ),
     slips=SLIPS
-    + coarse_slips("largest_stable_step", "What should be just below the limit may be above it."),
+    + coarse_slips("largest_stable_step", "What should be just below the limit may be above it.")
+    + value_slips("largest_stable_step", in_part=False),
 )

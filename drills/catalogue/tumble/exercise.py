@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from drills.attempt import Attempt
 from drills.chart import Plan, angle_between, chart_of
-from drills.exercise import Exercise, slips
-from drills.judge import Case, either_sign, judge_of
+from drills.exercise import Exercise, slips, value_slips
+from drills.judge import WHOLE, Answer, Case, either_sign, judge_of, off
 from drills.values import Mismatch, as_float64
 
 Array = NDArray[np.float64]
+COARSE = 0.01  # a drift beyond it is a mistake, one below it may be that of a coarse method
 ACCURATE = "RK4 errs by less than 1e-7 in these runs; the bug changes the first digits"
 
 
@@ -44,11 +45,20 @@ def cases(rng: np.random.Generator) -> list[Case]:
             "about the middle axis",
         ),
         Case((start(), rates(3.0), np.array([1.0, 1.0, 1.6]), 0.01, 50), "a symmetric body"),
-        Case((start(), 3.0 * np.eye(3)[axis], moments(), 0.01, 20), "about a principal axis"),
-        Case((start(), rates(3.0), np.full(3, 0.7), 0.01, 20), "three equal moments"),
-        Case((start(), np.zeros(3), moments(), 0.01, 3), "at rest"),
-        Case((start(), rates(2.0), moments(), 0.01, 0), "no step"),
-        Case((start(), rates(2.0), moments(), 0.02, 1), "one step"),
+        Case(
+            (start(), 3.0 * np.eye(3)[axis], moments(), 0.01, 20),
+            "about a principal axis",
+            "simple",
+        ),
+        Case((start(), rates(3.0), np.full(3, 0.7), 0.01, 20), "three equal moments", "simple"),
+        Case((start(), np.zeros(3), moments(), 0.01, 3), "at rest", "edge"),
+        Case((start(), rates(2.0), moments(), 0.01, 0), "no step", "edge"),
+        Case((start(), rates(2.0), moments(), 0.02, 1), "one step", "edge"),
+        Case(
+            (np.array([0, 1, 0, 0]), np.array([1, -2, 2]), np.array([2, 3, 4]), 0.01, 40),
+            WHOLE,
+            "edge",
+        ),
     ]
 
 
@@ -77,7 +87,8 @@ def _conserved(attempt: Attempt, case: Case, call: str, q: Array, omega: Array) 
     attempt.require(
         f"{case.label}: energy",
         abs(energy) <= 1e-6,
-        sentence=f"The kinetic energy changes by {energy:.2g} of itself; nothing pushes.",
+        sentence=f"The kinetic energy changes by {energy:.2g} of itself"
+        + ("; nothing pushes." if abs(energy) > COARSE else ", more than RK4 loses."),
         got=f"{energy:.2g}",
         expected="0",
         error=abs(energy),
@@ -95,7 +106,10 @@ def _conserved(attempt: Attempt, case: Case, call: str, q: Array, omega: Array) 
         drift <= 1e-6,
         sentence=f"The angular momentum in the world has turned by {turned:.2f} degrees and its "
         f"length changed by {np.linalg.norm(end) / size - 1.0:.1g} of itself. Without a torque "
-        "it is constant, as a vector.",
+        "it is constant, as a vector."
+        if drift > COARSE
+        else f"The angular momentum in the world drifts by {drift:.1g} of itself, more than with "
+        "RK4.",
         got=f"{drift:.2g}",
         expected="0",
         error=drift,
@@ -104,6 +118,28 @@ def _conserved(attempt: Attempt, case: Case, call: str, q: Array, omega: Array) 
         why=ACCURATE,
         call=call,
     )
+
+
+def smaller_steps(attempt: Attempt, answers: Sequence[Answer]) -> None:
+    """A wrong answer with smaller steps: right equations, of too low an order, come closer."""
+    case = next(a.case for a in answers if a.case.label == "three moments")
+    if not attempt.failed or attempt.shown:
+        return
+    q, omega, inertia, dt, steps = case.args
+    truth = np.concatenate(attempt.expected(q, omega, inertia, dt / 4, 4 * steps))
+    errors = []
+    for finer in (1, 2, 4):
+        found = attempt.call(q, omega, inertia, dt / finer, finer * steps)
+        try:
+            end, rates = as_float64(found[0], (4,)), as_float64(found[1], (3,))
+        except (Mismatch, TypeError, IndexError):
+            return
+        right = np.concatenate((either_sign(end, truth[:4]), truth[4:]))
+        errors.append(off(np.concatenate((end, rates)), right))
+    if 1e-9 < errors[2] < errors[1] < errors[0] < 1.0:
+        orders = [math.log2(errors[i] / errors[i + 1]) for i in range(2)]
+        if min(orders) > 0.7 and abs(orders[1] - orders[0]) < 0.5:
+            attempt.shown = "order_too_low"
 
 
 def tumbling(attempt: Attempt) -> Plan:
@@ -169,6 +205,10 @@ SLIPS = slips(
         "-np.cross(omega, inertia * omega)",
         "omega x (I omega) is a torque; it must be divided by the moments to be an angular "
         "acceleration. Without it not even the energy is kept."),
+    order_too_low=("q = q + dt / 6.0 * (q1 + 2.0 * q2 + 2.0 * q3 + q4)", "q = q + dt * q2",
+        "omega = omega + dt / 6.0 * (w1 + 2.0 * w2 + 2.0 * w3 + w4)", "omega = omega + dt * w2",
+        "The equations are right: with smaller steps your result comes to the right one. The "
+        "method is of too low an order for these steps; keep all four stages of RK4."),
     time_runs_backwards=(*_SIGN, "q_rate = 0.5 * np.array(", "q_rate = -0.5 * np.array(",
         "Instead of the gyroscopic term you turned the quaternion's rate round. Both together "
         "are the motion of another body: one seen in a mirror of time."),
@@ -183,6 +223,8 @@ EXERCISE = Exercise(
         nearest=either_sign,
         first=conserved,
         timed=five_steps,
+        last=smaller_steps,
+        then=("core", "smaller steps"),
     ),
     examples=(
         "tumble(np.array([1.0, 0, 0, 0]), np.array([0, 0, 2.0]), np.array([1.0, 2.0, 2.5]), 0.01, "
@@ -197,5 +239,5 @@ EXERCISE = Exercise(
         error_unit="rad",
         failed_above=4.0,
     ),
-    slips=SLIPS,
+    slips=SLIPS + value_slips("tumble"),
 )

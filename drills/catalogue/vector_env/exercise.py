@@ -12,6 +12,7 @@ from drills.attempt import Attempt
 from drills.chart import Plan, chart_of
 from drills.exercise import Exercise, slips
 from drills.inprocess import Local
+from drills.judge import Stage, staged
 from drills.reasons import Reason
 from drills.sandbox import Handle
 from drills.values import describe
@@ -39,6 +40,7 @@ class Pair:
         seeds = () if seed is None else (seed,)
         got = attempt.learner.method(self.envs, "reset", *seeds)
         expected = attempt.reference.method(self.envs_here, "reset", *seeds)
+        self.first_infos = expected[1]
         call = f"reset({seed})"
         if isinstance(got, np.ndarray):  # not one row for each of two results
             got = [got]
@@ -140,26 +142,31 @@ class Pair:
         return self.attempt.rng.uniform(-1.0, 1.0, (*steps, self.num_envs, 2))
 
 
-def judge(attempt: Attempt) -> None:
-    """Resets and steps one by one; a rollout that keeps everything; wrong use; closing."""
-    for stage in (_by_step, _kept, _refusals, _closing):
-        stage(attempt)
-        if attempt.failed:
+def _first_step(attempt: Attempt) -> None:
+    """A reset and a step in which no episode ends."""
+    pair = Pair(attempt, 3, 50, 50)
+    while pair.reset(int(attempt.rng.integers(0, 10**6))):
+        if min(info["length"] for info in pair.first_infos) > 1:
+            pair.step(pair.actions())
             return
-    _time(attempt)
 
 
-def _by_step(attempt: Attempt) -> None:
+def _by_step(attempt: Attempt, num_envs: int = 0) -> None:
     rng = attempt.rng
-    for num_envs in (int(rng.integers(3, 6)), 1):
-        pair = Pair(attempt, num_envs, 5, 4)
-        if not pair.reset(int(rng.integers(0, 10**6))):
+    pair = Pair(attempt, num_envs or int(rng.integers(3, 6)), 5, 4)
+    if not pair.reset(int(rng.integers(1, 10**6))):
+        return
+    for _ in range(STEPS):
+        if not pair.step(pair.actions()):
             return
-        for _ in range(STEPS):
-            if not pair.step(pair.actions()):
-                return
-        if not pair.reset(None):
-            return
+    pair.reset(None)
+
+
+def _seed_zero(attempt: Attempt) -> None:
+    """Zero is a seed: the same episodes again."""
+    pair = Pair(attempt, 3, 5, 4)
+    if pair.reset(7) and pair.reset(0):
+        pair.step(pair.actions())
 
 
 def _kept(attempt: Attempt) -> None:
@@ -300,7 +307,16 @@ SLIPS = slips(
 )  # fmt: skip
 
 EXERCISE = Exercise(
-    judge=judge,
+    judge=staged(
+        Stage("simple", "a reset and a step", _first_step),
+        Stage("core", "episodes that end", _by_step),
+        Stage("core", "arrays that the caller keeps", _kept),
+        Stage("core", "closing", _closing),
+        Stage("edge", "one environment", functools.partial(_by_step, num_envs=1)),
+        Stage("edge", "the seed 0", _seed_zero),
+        Stage("edge", "wrong use", _refusals),
+        timed=_time,
+    ),
     chart=chart_of(
         "Mean reward of a random walk, 20 steps of n environments",
         walked,

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from drills.attempt import Attempt
 from drills.chart import Plan, chart_of
-from drills.exercise import Exercise, coarse_slips, slips
+from drills.exercise import Exercise, coarse_slips, slips, value_slips
 from drills.inprocess import InProcess
-from drills.judge import Answer, Case, coarse, judge_of
+from drills.judge import WHOLE, Answer, Case, coarse, judge_of
 from drills.values import numbers as numbers_of
 
 Array = NDArray[np.float64]
@@ -46,9 +46,18 @@ class Field:
 def cases(rng: np.random.Generator) -> list[Case]:
     """Springs of one to six coordinates, and steps in which one mistake shows alone."""
 
-    def step(label: str, kind: str, numbers: Sequence[float], dt: float, q: Any, v: Any) -> Case:
+    def step(
+        label: str,
+        kind: str,
+        numbers: Sequence[float],
+        dt: float,
+        q: Any,
+        v: Any,
+        *,
+        level: str = "core",
+    ) -> Case:
         field = Field(kind, numbers, q.shape)
-        return Case((q, v, Field(kind, numbers, q.shape)(q), field, dt), label)
+        return Case((q, v, Field(kind, numbers, q.shape)(q), field, dt), label, level)
 
     drawn = []
     for n in (1, 1, 2, 3, 6):
@@ -57,11 +66,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
         drawn.append(step("springs", "spring", numbers, dt, *rng.normal(size=(2, n))))
     soft, stiff = (9.0, 0.0), (20.0, 1.0)
     drawn += [
-        step("constant pull", "constant", (-9.81,), 0.1, *rng.normal(size=(2, 3))),
-        step("from rest", "spring", soft, 0.05, rng.normal(size=2), np.zeros(2)),
-        step("no force yet", "spring", soft, 0.05, np.zeros(2), rng.normal(size=2)),
-        step("backwards", "spring", stiff, -0.04, *rng.normal(size=(2, 2))),
-        step("no time", "spring", stiff, 0.0, *rng.normal(size=(2, 2))),
+        step("constant pull", "constant", (-9.81,), 0.1, *rng.normal(size=(2, 3)), level="simple"),
+        step("from rest", "spring", soft, 0.05, rng.normal(size=2), np.zeros(2), level="simple"),
+        step("no force yet", "spring", soft, 0.05, np.zeros(2), rng.normal(size=2), level="simple"),
+        step("backwards", "spring", stiff, -0.04, *rng.normal(size=(2, 2)), level="edge"),
+        step("no time", "spring", stiff, 0.0, *rng.normal(size=(2, 2)), level="edge"),
+        step(WHOLE, "spring", soft, 0.5, np.array([1, -2]), np.array([0, 3]), level="edge"),
     ]
     turn = rng.uniform(0.0, 2.0 * math.pi)
     place, across = (np.array([math.cos(b), math.sin(b)]) for b in (turn, turn + 0.5 * math.pi))
@@ -71,7 +81,8 @@ def cases(rng: np.random.Generator) -> list[Case]:
 def told(answers: Sequence[Answer]) -> str:
     """Right values at twice the price."""
     asked = {a.case.args[3].asked for a in answers}
-    return "evaluated_twice" if asked == {2} else coarse(answers)
+    right = all(all(a.right) for a in answers)
+    return "evaluated_twice" if asked == {2} and right else coarse(answers)
 
 
 def whole_runs(attempt: Attempt, answers: Sequence[Answer]) -> None:
@@ -246,6 +257,7 @@ EXERCISE = Exercise(
         names=NAMES,
         told=told,
         last=whole_runs,
+        then=("core", "evaluations, order, reversal"),
         timed=one_step,
     ),
     given=GIVEN,
@@ -261,5 +273,7 @@ EXERCISE = Exercise(
         error_unit="rad",
         failed_above=10.0,
     ),
-    slips=SLIPS + coarse_slips("verlet_step", "After a thousand steps they are in the picture."),
+    slips=SLIPS
+    + coarse_slips("verlet_step", "After a thousand steps they are in the picture.")
+    + value_slips("verlet_step", swapped=True),
 )
