@@ -14,9 +14,12 @@ from typing import TYPE_CHECKING, Any
 from drills.attempt import Attempt, Place
 from drills.cards import card
 from drills.reasons import Reason
+from drills.report import Shown
 from drills.sandbox import Limits
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from course.measure.work_precision import WorkPrecision
 
 # A child's limits leave the reference this many times its own time.
@@ -168,6 +171,7 @@ class Exercise:
         replayed: how many calls are repeated in a second process to check determinism.
         chart: runs the submission beside a library and the worked answer, which is in a child of
             its own, so that their times compare; the submission's curve has style "yours".
+        picture: draws a case that failed: what came back beside what is right.
     """
 
     judge: Callable[[Attempt], None]
@@ -177,6 +181,7 @@ class Exercise:
     limits: Limits | None = None
     replayed: int = 200
     chart: Callable[[Attempt, Place], WorkPrecision] | None = None
+    picture: Callable[[Figure, Shown], None] | None = None
 
 
 def of(name: str) -> Exercise:

@@ -6,6 +6,7 @@ control characters first, so that it cannot move the terminal's cursor or paint 
 
 from __future__ import annotations
 
+import base64
 import html as markup
 import math
 import textwrap
@@ -329,8 +330,14 @@ def as_dict(report: Report, card: Card) -> dict[str, Any]:
     }
 
 
-def html(report: Report, card: Card) -> str:
-    """The feedback as HTML without scripts, readable on a light and on a dark page."""
+def html(report: Report, card: Card, picture: bytes = b"") -> str:
+    """The feedback as HTML without scripts, readable on a light and on a dark page.
+
+    Args:
+        report: what the grader found.
+        card: of the exercise.
+        picture: a PNG of the case that failed, if there is one.
+    """
     escape = _escaped
     if report.passed:
         word, colour = "Right", "#2e7d32"
@@ -355,6 +362,9 @@ def html(report: Report, card: Card) -> str:
         parts.append(f"<p>call <code>{escape(report.call)}</code></p>")
     if report.problem:
         parts.append(f"<pre>{escape(_problem_text(report))}</pre>")
+    if picture:
+        data = base64.b64encode(picture).decode()
+        parts.append(f'<img alt="the first case that failed" src="data:image/png;base64,{data}"/>')
     if report.checks:
         parts.append(f"<p>{escape(tally_text(report))}</p>{_table(report.checks)}")
     parts += [f"<p>{escape(note)}</p>" for note in report.notes]

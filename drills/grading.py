@@ -43,7 +43,7 @@ def check(
         from drills import feedback
 
         plain = feedback.text(report, card, colour=False, unicode=True, width=80)
-        payload |= {"text": plain, "html": feedback.html(report, card)}
+        payload |= {"text": plain, "html": feedback.html(report, card, _drawn(payload))}
     return session.finish(code, payload)
 
 
@@ -241,7 +241,31 @@ def _told(session: Session, card: Card, report: Report, path: str) -> tuple[int,
             session.say(f"A hint: drills hint {card.name}")
         elif report.passed:
             session.say(f"The worked answer: drills solution {card.name}")
-    return (RIGHT if report.passed else WRONG), _data(session, card, report, path)
+    drawn = _pictured(session, card, report)
+    if drawn is not None:
+        session.say(f"A picture of it: {workspace.shown(drawn)}")
+    data = _data(session, card, report, path)
+    data["picture"] = None if drawn is None else str(drawn.absolute())
+    return (RIGHT if report.passed else WRONG), data
+
+
+def _pictured(session: Session, card: Card, report: Report) -> Path | None:
+    """The picture of the case that failed, in the work folder; an older one goes."""
+    from drills import picture
+
+    target = session.work / f"{card.name}.case.png"
+    try:
+        drawn = picture.write(report, target)
+        if drawn is None:
+            target.unlink(missing_ok=True)
+        return drawn
+    except OSError:
+        return None  # no room or no right to write there: the words are enough
+
+
+def _drawn(payload: dict[str, Any]) -> bytes:
+    """The content of the picture that was written, or nothing."""
+    return Path(payload["picture"]).read_bytes() if payload["picture"] else b""
 
 
 def _data(session: Session, card: Card, report: Report, path: str) -> dict[str, Any]:

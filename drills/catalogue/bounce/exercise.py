@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from drills import picture
 from drills.attempt import Attempt
 from drills.chart import Plan, chart_of
 from drills.exercise import Exercise, Slip, coarse_slips, slips, value_slips
 from drills.judge import WHOLE, Answer, Case, coarse, judge_of, off
 from drills.reasons import Reason
+from drills.report import Shown
 
 CLOSED_FORM = "the motion has a closed form; rounding of some dozens of flights stays below 1e-9"
 
@@ -167,6 +170,25 @@ def dropped(attempt: Attempt) -> Plan:
     )
 
 
+def flight(figure: Any, shown: Shown) -> None:
+    """The height over the step; where it ends, and where the answer says so."""
+    from solutions.rigid_body import bounce_step
+
+    y, v, dt, e, gravity = (*shown.args, 9.81)[:5]
+    axes = picture.plane(figure, "time [s]", "height [m]")
+    times = np.linspace(0.0, dt, 600)
+    heights = [y, *(bounce_step(y, v, float(t), e, gravity)[0] for t in times[1:])]
+    axes.axhline(0.0, color="black", lw=1.0)
+    axes.plot(times, heights, **picture.RIGHT)
+    reach = 0.04 * dt
+    for (height, speed), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
+        axes.plot(dt, height, "o", color=style["color"])
+        ends = [float(height), float(height) + reach * float(speed)]
+        axes.plot([dt, dt + reach], ends, **style | {"label": "_"})
+    axes.plot([], [], **picture.YOURS)
+    axes.legend()
+
+
 _LOOP = """import math
 
 
@@ -273,6 +295,7 @@ EXERCISE = Exercise(
         "bounce_step(1.0, 0.0, 2.0, 0.5)",
         "bounce_step(0.0, 0.0, 0.01, 0.5)",
     ),
+    picture=flight,
     chart=chart_of(
         "Height of a bouncing ball after 1.5 s",
         dropped,

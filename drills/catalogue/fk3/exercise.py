@@ -9,10 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills import picture
 from drills.attempt import Attempt
 from drills.chart import Plan, chart_of
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
 from drills.judge import WHOLE, Case, coarse, judge_of
+from drills.report import Shown
 
 Array = NDArray[np.float64]
 
@@ -94,6 +96,14 @@ def poses(attempt: Attempt) -> Plan:
     )
 
 
+def arm(figure: Any, shown: Shown) -> None:
+    """Both arms, joint by joint."""
+    axes = picture.plane(figure, "x [m]", "y [m]", equal=True)
+    axes.plot(*shown.got[0].T, "-o", **picture.YOURS)
+    axes.plot(*shown.expected[0].T, marker="o", **picture.RIGHT)
+    axes.legend()
+
+
 SUM, TURNS = "np.cumsum(thetas)", "np.column_stack((np.cos(directions), np.sin(directions)))"
 POINTS = "np.vstack((np.zeros(2), np.cumsum(links, axis=0)))"
 
@@ -153,6 +163,7 @@ EXERCISE = Exercise(
         "fk3(np.array([1.0, 1.0, 1.0]), np.array([0.5, -0.5, 0.5]))",
         "fk3(np.array([0.5, 0.3, 0.2]), np.array([0.3, 0.4, -0.2]))",
     ),
+    picture=arm,
     chart=chart_of(
         "100 poses of a 3-link arm, angles up to the setting in rad",
         poses,

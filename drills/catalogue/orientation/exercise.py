@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from drills import picture
 from drills.attempt import Attempt
 from drills.chart import Plan, angle_between, chart_of
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
@@ -203,6 +204,7 @@ EXERCISE = Exercise(
         "update_orientation(np.array([0.5, 0.5, 0.5, 0.5]), np.array([1.0, 0, 0]), 0.1)",
         "update_orientation(np.array([1.0, 0, 0, 0]), np.array([0.0, 0, 0]), 0.1)",
     ),
+    picture=lambda figure, s: picture.bodies(figure, s.args[0], s.got[0], s.expected[0]),
     chart=chart_of(
         "Attitude of a tumbling body after 5 s",
         tumbling,

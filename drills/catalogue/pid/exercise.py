@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills import picture
 from drills.attempt import Attempt
 from drills.cards import definitions
 from drills.catalogue.pid.chart import SETPOINT, WIDE, sampled
@@ -22,6 +23,7 @@ from drills.catalogue.pid.slips import SLIPS
 from drills.chart import chart_of
 from drills.exercise import Exercise
 from drills.judge import Stage, staged
+from drills.report import Shown
 from drills.sandbox import Handle, Limits
 from drills.values import as_float64, describe
 
@@ -108,7 +110,16 @@ class Controller:
     def compare(self, name: str, got: Any, expected: Any, **more: Any) -> bool:
         """Check commands."""
         said = {"tolerance": EXACT, "why": ROUNDING, "unit": "N m", "call": self.call, **more}
-        return self.attempt.compare(name, got, expected, **said)
+        right = self.attempt.compare(name, got, expected, **said)
+        if not right and np.size(got) > 2:
+            self.show(name, "command [N m]", got, expected)
+        return right
+
+    def show(self, name: str, what: str, got: Any, expected: Any) -> None:
+        """Keep the first response that is wrong, for the picture."""
+        if self.attempt.report.shown is None:
+            times = self.numbers.dt * np.arange(np.size(got))
+            self.attempt.report.shown = Shown(name, (times, what), got, expected)
 
     def require(self, name: str, holds: bool, **more: Any) -> bool:
         """Check a property of commands."""
@@ -550,7 +561,10 @@ def _loops(attempt: Attempt) -> None:
         setpoints = np.full(round(LONG / speed / dt), plant.step)
         angles, _ = closed_loop(controller, joint, setpoints)
         _kept(attempt, controller)
-        _settled(attempt, f"settled at {1.0 / dt:g} Hz", controller, plant, angles)
+        if not _settled(attempt, f"settled at {1.0 / dt:g} Hz", controller, plant, angles):
+            joint.reset()
+            right, _ = closed_loop(_worked(controller.numbers), joint, setpoints)
+            controller.show(f"a step at {1.0 / dt:g} Hz", "angle [rad]", angles, right)
 
 
 def _jams(attempt: Attempt) -> None:
@@ -576,11 +590,11 @@ def _kept(attempt: Attempt, controller: Controller) -> None:
 
 def _settled(
     attempt: Attempt, name: str, controller: Controller, plant: Plant, angles: Array
-) -> None:
+) -> bool:
     """The last tenth of the run lies within the band."""
     tail = angles[-max(5, angles.size // 20) :]
     error, allowed = float(np.max(np.abs(tail - plant.step))), BAND * abs(plant.step)
-    attempt.require(
+    return attempt.require(
         name,
         bool(error <= allowed),
         sentence=f"At the end the joint is {error:.4g} rad from its set-point.",
@@ -606,6 +620,14 @@ def _jam(attempt: Attempt, side: float) -> None:
     count = held + round(LONG / speed / dt)
     angles, _ = closed_loop(controller, joint, np.full(count, plant.step), np.arange(count) < held)
     _kept(attempt, controller)
+
+    def right() -> Array:
+        again = MotorJoint(plant.inertia, plant.damping, dt, plant.load, substeps=10)
+        blocked = np.arange(count) < held
+        return closed_loop(_worked(controller.numbers), again, np.full(count, plant.step), blocked)[
+            0
+        ]
+
     past = float(np.max((angles - plant.step) * np.sign(plant.step)))
     allowed = OVERSHOOT * abs(plant.step)
     holds = past <= allowed
@@ -625,8 +647,24 @@ def _jam(attempt: Attempt, side: float) -> None:
         call=controller.call,
         slip="integral_not_stopped" if winding else "",
     )
-    if holds:
-        _settled(attempt, "settled after the jam", controller, plant, angles)
+    if not (holds and _settled(attempt, "settled after the jam", controller, plant, angles)):
+        controller.show("a step during a jam", "angle [rad]", angles, right())
+
+
+def _worked(numbers: Numbers) -> Any:
+    """The worked answer's controller."""
+    from course.drills import PID
+
+    return PID(*numbers.arguments())
+
+
+def response(figure: Any, shown: Shown) -> None:
+    """Commands or angles over time."""
+    times, what = shown.args
+    axes = picture.plane(figure, "time [s]", what)
+    axes.plot(times, shown.got, **picture.YOURS)
+    axes.plot(times, shown.expected, **picture.RIGHT)
+    axes.legend()
 
 
 def _time(attempt: Attempt) -> None:
@@ -680,6 +718,7 @@ EXERCISE = Exercise(
         "PID(2.0, 3.0, 0.0, 0.01, -5.0, 5.0, 0.05).update(1.0, 0.25)",
         "PID(2.0, 3.0, 0.4, 0.01, -5.0, 4.0, 0.05).update(9.0, 0.0)",
     ),
+    picture=response,
     chart=chart_of(
         "Angle of a joint under PID control, against the loop in continuous time",
         sampled,

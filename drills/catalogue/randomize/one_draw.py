@@ -97,11 +97,7 @@ def _damping(bench: Bench, arrays: Arrays) -> bool:
         got="0",
         expected=f"between {low:.4g} and {high:.4g}",
         unit="N m s/rad",
-        slip="zero_damping_stays"
-        if touched
-        else "no_joint_damped"
-        if drew and not any_added
-        else "",
+        slip=slip,
     )
     excess = float(max(low - added[damped].min(), added[damped].max() - high, 0.0))
     fine &= attempt.require(

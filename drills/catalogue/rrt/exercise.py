@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills import picture
 from drills.attempt import Attempt, Place
 from drills.catalogue.rrt.replay import PROPERTIES, Fault, Run, drawn_from, faults
 from drills.catalogue.rrt.slips import SLIPS
@@ -286,6 +287,26 @@ def _report_cost(attempt: Attempt, world: World) -> None:
     )
 
 
+def tree(figure: Any, shown: Shown) -> None:
+    """The world, the tree that came back and its path."""
+    from matplotlib.patches import Circle, Rectangle
+
+    start, goal, discs, bounds, _, _ = shown.args
+    run: Run = shown.got
+    axes = picture.plane(figure, "x [m]", "y [m]", equal=True)
+    axes.add_patch(Rectangle(bounds[0], *(bounds[1] - bounds[0]), fill=False, lw=1.0))
+    for x, y, radius in discs:
+        axes.add_patch(Circle((x, y), radius, color="0.75"))
+    for i, parent in enumerate(run.parents[: len(run.nodes)]):
+        if 0 <= parent < len(run.nodes):
+            axes.plot(*run.nodes[[parent, i]].T, color="tab:blue", lw=0.6)
+    if run.path is not None:
+        axes.plot(*run.path.T, **picture.YOURS | {"label": "your path"})
+    axes.plot(*start, "o", color="tab:green", label="start")
+    axes.plot(*goal, "*", color="tab:orange", ms=10, label="goal")
+    axes.legend(loc="upper left")
+
+
 def queries(attempt: Attempt) -> Plan:
     """Queries left unsolved against the targets that one may draw, beside OMPL's RRT."""
     from course.oracles import ompl
@@ -319,6 +340,7 @@ EXERCISE = Exercise(
         "rrt([-2, 0], [2, 0], [[0, 0, 1]], [[-3, -3], [3, 3]], 1.5, 500, "
         "np.random.default_rng(3))[0].round(3)",
     ),
+    picture=tree,
     chart=chart_of(
         "RRT among discs, 20 runs; setting: 1 / targets allowed",
         queries,

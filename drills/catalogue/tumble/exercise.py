@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills import picture
 from drills.attempt import Attempt
 from drills.chart import Plan, angle_between, chart_of
 from drills.exercise import Exercise, slips, value_slips
@@ -232,6 +233,7 @@ EXERCISE = Exercise(
         "tumble(np.array([0.6, 0.8, 0, 0]), np.array([1.0, 2.0, 3.0]), np.array([1.0, 2.0, 2.5]), "
         "0.01, 50)",
     ),
+    picture=lambda figure, s: picture.bodies(figure, s.args[0], s.got[0], s.expected[0]),
     chart=chart_of(
         "Attitude of a tumbling body after 4 s",
         tumbling,
