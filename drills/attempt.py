@@ -80,8 +80,14 @@ class Learner:
         self.loading = 0.0  # s, the submission's top level
         self.asked = ""  # the last request, as one would type it
         self.last_args: tuple[Any, ...] = ()  # of the last request
-        self.longest = 0.0  # s, the slowest request so far by this side's clock
+        self.longest = 0.0  # s of processor time, the slowest request so far
+        self._spent: list[float] = []
         self._attempt = attempt
+
+    @property
+    def usual(self) -> float:
+        """The median of what requests took [s of processor time]."""
+        return float(np.median(self._spent)) if self._spent else 0.0
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> Any:
         """A function of the submission."""
@@ -115,6 +121,7 @@ class Learner:
             self.steps.append(Step(kind, name, handle, *kept, Failure(raised.type)))
             raise
         self.longest = max(self.longest, self.child.spent)
+        self._spent.append(self.child.spent)
         self.steps.append(Step(kind, name, handle, *kept, result))
         if kind in ("call", "method", "new") and self.child.changed:
             self._attempt.inputs_changed(self.asked)

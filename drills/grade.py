@@ -6,10 +6,12 @@ The parent draws the inputs, holds the right answers and decides; the child only
 from __future__ import annotations
 
 import ast
+import re
 import secrets
 import time
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from drills import cards as catalogue
 from drills import exercise as exercises
@@ -30,6 +32,8 @@ from drills.sandbox import (
 )
 from drills.values import Mismatch, describe, describe_call, identical
 
+COMPILING = 20.0  # s of processor time, for an answer that uses Numba
+NUMBA = re.compile(r"^\s*(?:import|from)\s+numba\b", re.MULTILINE)
 PARSED = 20_000  # characters of foreign text parsed here; the time can grow as their square
 
 
@@ -105,6 +109,7 @@ def attempt(
             report.reason = Reason.WRONG_TYPE
             report.sentence = f"What came back could not be judged: {stumble}"
         report.output = child.output
+    _note_compiling(found)
     _conclude(found, graded)
     report.seconds = time.perf_counter() - start
     return found
@@ -118,8 +123,26 @@ def _judges(card: Card, seed: int) -> bool:
 def start_child(card: Card, source: str, filename: str) -> Child:
     """A child for a submission; it starts at once and is ready when `load` returns."""
     graded = exercises.of(card.name)
-    limits = graded.limits or Limits()
+    limits = limits_for(graded.limits or Limits(), source)
     return Child(source, filename=filename, entry=card.entry, given=graded.given, limits=limits)
+
+
+def limits_for(limits: Limits, source: str) -> Limits:
+    """The limits of a submission; one that uses Numba may compile once on top of them."""
+    if not NUMBA.search(source):
+        return limits
+    longer = {name: getattr(limits, name) + COMPILING for name in ("load", "call", "total")}
+    return replace(limits, **longer)
+
+
+def _note_compiling(attempt: Attempt) -> None:
+    """Say what compiling took, where it can be told from a call."""
+    longest, usual = attempt.learner.longest, attempt.learner.usual
+    if NUMBA.search(attempt.report.source) and longest > max(0.1, 20.0 * usual):
+        attempt.report.notes.append(
+            f"Numba compiled your answer for {longest:.2g} s of processor time. That is allowed "
+            f"once, up to {COMPILING:g} s, and does not count in the time of a call."
+        )
 
 
 def is_starter(card: Card, source: str) -> bool:
