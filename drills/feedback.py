@@ -154,7 +154,7 @@ class _Page:
         self.wrapped(message)
 
     def failure(self, check: Check) -> None:
-        self.heading(f"First failed check: {clean(check.name)}")
+        self.heading(self.cut(f"First failed check: {check.name}", self.width))
         if check.call:
             self.labelled("call", check.call)
         if check.got:

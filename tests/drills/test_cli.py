@@ -87,7 +87,7 @@ def test_the_first_two_minutes_of_the_readme(place: Place) -> None:
     place.run("start", "fk3")
     place.answer(listing, "fk3")
     said = place.run("check", "fk3", "--seed", "1").out
-    feedback = said.partition("\nChecks:")[0].strip()
+    feedback = said.partition("\nCases:")[0].strip()
     assert "Likely cause" in feedback
     assert feedback in readme, said
     assert "Write `zip(lengths, np.cumsum(thetas))`" in readme

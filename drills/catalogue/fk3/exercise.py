@@ -31,7 +31,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
     quarter = math.pi / 2.0
     return [Case((lengths(), angles())) for _ in range(10)] + [
         Case((np.ones(3), np.zeros(3)), "stretched along x", "simple"),
-        Case((lengths(), np.array([quarter, 0.0, 0.0])), "stretched along y", "simple"),
+        Case((lengths(), np.array([0.5, 0.0, 0.0])), "straight, at half a radian", "simple"),
         Case((lengths(), np.array([0.0, math.pi, 0.0])), "folded back"),
         Case((lengths(), np.array([quarter, -quarter, quarter])), "a staircase"),
         Case((lengths(), np.array([0.0, 0.0, rng.uniform(0.3, 2.5)])), "the last joint alone"),
