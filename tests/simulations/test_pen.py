@@ -117,13 +117,15 @@ spans = st.floats(-200.0, 200.0).map(lambda power: 10.0**power)
 @example(0.30000000000000004, 0.1, 1)
 @example(-1.0, 2.0, 10)
 @example(1e16, 4.0, 2)
+@example(-4.403271235963565e-07, 1e-22, 1)
 def test_ticks_are_all_round_numbers_of_the_axis(low, span, count):
     high = low + span
     assume(high > low)
     first, last, factor, power = draw.ticks(low, high, count)
     step = decimal(1, factor, power)
     if last < first:  # where floats can't tell the ticks apart, or there is none of that step
-        coarse = 2 * np.spacing(max(abs(low), abs(high))) > 1e-16 * float(step)
+        # The step is at least the span over the count, and is told apart from 1e-15 of the values.
+        coarse = max(abs(low), abs(high)) > 0.99e15 * (high - low) / count
         assert (factor == 1.0 and power == 0.0 and coarse) or np.ceil(low / float(step)) > last
         return
     assert factor in (1.0, 2.0, 5.0) and last - first <= count
