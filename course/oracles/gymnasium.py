@@ -21,21 +21,21 @@ def _gymnasium() -> ModuleType:
 
 
 def sync_vector_env(
-    env_fn: Callable[[], Env[Any, Any]], num_envs: int, autoreset_mode: str = "SameStep"
+    env_fn: Callable[[], Env[Any, Any]], num_envs: int, autoreset_mode: str = "NextStep"
 ) -> SyncVectorEnv[Any, Any]:
     """Gymnasium's loop over environments.
 
     Args:
         env_fn: builds one.
         num_envs: how many.
-        autoreset_mode: "SameStep" or "NextStep".
+        autoreset_mode: "NextStep", "SameStep" or "Disabled".
     """
     vector = _gymnasium().vector
     return vector.SyncVectorEnv([env_fn] * num_envs, autoreset_mode=autoreset_mode)
 
 
 def async_vector_env(
-    env_fn: Callable[[], Env[Any, Any]], num_envs: int, autoreset_mode: str = "SameStep"
+    env_fn: Callable[[], Env[Any, Any]], num_envs: int, autoreset_mode: str = "NextStep"
 ) -> AsyncVectorEnv[Any, Any]:
     """Gymnasium's processes, one for each environment; arguments as for `sync_vector_env`."""
     vector = _gymnasium().vector
@@ -89,5 +89,5 @@ def check(env: Env[Any, Any]) -> list[str]:
 
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        check_env(env, skip_render_check=True)
+        check_env(env)
     return [str(item.message) for item in caught]

@@ -9,16 +9,20 @@ on them, and all give what a loop over single environments gives, bit for bit:
 - `course.oracles.mujoco.reach.MujocoArmReachVector(num_envs)`: the same task in `mujoco.batch`.
 
 An episode ends in one of two ways, which are kept apart: `terminations` (the task is over, there is
-no future to value) and `truncations` (the clock ran out, there is one). A finished environment is
-started again at once (`AutoresetMode.SAME_STEP`, the default): its row holds the first observation
-of the new episode, and the last observation and info of the old one are in `infos["final_obs"]` and
-`infos["final_info"]`, with the masks `infos["_final_obs"]` and `infos["_final_info"]`. With
-`autoreset_mode="NextStep"` the row holds the last observation, and the next step of this
-environment ignores its action and starts the new episode with reward 0.
-`metadata["autoreset_mode"]` says which.
+no future to value) and `truncations` (the clock ran out, there is one). What follows is Gymnasium's
+`AutoresetMode`, an argument of all of them, and `metadata["autoreset_mode"]` says which it is:
+
+- NEXT_STEP, the default as in Gymnasium: the row holds the last observation, and the next step of
+  this environment ignores its action and starts the new episode with reward 0;
+- SAME_STEP: the row holds the first observation of the new episode; the last observation and info
+  of the old one are in `infos["final_obs"]` and `infos["final_info"]`, with the masks
+  `infos["_final_obs"]` and `infos["_final_info"]`;
+- DISABLED: the caller resets, with `reset(options={"reset_mask": mask})`, before the next step.
 
     import gymnasium
     envs = gymnasium.make_vec("course.vector_env:course/ArmReach-v0", num_envs=256)
+
+`render_mode="rgb_array"` makes pictures of the arms; `course.vector_env.training` learns to reach.
 """
 
 import gymnasium

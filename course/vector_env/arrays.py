@@ -39,12 +39,10 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
         Args:
             env: a single environment of the kind, for its spaces and metadata.
             num_envs: how many, at least 1.
-            autoreset_mode: SAME_STEP or NEXT_STEP; see `course.vector_env`.
+            autoreset_mode: see `course.vector_env`.
         """
         self._adopt(env, num_envs, autoreset_mode)
         self.generators: list[np.random.Generator | None] = [None] * self.num_envs
-        self._same_step = self.autoreset_mode is AutoresetMode.SAME_STEP
-        self._over = np.zeros(self.num_envs, dtype=np.bool_)
         self._observations: NDArray[np.float64] | None = None
 
     @abstractmethod
@@ -102,7 +100,7 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
             self._checked_actions(actions)
         )
         infos: dict[str, Any] = {}
-        if not self._same_step and self._over.any():
+        if self.autoreset_mode is AutoresetMode.NEXT_STEP and self._over.any():
             # Their action is not used: what the kernel did to them is overwritten.
             ids = np.flatnonzero(self._over)
             observations[ids] = self._begin(ids)
@@ -113,7 +111,7 @@ class ArrayVectorEnv(AutoresettingVectorEnv, ABC):
             masked = {}
             for key, value in last.items():
                 masked[key], masked[f"_{key}"] = value, finished.copy()
-            if self._same_step:
+            if self.autoreset_mode is AutoresetMode.SAME_STEP:
                 ids = np.flatnonzero(finished)
                 final = np.full(self.num_envs, None, dtype=object)
                 for i in ids:

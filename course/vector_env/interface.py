@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium import Env, Space, spaces
-from gymnasium.error import ClosedEnvironmentError
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
@@ -17,10 +17,9 @@ from course.check import count, one_of, refused
 
 
 def checked_mode(mode: AutoresetMode | str) -> AutoresetMode:
-    """The autoreset mode asked for: SAME_STEP or NEXT_STEP, or their values as text."""
+    """The autoreset mode asked for, given as a member or as its value in text."""
     name = mode.value if isinstance(mode, AutoresetMode) else mode
-    allowed = (AutoresetMode.SAME_STEP.value, AutoresetMode.NEXT_STEP.value)
-    return AutoresetMode(one_of("autoreset_mode", name, allowed))
+    return AutoresetMode(one_of("autoreset_mode", name, [known.value for known in AutoresetMode]))
 
 
 def checked_batch(space: Space[Any], actions: Any, name: str = "actions") -> Any:
@@ -68,6 +67,7 @@ class AutoresettingVectorEnv(VectorEnv):
     """Spaces, seeds and checks; a subclass brings the environments."""
 
     autoreset_mode: AutoresetMode
+    _over: NDArray[np.bool_]  # whose episode the last step has ended
 
     def _adopt(self, env: Env[Any, Any], num_envs: int, mode: AutoresetMode | str) -> None:
         """Take over the spaces and metadata of one environment, for `num_envs` of them."""
@@ -75,6 +75,7 @@ class AutoresettingVectorEnv(VectorEnv):
         self.autoreset_mode = checked_mode(mode)
         self.metadata = {**env.metadata, "autoreset_mode": self.autoreset_mode}
         self.render_mode = env.render_mode
+        self._over = np.zeros(self.num_envs, dtype=np.bool_)
         self.single_observation_space = env.observation_space
         self.single_action_space = env.action_space
         self.observation_space = batch_space(env.observation_space, self.num_envs)
@@ -85,6 +86,9 @@ class AutoresettingVectorEnv(VectorEnv):
             raise ClosedEnvironmentError(f"{type(self).__name__} is closed")
 
     def _checked_actions(self, actions: Any) -> Any:
+        if self.autoreset_mode is AutoresetMode.DISABLED and self._over.any():
+            ids = np.flatnonzero(self._over).tolist()
+            raise ResetNeeded(f"reset environments {ids}: their episodes are over")
         return checked_batch(self.action_space, actions)
 
     def _plan_reset(
@@ -131,7 +135,7 @@ class Lane:
 
     def __init__(self, env: Env[Any, Any], mode: AutoresetMode) -> None:
         self.env = env
-        self._same_step = mode is AutoresetMode.SAME_STEP
+        self._mode = mode
         self._over = False
 
     def reset(self, seed: int | None, options: dict[str, Any] | None) -> tuple[Any, dict[str, Any]]:
@@ -153,12 +157,11 @@ class Lane:
         observation, reward, terminated, truncated, info = self.env.step(action)
         final = None
         if terminated or truncated:
-            if self._same_step:
+            if self._mode is AutoresetMode.SAME_STEP:
                 # Copies: an environment may write its next observation into the same array.
                 final = deepcopy(observation), _kept(info)
                 observation, info = self.env.reset()
-            else:
-                self._over = True
+            self._over = self._mode is AutoresetMode.NEXT_STEP
         return observation, float(reward), bool(terminated), bool(truncated), info, final
 
 

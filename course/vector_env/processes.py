@@ -282,7 +282,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
         num_workers: int | None = None,
         timeout: float = 60.0,
         context: str | None = None,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         """Start the workers.
 
@@ -293,7 +293,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
             num_workers: processes, 1 to num_envs; by default one for each processor.
             timeout: seconds that any call may take before a worker counts as hanging.
             context: start method of `multiprocessing`; None for the default.
-            autoreset_mode: SAME_STEP or NEXT_STEP; see `course.vector_env`.
+            autoreset_mode: see `course.vector_env`.
 
         Raises:
             ValueError: for an argument out of its range.
@@ -357,6 +357,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
         ids, seeds, options = self._plan_reset(seed, options)
         chosen = frozenset(int(i) for i in ids)
         replies = self._ask(pickle.dumps(("reset", (chosen, seeds, options))))
+        self._over[ids] = False
         return self._observations(replies), self._infos(replies)
 
     def step(self, actions: Any) -> Batch:
@@ -364,6 +365,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
 
         Raises:
             ValueError: for the wrong number, shape or kind of actions.
+            ResetNeeded: in the mode DISABLED, if an environment that is over was not reset.
             WorkerError: if a worker raises, dies, or takes longer than the timeout.
         """
         self._assert_open()
@@ -377,6 +379,7 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
         else:
             _store(shared.actions, batch)
             replies = self._ask(_STEP)
+        self._over = shared.terminations | shared.truncations
         return (
             self._observations(replies),
             shared.rewards.copy(),

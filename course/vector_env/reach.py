@@ -36,11 +36,12 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from course.check import POSITIVE, count, refused, vector
+from course.check import POSITIVE, count, one_of, refused, vector
 from course.compiled import MATRIX, compiled
 from course.rigid_body.integrators import rk4
 from course.vector_env.arrays import ArrayVectorEnv, Ids, Moved
 from course.vector_env.interface import checked_batch
+from course.vector_env.picture import reach_picture
 
 Array = NDArray[np.float64]
 
@@ -48,6 +49,7 @@ CONTROL_STEP = 0.02  # s
 RADIUS = 0.02  # m, of the target
 EFFORT_COST = 0.01  # reward per unit of squared action
 MAX_STEPS = 100  # control steps until an episode is cut off
+METADATA: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": round(1.0 / CONTROL_STEP)}
 REACH_FAR, REACH_NEAR = 0.95, 0.05  # m/m and m: how far the targets keep off the workspace's edges
 
 
@@ -245,6 +247,10 @@ class ReachTask:
             self.q, self.v, self.target, self.steps, actions, self.arm, self.max_steps
         )
 
+    def picture(self, i: int) -> NDArray[np.uint8]:
+        """Arm i and its target, see `reach_picture`."""
+        return reach_picture(self.q[:, i], self.target[:, i], self.arm[5:7, i], RADIUS)
+
 
 def reach_spaces() -> tuple[Any, Any]:
     """Spaces of a single observation and a single action."""
@@ -265,14 +271,23 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
     after `max_steps` of them. The last info of an episode has "is_success".
     """
 
-    def __init__(self, arm: Arm | None = None, *, max_steps: int = MAX_STEPS) -> None:
+    metadata = METADATA
+
+    def __init__(
+        self,
+        arm: Arm | None = None,
+        *,
+        max_steps: int = MAX_STEPS,
+        render_mode: str | None = None,
+    ) -> None:
         """Make the arm.
 
         Args:
             arm: its parameters.
             max_steps: control steps of 20 ms until the episode is truncated.
+            render_mode: "rgb_array" for pictures; None for none.
         """
-        self.metadata = {"render_modes": []}
+        self.render_mode = one_of("render_mode", render_mode, (None, *METADATA["render_modes"]))
         self.parameters = arm or Arm()
         self.task = ReachTask(self.parameters.column(), max_steps)
         self.observation_space, self.action_space = reach_spaces()
@@ -309,6 +324,16 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
         info = {"is_success": reached} if reached or late else {}
         return observations[0], float(rewards[0]), reached, late, info
 
+    def render(self) -> Any:
+        """The arm and its target as they are now, (300, 300, 3); None without a render mode.
+
+        Raises:
+            ResetNeeded: before the first reset.
+        """
+        if not self._started:
+            raise ResetNeeded("call reset before render")
+        return None if self.render_mode is None else self.task.picture(0)
+
     def _placed(self) -> None:
         """Called when the task has put the arm somewhere."""
 
@@ -319,17 +344,15 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
 class ArmReach(SingleReach):
     """The reaching task on the closed-form arm."""
 
-    def __init__(
-        self, arm: Arm | None = None, *, max_steps: int = MAX_STEPS, substeps: int = 1
-    ) -> None:
+    def __init__(self, arm: Arm | None = None, *, substeps: int = 1, **task: Any) -> None:
         """Make the arm.
 
         Args:
             arm: its parameters.
-            max_steps: control steps of 20 ms until the episode is truncated.
             substeps: Runge-Kutta steps in a control step.
+            **task: `max_steps` and `render_mode`, see `SingleReach`.
         """
-        super().__init__(arm, max_steps=max_steps)
+        super().__init__(arm, **task)
         self.substeps = count("substeps", substeps, 1)
 
     def _move(self, actions: Any) -> Moved:
@@ -341,20 +364,39 @@ class ReachVector(ArrayVectorEnv):
 
     def __init__(
         self,
-        num_envs: int,
-        arms: Arm | Sequence[Arm] | None,
-        max_steps: int,
-        autoreset_mode: AutoresetMode | str,
+        num_envs: int = 1,
+        arms: Arm | Sequence[Arm] | None = None,
+        *,
+        max_steps: int = MAX_STEPS,
+        render_mode: str | None = None,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
+        """Make the arms.
+
+        Args:
+            num_envs: how many, at least 1.
+            arms: the parameters, for all or one each.
+            max_steps: control steps of 20 ms until an episode is truncated.
+            render_mode: "rgb_array" for pictures; None for none.
+            autoreset_mode: see `course.vector_env`.
+        """
         count("num_envs", num_envs, 1)
         self.task = ReachTask(table(arms or Arm(), num_envs), max_steps)
-        super().__init__(SingleReach(), num_envs, autoreset_mode)
+        super().__init__(SingleReach(render_mode=render_mode), num_envs, autoreset_mode)
 
     def _start(self, ids: Ids, generators: list[np.random.Generator]) -> Array:
         return self.task.start(ids, generators)
 
     def _final_info(self, finished: NDArray[np.bool_], terminations: Any) -> dict[str, Any]:
         return {"is_success": terminations.copy()}
+
+    def render(self) -> Any:
+        """What each environment renders, as in `SingleReach.render`."""
+        if self._observations is None:
+            raise ResetNeeded("call reset before render")
+        if self.render_mode is None:
+            return None
+        return tuple(self.task.picture(i) for i in range(self.num_envs))
 
 
 class ArmReachVector(ReachVector):
@@ -368,21 +410,19 @@ class ArmReachVector(ReachVector):
         num_envs: int = 1,
         arms: Arm | Sequence[Arm] | None = None,
         *,
-        max_steps: int = MAX_STEPS,
         substeps: int = 1,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        **task: Any,
     ) -> None:
         """Make the arms.
 
         Args:
             num_envs: how many, at least 1.
             arms: the parameters, for all or one each.
-            max_steps: control steps of 20 ms until an episode is truncated.
             substeps: Runge-Kutta steps in a control step.
-            autoreset_mode: SAME_STEP or NEXT_STEP; see `course.vector_env`.
+            **task: `max_steps`, `render_mode` and `autoreset_mode`, see `ReachVector`.
         """
         self.substeps = count("substeps", substeps, 1)
-        super().__init__(num_envs, arms, max_steps, autoreset_mode)
+        super().__init__(num_envs, arms, **task)
 
     def _move(self, actions: Any) -> Moved:
         return self.task.move(actions, self.substeps)

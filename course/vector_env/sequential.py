@@ -31,14 +31,14 @@ class VectorizedEnv(AutoresettingVectorEnv):
         env_fn: Callable[[], Env[Any, Any]],
         num_envs: int,
         *,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.SAME_STEP,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         """Build the environments.
 
         Args:
             env_fn: builds one; called `num_envs` times.
             num_envs: how many, at least 1.
-            autoreset_mode: SAME_STEP or NEXT_STEP; see `course.vector_env`.
+            autoreset_mode: see `course.vector_env`.
 
         Raises:
             ValueError: for an env_fn that is no function, that hands out the same environment twice
@@ -80,10 +80,11 @@ class VectorizedEnv(AutoresettingVectorEnv):
         for i in ids:
             self._latest[i], info = self._lanes[i].reset(seeds[i], options)
             infos = self._add_info(infos, info, i)
+        self._over[ids] = False
         return self._observations(), infos
 
     def step(self, actions: Any) -> Batch:
-        """Step every environment once, and start those again whose episode is over.
+        """Step every environment once; the mode says what becomes of those that are over.
 
         Args:
             actions: one for each environment, (num_envs, ...).
@@ -93,6 +94,7 @@ class VectorizedEnv(AutoresettingVectorEnv):
 
         Raises:
             ValueError: for the wrong number, shape or kind of actions.
+            ResetNeeded: in the mode DISABLED, if an environment that is over was not reset.
         """
         self._assert_open()
         batch = self._checked_actions(actions)
@@ -110,6 +112,7 @@ class VectorizedEnv(AutoresettingVectorEnv):
             if final is not None:
                 infos = self._add_info(infos, {"final_obs": final[0], "final_info": final[1]}, i)
             infos = self._add_info(infos, info, i)
+        self._over = terminations | truncations
         return self._observations(), rewards, terminations, truncations, infos
 
     def _observations(self) -> Any:

@@ -16,7 +16,7 @@ import gymnasium
 import numpy as np
 import pytest
 from gymnasium import spaces
-from gymnasium.error import ClosedEnvironmentError
+from gymnasium.error import ClosedEnvironmentError, ResetNeeded
 from gymnasium.vector import AutoresetMode
 from hypothesis import given
 from hypothesis import strategies as st
@@ -26,7 +26,7 @@ from course.vector_env import ProcessVectorEnv, VectorizedEnv, WorkerError
 from tests.budget import examples
 
 ROOT = Path(__file__).resolve().parents[2]
-MODES = ["SameStep", "NextStep"]
+MODES = [mode.value for mode in AutoresetMode]
 
 
 class Counter(gymnasium.Env):
@@ -243,6 +243,14 @@ def test_processes_loop_and_gymnasium_agree_to_the_bit(mode: str, workers: int) 
         identical(steps[1], steps[0])
         identical(steps[2], steps[0])
         both += int(np.sum(steps[0][2] & steps[0][3]))
+        over = steps[0][2] | steps[0][3]
+        if mode == "Disabled" and over.any():
+            for ours in (loop, processes):
+                with pytest.raises(ResetNeeded, match=rf"{np.flatnonzero(over)[0]}.* are over"):
+                    ours.step(actions)
+            again = [envs.reset(options={"reset_mask": over}) for envs in every]
+            identical(again[1], again[0])
+            identical(again[2], again[0])
     assert both > 0
     mask = np.array([True, False, True, False, False])
     partial = [
@@ -272,7 +280,7 @@ class Copying(gymnasium.Wrapper):
 )
 def test_a_vector_environment_is_a_loop_over_single_ones(n, seed, ends, clock) -> None:
     """Written out here, without any of the code under test."""
-    envs = VectorizedEnv(lambda: Counter(ends, clock), n)
+    envs = VectorizedEnv(lambda: Counter(ends, clock), n, autoreset_mode="SameStep")
     singles = [Counter(ends, clock) for _ in range(n)]
     observations, _ = envs.reset(seed=seed)
     for i, env in enumerate(singles):
@@ -407,9 +415,9 @@ def test_more_wrong_construction() -> None:
     with pytest.raises(ValueError, match="environment 1 is"):
         VectorizedEnv(lambda: next(turns), 2)
     with pytest.raises(
-        ValueError, match="autoreset_mode is 'Disabled', allowed is one of 'SameStep', 'NextStep'"
+        ValueError, match="autoreset_mode is 'Never', allowed is one of 'NextStep', 'SameStep', 'D"
     ):
-        VectorizedEnv(Counter, 2, autoreset_mode="Disabled")
+        VectorizedEnv(Counter, 2, autoreset_mode="Never")
     with pytest.raises(ValueError, match="num_workers is 3, allowed is a whole number from 1 to 2"):
         ProcessVectorEnv(Counter, 2, num_workers=3)
     with pytest.raises(ValueError, match=r"timeout is 0.0, allowed is a positive"):
@@ -449,7 +457,7 @@ def test_attributes_and_methods(kind) -> None:
     assert envs.call("colour") == ("grey",) * 3
     with pytest.raises(ValueError, match=r"len\(values\) is 1, allowed is 3"):
         envs.set_attr("colour", ["red"])
-    assert envs.metadata["autoreset_mode"] is AutoresetMode.SAME_STEP
+    assert envs.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
     assert envs.observation_space.shape == (3, 3) and envs.single_action_space.shape == (2,)
     envs.close()
 

@@ -8,7 +8,7 @@ in as applied forces, which costs less), automatic reset.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,14 +18,10 @@ from course.oracles.mujoco.kit import ALWAYS_OFF, CONTACT_OFF, MUJOCO_INTEGRATOR
 from course.vector_env.arrays import Ids, Moved
 from course.vector_env.reach import (
     CONTROL_STEP,
-    MAX_STEPS,
     Arm,
     ReachVector,
     SingleReach,
 )
-
-if TYPE_CHECKING:
-    from gymnasium.vector import AutoresetMode
 
 Array = NDArray[np.float64]
 
@@ -68,19 +64,19 @@ class MujocoArmReach(SingleReach):
         self,
         arm: Arm | None = None,
         *,
-        max_steps: int = MAX_STEPS,
         integrator: str = "RK4",
         substeps: int = 1,
+        **task: Any,
     ) -> None:
         """Make the model.
 
         Args:
             arm: its parameters.
-            max_steps: control steps of 20 ms until the episode is truncated.
             integrator: one of MuJoCo's.
             substeps: MuJoCo's steps in a control step.
+            **task: `max_steps` and `render_mode`, see `SingleReach`.
         """
-        super().__init__(arm, max_steps=max_steps)
+        super().__init__(arm, **task)
         mujoco = library()
         self.substeps = substeps
         self.model = _model(integrator, substeps)
@@ -121,10 +117,9 @@ class MujocoArmReachVector(ReachVector):
         arms: Arm | Sequence[Arm] | None = None,
         *,
         threads: int = 0,
-        max_steps: int = MAX_STEPS,
         integrator: str = "RK4",
         substeps: int = 1,
-        autoreset_mode: AutoresetMode | str = "SameStep",
+        **task: Any,
     ) -> None:
         """Make the batch.
 
@@ -132,12 +127,11 @@ class MujocoArmReachVector(ReachVector):
             num_envs: how many, at least 1.
             arms: the parameters, for all or one each.
             threads: that step, the caller's own counted; 0 for one a processor.
-            max_steps: control steps of 20 ms until an episode is truncated.
             integrator: one of MuJoCo's.
             substeps: MuJoCo's steps in a control step.
-            autoreset_mode: SAME_STEP or NEXT_STEP; see `course.vector_env`.
+            **task: `max_steps`, `render_mode` and `autoreset_mode`, see `ReachVector`.
         """
-        super().__init__(num_envs, arms, max_steps, autoreset_mode)
+        super().__init__(num_envs, arms, **task)
         count("threads", threads)
         mujoco = library()
         from mujoco import batch

@@ -242,7 +242,7 @@ def walked(attempt: Attempt) -> Plan:
         return [place.given("drive", int(n), np.zeros((steps, int(n), 2)))], steps * n
 
     def library(n: float) -> tuple[Any, float]:
-        envs = sync_vector_env(wrapped(lambda: walk(5, 4), 3, 2), int(n))
+        envs = sync_vector_env(wrapped(lambda: walk(5, 4), 3, 2), int(n), "SameStep")
         envs.reset(seed=0)
         actions = np.zeros((int(n), 2))
         return [np.mean([envs.step(actions)[1] for _ in range(steps)])], steps * n
