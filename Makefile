@@ -129,6 +129,7 @@ warm: setup ## compile and keep every hot loop of the chapters
 
 charts: setup ## rebuild every chart of the README, and the data behind it
 	$(BIN)/python -m course.charts
+	$(BIN)/python -m tools.gallery
 
 notebooks: setup ## run the notebooks from their sources and write them with their outputs
 	$(BIN)/python -m tools.notebooks

@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pytest
 
-from course import CHAPTERS, contents
+from course import CHAPTERS, charts, contents
 from tests import budget
+from tools import gallery
 
 ROOT = Path(__file__).resolve().parent.parent
 PRESENT = [chapter for chapter in CHAPTERS if chapter.there]
@@ -541,7 +542,15 @@ def test_the_map_of_chapters_in_the_readme_is_the_table_of_contents() -> None:
     assert contents.map_of_chapters("notebooks/") in text
 
 
-def test_every_chart_is_in_the_gallery() -> None:
+def test_the_gallery_shows_every_chart_as_it_was_built() -> None:
+    assert gallery.GALLERY.read_text(encoding="utf-8") == gallery.gallery()
+    shown = re.findall(r"^!\[(\w+)\]", gallery.gallery(), re.M)
+    assert sorted(shown) == sorted(path.stem for path in charts.FOLDER.glob("*.png"))
+
+
+def test_the_code_on_the_first_page_runs_and_is_as_exact_as_the_chart() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
-    charts = sorted(path.name for path in (ROOT / "docs" / "charts").glob("*.png"))
-    assert [name for name in charts if f"docs/charts/{name}" not in text] == []
+    code = re.findall(r"```python\n(.*?)```", text, re.S)[0]
+    found: dict[str, float] = {}
+    exec(code, found)
+    assert found["error"] < 1e-9

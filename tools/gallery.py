@@ -1,0 +1,77 @@
+"""The gallery of charts and the moving picture of the README: `python -m tools.gallery`.
+
+The gallery, `docs/charts/README.md`, shows every chart of the course with what it says and its key
+figures; the film, `docs/film.png`, is a simulation of the course, recorded from its model.
+"""
+
+import json
+from pathlib import Path
+
+import click
+
+from course import CHAPTERS, charts
+from course.measure.figure import write
+
+FILM = Path(__file__).resolve().parents[1] / "docs" / "film.png"
+GALLERY = charts.FOLDER / "README.md"
+
+HEAD = """# The charts of the course
+
+`make charts` measures everything anew and writes the pictures, their data (`NAME.json`), their key
+figures (`NAME.txt`) and this page.
+
+In a work-precision diagram each point is one method with one setting: the error against an
+independent truth upwards, the cost to the right; lower left is better. A cross at the top edge is a
+run that failed: its cost is infinite, and its place along the edge means nothing. The circle is the
+cheapest run within the tolerance; in the grey band an error says how good the reference is. Dashed
+curves with hollow marks are another library on the same problem in the same run.
+"""
+
+
+def said(name: str) -> str:
+    """What a chart shows, in a sentence: of its experiment, or the question on the picture."""
+    sentence = (charts.CHARTS[name][0].__doc__ or "").strip().partition("\n")[0]
+    if not sentence:
+        data = json.loads((charts.FOLDER / f"{name}.json").read_text(encoding="utf-8"))
+        sentence = str(data["question"] if "question" in data else data["panels"][0]["title"])
+    return sentence
+
+
+def topic(name: str) -> str:
+    """The file or folder of `course.charts` that a chart is in."""
+    return charts.CHARTS[name][0].__module__.split(".")[2]
+
+
+def gallery() -> str:
+    """The page, in Markdown."""
+    charts.load()
+    titles = {chapter.topic: f"{chapter.number} · {chapter.title}" for chapter in CHAPTERS}
+    titles["vector_env"] = "Many environments stepped as one"
+    parts = [HEAD]
+    for place, title in titles.items():
+        names = [name for name in charts.CHARTS if topic(name) == place]
+        parts += [f"## {title}\n"] if names else []
+        for name in names:
+            drawn = (charts.FOLDER / f"{name}.png").is_file()
+            parts.append(f"### {name}\n\n{said(name)}\n")
+            parts += [f"![{name}]({name}.png)\n"] if drawn else []
+            figures = charts.read(name)
+            parts.append(
+                f"<details><summary>Key figures</summary>\n\n```\n{figures}\n```\n\n</details>\n"
+            )
+    return "\n".join(parts)
+
+
+@click.command()
+def main() -> None:
+    """Write the gallery and the film."""
+    from course.simulations.painter import film
+    from course.simulations.rigid_body import MODEL
+
+    write(GALLERY, gallery())
+    write(FILM, lambda path: path.write_bytes(film(MODEL, seconds=5.0)))
+    click.echo(f"written: {GALLERY.name} and {FILM.name}")
+
+
+if __name__ == "__main__":
+    main()
