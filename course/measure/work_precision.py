@@ -75,7 +75,7 @@ class Point:
         parameter: the setting.
         error: distance to the reference (inf for a failure).
         count: machine-independent cost.
-        time, low, high: median and quartiles of the time for one run.
+        time, low, high: median (or least) and quartiles of the time for one run.
         failure: why it failed, empty if it didn't.
     """
 
@@ -362,6 +362,7 @@ def measure(
     failed_above: float = math.inf,
     repeats: int = 5,
     sample_time: float = 1e-3,
+    best: bool = False,
     question: str = "",
     error_unit: str = "-",
 ) -> WorkPrecision:
@@ -376,6 +377,8 @@ def measure(
         failed_above: an error above this is a failure (say, the size of the answer itself).
         repeats: timed rounds; a round runs every method and setting once, in turn.
         sample_time: least time of one sample [s]; faster runs are repeated inside the sample.
+        best: draw the least time of a run, not the median: few rounds on a machine that does other
+            work would else make a zigzag of a curve.
         question: what is being asked, the chart's title.
         error_unit: unit of the error.
 
@@ -405,6 +408,7 @@ def measure(
         "failed_above": failed_above,
         "repeats": repeats,
         "sample_time": sample_time,
+        "best": best,
     }
 
     def check(errors: Sequence[float]) -> None:
@@ -427,7 +431,7 @@ def measure(
         tolerance=tolerance,
         reference_uncertainty=uncertainty,
         failed_above=failed_above,
-        machine=machine(busy),
+        machine=machine(busy) + (f"; least of {repeats} rounds" if best else ""),
         _repeat={"methods": list(methods), "options": options},
     )
 
@@ -440,6 +444,7 @@ def _measure_curves(
     failed_above: float,
     repeats: int,
     sample_time: float,
+    best: bool,
     check: Callable[[Sequence[float]], None] | None = None,
 ) -> tuple[tuple[Curve, ...], float]:
     """The curves, and the share of the timed rounds in which the machine was busy."""
@@ -458,7 +463,11 @@ def _measure_curves(
         # An error of exactly zero has no place on a log axis; a rounding is what it means.
         exact = max(points[i].error, float(np.finfo(float).tiny))
         points[i] = replace(
-            points[i], error=exact, time=found.median, low=found.low, high=found.high
+            points[i],
+            error=exact,
+            time=found.best if best else found.median,
+            low=found.best if best else found.low,
+            high=found.high,
         )
     curves = []
     for method in methods:

@@ -428,7 +428,7 @@ simulation()
 # interleaved in one process, medians of several rounds; a method that failed is a mark at the top, not a gap.
 
 # %%
-result = accuracy.work_precision("double_pendulum", repeats=3)
+result = accuracy.work_precision("double_pendulum", repeats=3, best=True)
 _ = accuracy.draw(result)
 plt.show()
 for curve in result.curves:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from course.measure import timing
+from course.measure import timing, work_precision
 from course.measure.figure import draw
 from course.measure.work_precision import (
     Method,
@@ -185,6 +185,16 @@ def test_time_is_the_time():
     assert slow.low <= slow.time <= slow.high
     assert slow.time >= 0.05
     assert slow.time > fast.time >= 0.001
+
+
+def test_the_least_time_is_drawn_where_it_is_asked_for(monkeypatch):
+    found = timing.Timing(3.0, 2.0, 4.0, 1.0)
+    monkeypatch.setattr(work_precision, "interleaved", lambda runs, **_: [found for _ in runs])
+    for best, wanted in ((False, (3.0, 2.0, 4.0)), (True, (1.0, 1.0, 4.0))):
+        chart = _measured([_decay(4)], best=best)
+        point = chart.curves[0].points[0]
+        assert (point.time, point.low, point.high) == wanted
+        assert chart.machine.endswith("; least of 2 rounds") == best
 
 
 def test_with_method_measures_beside_the_pick():

@@ -156,6 +156,7 @@ def work_precision(
     repeats: int = 5,
     steps: tuple[int, ...] | None = None,
     names: tuple[str, ...] | None = None,
+    best: bool = False,
 ) -> WorkPrecision:
     """Error against cost of every integrator, ours and MuJoCo's, on one problem.
 
@@ -164,6 +165,7 @@ def work_precision(
         repeats: timed rounds.
         steps: numbers of steps to try; default: a range that fits the problem.
         names: of the methods; default: all.
+        best: draw the least time of each, not the median (see `measure`).
 
     Returns:
         The measured curves; `with_method` puts a step function of yours beside them (see
@@ -192,6 +194,7 @@ def work_precision(
         tolerance=question.tolerance,
         failed_above=1.0,
         repeats=repeats,
+        best=best,
         question=question.text,
         error_unit=problem.unit,
     )
