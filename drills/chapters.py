@@ -46,6 +46,11 @@ class Section:
     title: str
     minutes: float
 
+    @property
+    def about(self) -> int:
+        """The minutes as one says them."""
+        return max(round(self.minutes), 1)
+
 
 def sections(path: Path) -> list[Section]:
     """The parts of a notebook; what stands before the first counts for the first.

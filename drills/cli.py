@@ -181,7 +181,7 @@ def next_(
         where, part = reading
         session.wrap(
             f"To read: chapter {where.number}, section {part.number}: {part.title} (about "
-            f"{agenda.duration(max(round(part.minutes), 1))}). drills start {where.number} makes "
+            f"{agenda.duration(part.about)}). drills start {where.number} makes "
             "your copy; make lab opens it."
         )
     payload = {
@@ -259,7 +259,7 @@ def read(
     session.say(terminal.paint(f"Chapter {chapter}: {present.chapter_title(chapter)}", "head"))
     for part in parts:
         mark_of = present.sign(SOLVED if part.number in reading.read else NOT_ATTEMPTED, terminal)
-        right = f"{max(round(part.minutes), 1):>3} min"
+        right = f"{part.about:>3} min"
         lead = f"  {mark_of} {part.number:>2}  "
         room = terminal.width - len(right) - (11 if terminal.unicode else 13)
         session.say(f"{lead}{present.cut(part.title, room):<{room}}  {right}")

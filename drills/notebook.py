@@ -11,6 +11,7 @@ process of its own, so nothing that a submission does can reach the kernel.
 from __future__ import annotations
 
 import difflib
+import functools
 import html as markup
 import json
 import os
@@ -19,14 +20,15 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
-from drills import agenda, present, progress, workspace
+from drills import agenda, chapters, present, progress, workspace
 from drills import cards as catalogue
 from drills.borrowed import Assembled, Borrowed, Unusable, assemble, defined_by, own_source
 from drills.cards import Card
+from drills.chapters import Section
 from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED
 from drills.reasons import Reason
 from drills.terminal import listed
@@ -205,7 +207,7 @@ def home() -> Shown:
     if reading:
         chapter, part = reading
         link = chapter.notebook.removeprefix("notebooks/")
-        minutes = agenda.duration(max(round(part.minutes), 1))
+        minutes = agenda.duration(part.about)
         lines.append(
             f"**Go on here:** [chapter {chapter.number}, section {part.number}: {part.title}]"
             f"({link}), about {minutes}."
@@ -237,12 +239,66 @@ def home() -> Shown:
     signs = ", ".join(f"{present.STATE_SIGNS[s]} {present.STATE_WORDS[s]}" for s in progress.STATES)
     to_read = agenda.duration(sum(row.reading_minutes for row in standing))
     to_solve = agenda.duration(sum(row.exercise_minutes for row in standing))
-    foot = (
-        f"In all about {to_read} to read and {to_solve} to solve. {signs}. "
-        "`drills read 1 2` marks section 2 of chapter 1 as read."
-    )
+    foot = f"In all about {to_read} to read and {to_solve} to solve. {signs}."
     page = "\n\n".join([*lines, "\n".join(table), foot, *loaded.notices])
     return Shown(re.sub(r"\]\([^)]*\)|[*`\[]", "", page), markdown=page)
+
+
+class Ticks(Shown):
+    """The sections of a chapter to tick off, and how long the others take; kept at every click.
+
+    Attributes:
+        boxes: the check boxes by number of the section.
+        left: the label that says what is left.
+    """
+
+    def __init__(self, chapter: int, parts: list[Section]) -> None:
+        import ipywidgets
+
+        self._chapter, self._parts = chapter, parts
+        self.left = ipywidgets.Label()
+        read = progress.load(_progress_file()).reading(chapter).read
+        self.boxes = {
+            part.number: ipywidgets.Checkbox(
+                value=part.number in read,
+                description=f"{part.number} · {part.title} (about {part.about} min)",
+                indent=False,
+                layout=ipywidgets.Layout(width="auto"),
+            )
+            for part in parts
+        }
+        for number, one in self.boxes.items():
+            one.observe(functools.partial(self._clicked, number), names="value")
+        self._tell(())
+        self._view = ipywidgets.VBox([self.left, *self.boxes.values()])
+        super().__init__(f"The sections of chapter {chapter}: run this cell to tick them off.")
+
+    def _clicked(self, number: int, change: dict[str, Any]) -> None:
+        loaded = _noted(
+            self._chapter,
+            lambda reading: progress.note_read(reading, [number], undo=not change["new"]),
+        )
+        self._tell(loaded.notices)
+
+    def _tell(self, notices: Sequence[str]) -> None:
+        unread = [part.minutes for part in self._parts if not self.boxes[part.number].value]
+        time = agenda.duration(round(sum(unread)))
+        left = f"{len(unread)} of {len(self._parts)} sections left, about {time}."
+        self.left.value = " ".join([f"Chapter {self._chapter}: {left}", *notices])
+
+    def _repr_mimebundle_(self, include: Any = None, exclude: Any = None) -> dict[str, Any]:
+        return {**self._view._repr_mimebundle_(), **super()._repr_mimebundle_()}
+
+
+def ticks(chapter: int | None = None) -> Shown:
+    """The sections of a chapter to tick off as read; of the one to go on with if None."""
+    if chapter is None:
+        loaded = progress.load(_progress_file())
+        place = agenda.to_read(loaded, agenda.standings(loaded))
+        if place is None:
+            return Shown("Every section is read.")
+        chapter = place[0].number
+    return Ticks(chapter, chapters.sections(chapters.notebook_of(chapters.of_number(chapter))))
 
 
 def solution(name: str, give_up: bool = False) -> Shown:

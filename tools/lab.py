@@ -54,7 +54,7 @@ def server_options(log: Path, arguments: list[str]) -> list[str]:
 
     Args:
         log: the file.
-        arguments: further ones, which come last and so count.
+        arguments: further options.
     """
     handlers = {
         "console": {

@@ -13,12 +13,16 @@
 # %% [markdown]
 # ## Where you are
 #
-# Written anew each time you open the course; run the cell to see it as it is now.
+# Written anew each time you open the course; run the cell to see it as it is now, and the one below it to
+# tick off what you have read.
 
 # %% tags=["home", "nbval-ignore-output"]
-from drills.notebook import home
+from drills.notebook import home, ticks
 
 home()
+
+# %% tags=["nbval-ignore-output"]
+ticks()
 
 # %% [markdown]
 # {{contents.figures}}

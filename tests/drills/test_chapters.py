@@ -2,10 +2,13 @@
 
 import copy
 import http.server
+import importlib.machinery
 import json
 import os
+import sys
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drills import agenda, cards, chapters, progress
+from drills import notebook as page_home
 from drills.chapters import Copy, bring, merge
 from drills.progress import Loaded, Reading, Record
 from drills.workspace import ROOT, Misuse
@@ -224,7 +228,7 @@ def test_a_save_in_the_last_moment_counts(tmp_path: Path) -> None:
     source, work = notebook(tmp_path, "title", "answer"), tmp_path / "work"
     copied = bring(source, work, closed).path
     notebook(tmp_path, "new title", "answer")
-    asked = []
+    asked: list[Path] = []
 
     def saved_meanwhile(path: Path) -> bool:
         if not asked:
@@ -387,3 +391,73 @@ def test_a_damaged_chapter_is_a_damaged_file(tmp_path: Path, entry: str) -> None
     head = f'"schema": "{progress.SCHEMA}", "exercises": {{}}'
     file.write_text(f'{{{head}, "chapters": {entry}}}')
     assert "damaged-1" in progress.load(file).notices[0]
+
+
+# --- The home page --------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def progress_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    file = tmp_path / "progress.json"
+    monkeypatch.setenv("DRILLS_PROGRESS", str(file))
+    return file
+
+
+def test_the_home_page_says_where_to_go_on_and_what_is_left(progress_file: Path) -> None:
+    page = page_home.home()._repr_mimebundle_()["text/markdown"]
+    standing = agenda.standings(Loaded())
+    one = next(row for row in standing if row.sections)
+    part, number = one.sections[0], one.chapter.number
+    link = one.chapter.notebook.removeprefix("notebooks/")
+    assert f"[chapter {number}, section {part.number}: {part.title}]({link})" in page
+    assert f"`{cards.cards()[0].name}`" in page and "○" * len(one.cards) in page
+    assert f"{agenda.duration(sum(card.minutes for card in cards.cards()))} to solve" in page
+    progress.change(progress_file, one.cards[0].name, lambda r: progress.note_attempt(r, True, {}))
+    progress.change_chapter(progress_file, number, lambda r: progress.note_read(r, [part.number]))
+    page_home.cleared(number)
+    page = page_home.home()._repr_mimebundle_()["text/markdown"]
+    assert f"section {one.sections[1].number}: {one.sections[1].title}]" in page
+    assert "●" in page and f"| 1 of {len(one.sections)} sections |" in page
+    assert "passed on" in page and agenda.duration(one.exercise_minutes) not in page
+    assert "](" not in repr(page_home.home())
+
+
+def test_the_chapter_that_was_opened_last_goes_on(progress_file: Path) -> None:
+    page_home.badges(1)
+    loaded = progress.load(progress_file)
+    assert loaded.reading(1).opened and not loaded.records
+    standing = agenda.standings(loaded)
+    (first,) = [row for row in standing if row.sections][:1]
+    other = replace(first, chapter=replace(first.chapter, number=0))
+    where = agenda.to_read(loaded, [other, first])
+    assert where is not None and where[0].number == 1
+
+
+def test_a_click_marks_a_section_as_read(progress_file: Path) -> None:
+    shown = page_home.ticks()
+    assert isinstance(shown, page_home.Ticks)
+    parts = chapters.sections(chapters.notebook_of(chapters.of_number(1)))
+    assert list(shown.boxes) == [part.number for part in parts]
+    before = shown.left.value
+    shown.boxes[2].value = True
+    assert progress.load(progress_file).reading(1).read == [2]
+    assert f"{len(parts) - 1} of {len(parts)} sections left" in shown.left.value != before
+    again = page_home.ticks(1)
+    assert isinstance(again, page_home.Ticks) and again.boxes[2].value
+    again.boxes[2].value = False
+    assert progress.load(progress_file).reading(1).read == []
+    bundle = shown._repr_mimebundle_()
+    assert "application/vnd.jupyter.widget-view+json" in bundle
+    assert bundle["text/plain"].startswith("The sections of chapter 1")
+    progress.change_chapter(
+        progress_file, 1, lambda r: progress.note_read(r, [part.number for part in parts])
+    )
+    assert repr(page_home.ticks()) == "Every section is read."
+
+
+def test_an_answer_beside_a_notebook_hides_no_module() -> None:
+    """A kernel looks for modules in its notebook's folder first."""
+    outside = [path for path in sys.path if path and not Path(path).is_relative_to(ROOT / "work")]
+    for name in cards.names():
+        assert importlib.machinery.PathFinder.find_spec(name, outside) is None, name
+        assert name not in sys.stdlib_module_names
