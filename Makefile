@@ -99,7 +99,7 @@ lab: setup ## set up, then open the course in JupyterLab, in copies under work/
 	@JUPYTER_CONFIG_PATH='$(CURDIR)/.jupyter' exec $(BIN)/python -m tools.lab
 
 check: setup lint types ## lint, types and the quick tests, in about three minutes
-	$(QUIET) $(BIN)/pytest -q -m smoke $(OF_TOPIC) -n 2 --dist worksteal
+	$(QUIET) $(BIN)/pytest -q --quick $(OF_TOPIC) -n 2 --dist worksteal
 	@echo "the quick tests passed; make test runs all"
 
 test: setup lint types warm pytest nbval ## set up, then run every test, or those of TOPIC=contact

@@ -28,10 +28,15 @@ from drills.workspace import ROOT, Misuse, shown, write_over
 HOME = "index"
 Cell = dict[str, Any]
 
-_WORDS_A_MINUTE = 120  # of prose with formulas: about half the speed of a novel
-_LOOK = 0.5  # min for a cell that is run and looked at
+WORDS_A_MINUTE = 180  # of technical prose
+MINUTES = {"predict": 1, "show": 1, "answer": 1, "simulation": 3}  # what one does in a scene
+
 _SECTION = re.compile(r"^## (\d+) · (.+)$", re.M)
-_FOLDED = re.compile(r"<details.*?</details>", re.S)
+_IMAGE = re.compile(r"!\[[^\]]*\]\([^)]*\)|<img\b[^>]*>")
+_DETAILS = re.compile(r"<details\b(?:(?!<details\b).)*?</details>", re.S)
+_FENCE = re.compile(r"^```.*?^```", re.S | re.M)
+_MATH = re.compile(r"\$\$.*?\$\$|\$[^$]+\$", re.S)
+_TAG = re.compile(r"<[^>]+>")
 _UPWARD = re.compile(r"""(\]\(|(?:src|href)=["'])\.\./""")
 
 
@@ -52,11 +57,31 @@ class Section:
         return max(round(self.minutes), 1)
 
 
+def opened(text: str) -> str:
+    """Markdown without its fold-outs."""
+    while _DETAILS.search(text):
+        text = _DETAILS.sub("", text)
+    return text
+
+
+def words(text: str) -> int:
+    """Words of Markdown: formulas count one, code blocks, pictures and tags none."""
+    plain = _TAG.sub(" ", _MATH.sub(" formula ", _IMAGE.sub(" ", _FENCE.sub(" ", text))))
+    return sum(any(c.isalnum() for c in token) for token in plain.split())
+
+
+def doing(code: str) -> int:
+    """Minutes for what the reader is asked to do by the code of some cells."""
+    return sum(
+        minutes * len(re.findall(rf"^\s*(?:\w+\.)?{name}\(", code, re.M))
+        for name, minutes in MINUTES.items()
+    )
+
+
 def sections(path: Path) -> list[Section]:
     """The parts of a notebook; what stands before the first counts for the first.
 
-    Reading time is that of the open text, what is folded away apart, and of a look at every cell
-    that is run.
+    Reading time is that of the open text, and of what is asked on the way.
 
     Args:
         path: of a notebook; one that is not there has no sections.
@@ -68,14 +93,14 @@ def sections(path: Path) -> list[Section]:
     for cell in _cells(json.loads(path.read_text(encoding="utf-8"))):
         text = cell["source"]
         if cell["cell_type"] != "markdown":
-            minutes[-1] += _LOOK
+            minutes[-1] += doing(text)
             continue
         found = _SECTION.search(text)
         if found:
             if titles:
                 minutes.append(0.0)
             titles.append((int(found[1]), found[2].strip()))
-        minutes[-1] += len(_FOLDED.sub("", text).split()) / _WORDS_A_MINUTE
+        minutes[-1] += words(opened(text)) / WORDS_A_MINUTE
     pairs = zip(titles, minutes, strict=False)
     return [Section(number, title, spent) for (number, title), spent in pairs]
 

@@ -26,6 +26,61 @@ LINES, SECONDS = 7_500, 60.0
 LINES_OF = {"rigid_body": 20_000, "drills": 20_000}
 SECONDS_OF = {"learning": 90.0, "rigid_body": 200.0, "drills": 400.0}
 
+# Beginnings of the names of tests. What is run with every topic: the frame that all stand in.
+SMOKE = (
+    "tests/test_project.py",
+    "tests/test_check.py",
+    "tests/measure/",
+    "tests/derivations/test_framework.py",
+    "tests/simulations/test_record.py",
+    "tests/simulations/test_pen.py",
+    "tests/drills/test_chapters.py",
+    "tests/drills/test_layout.py",
+    "tests/drills/test_values.py",
+    "tests/drills/test_submission.py",
+    "tests/drills/test_cli.py::test_a_newcomer_starts_fails_asks_and_solves",
+    "tests/drills/test_cli.py::test_the_first_two_minutes_of_the_readme",
+    "tests/drills/test_cli.py::test_the_json_of_the_quick_commands",
+)
+# What `make check` leaves out, as it takes long: processes, browsers, whole catalogues, compiling.
+SLOW = (
+    "tests/derivations/test_derivations.py",
+    "tests/derivations/test_mutations.py",
+    "tests/drills/test_attacks_judges.py",
+    "tests/drills/test_cli.py",
+    "tests/drills/test_feedback.py::test_feedback_is_the_golden_one",
+    "tests/drills/test_hostile.py",
+    "tests/drills/test_notebook.py",
+    "tests/drills/test_sandbox",
+    "tests/drills/test_session.py",
+    "tests/drills/test_verify.py",
+    "tests/interview/test_questions.py",
+    "tests/notebooks/test_browser.py",
+    "tests/notebooks/test_lab",
+    "tests/rigid_body/test_charts.py",
+    "tests/rigid_body/test_differentiable.py::test_recovers_parameters",
+    "tests/rigid_body/test_integrators.py::test_compiled_and_plain_source_agree",
+    "tests/rigid_body/test_loop.py::test_an_hour_has",
+    "tests/rigid_body/test_planar.py::test_resting_face_contact_properties",
+    "tests/rigid_body/test_quaternion.py::test_compiled_code_gives_the_same_numbers",
+    "tests/simulations/test_models.py",
+    "tests/test_compiled.py",
+    "tests/vector_env/test_charts.py",
+    "tests/vector_env/test_vector_env.py",
+)
+# Processor time that the quick tests may take in all, warm.
+QUICK_SECONDS = 240.0
+
+
+def is_smoke(name: str) -> bool:
+    """Whether a test, by its name from the project's folder, is run with every topic."""
+    return name.startswith(SMOKE)
+
+
+def is_quick(name: str) -> bool:
+    """Whether `make check` runs a test."""
+    return is_smoke(name) or not name.startswith(SLOW)
+
 
 def examples(count: int) -> hypothesis.settings:
     """Settings of a property: so many examples, and ten times as many to prove it."""

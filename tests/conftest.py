@@ -3,6 +3,7 @@
 Tests in a browser run where there is one, and say so if not. `--topic contact` runs the tests of
 one topic and the smoke tests of the framework: a test belongs to the folder it stands in; one over
 all chapters to the chapter of its parameter, or to what `pytest.mark.topic("contact")` names.
+`--quick` leaves out what takes long (tests/budget.py says which, and what the smoke tests are).
 COURSE_PROVE=1 runs the long tier instead: what stands in `tests/prove`, and every property with
 many examples, drawn afresh.
 """
@@ -17,7 +18,17 @@ from pathlib import Path
 import hypothesis
 import pytest
 
-from tests.budget import CHAPTER, PROVE, ROOT, TOPICS, seconds_allowed, topic_of
+from tests.budget import (
+    CHAPTER,
+    PROVE,
+    QUICK_SECONDS,
+    ROOT,
+    TOPICS,
+    is_quick,
+    is_smoke,
+    seconds_allowed,
+    topic_of,
+)
 
 # A learner's own settings are not for the tests, which make work folders of their own.
 for _name in [name for name in os.environ if name.startswith("DRILLS_")]:
@@ -35,11 +46,11 @@ _SECONDS: defaultdict[str, float] = defaultdict(float)
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--topic", help="run the tests of this topic, and the smoke tests")
+    parser.addoption("--quick", action="store_true", help="leave out what takes long")
 
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "topic(name): what a test over all chapters counts for")
-    config.addinivalue_line("markers", "smoke: is run with every topic")
 
 
 def _topic(item: pytest.Item) -> str:
@@ -62,15 +73,21 @@ def _is_property(item: pytest.Item) -> bool:
     return hypothesis.is_hypothesis_test(getattr(item, "obj", None))
 
 
+def _full_name(item: pytest.Item) -> str:
+    return f"{item.path.relative_to(ROOT).as_posix()}::{item.nodeid.partition('::')[2]}"
+
+
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     wanted, kept = config.getoption("--topic"), items
     if PROVE:
         kept = [item for item in kept if _is_long(item) or _is_property(item)]
+    if config.getoption("--quick"):
+        kept = [item for item in kept if is_quick(_full_name(item))]
     if wanted:
         rooms = sorted({*TOPICS, *map(_topic, items)})
         if wanted not in rooms:
             raise pytest.UsageError(f"topic is {wanted!r}, allowed is {', '.join(rooms)}")
-        kept = [i for i in kept if _topic(i) == wanted or i.get_closest_marker("smoke")]
+        kept = [item for item in kept if _topic(item) == wanted or is_smoke(_full_name(item))]
     config.hook.pytest_deselected(items=[item for item in items if item not in kept])
     items[:] = kept
 
@@ -95,6 +112,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
         session.config.workeroutput["seconds"] = dict(_SECONDS)
         return
     costly = [topic for topic, spent in _SECONDS.items() if spent > seconds_allowed(topic)]
+    if session.config.getoption("--quick") and sum(_SECONDS.values()) > QUICK_SECONDS:
+        costly.append("the quick tests")
     # Processor time grows too where more wants to run than there are cores: then it only tells.
     quiet = os.getloadavg()[0] < 1.5 * (os.cpu_count() or 1) + 1.0
     if costly and quiet and not PROVE:
@@ -140,6 +159,9 @@ def pytest_terminal_summary(terminalreporter) -> None:
             allowed = seconds_allowed(topic)
             told = f"{topic:<14} {spent:6.1f} s of {allowed:g}"
             terminalreporter.write_line(told, red=spent > allowed)
+        if terminalreporter.config.getoption("--quick"):
+            told = f"{'quick tests':<14} {sum(_SECONDS.values()):6.1f} s of {QUICK_SECONDS:g}"
+            terminalreporter.write_line(told, red=sum(_SECONDS.values()) > QUICK_SECONDS)
     reason = why_no_browser()
     if reason and os.environ.get("COURSE_REQUIRE_BROWSER") != "1":
         terminalreporter.write_line(f"browser test did NOT run: {reason}", yellow=True, bold=True)

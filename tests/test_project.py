@@ -514,6 +514,22 @@ def test_every_file_counts_for_one_topic(path: str, topic: str) -> None:
     assert budget.topic_of(path) == topic
 
 
+@pytest.mark.parametrize("name", sorted({*budget.SMOKE, *budget.SLOW}))
+def test_what_is_smoke_or_slow_is_there(name: str) -> None:
+    place, _, test = name.partition("::")
+    path = ROOT / place
+    files = [*path.rglob("*.py")] if path.is_dir() else [*path.parent.glob(f"{path.name}*")]
+    assert any(f"def {test or 'test_'}" in file.read_text("utf-8") for file in files), name
+
+
+def test_the_quick_tests_hold_the_smoke_tests_and_something_of_every_room() -> None:
+    files = [path.relative_to(ROOT) for path in (ROOT / "tests").rglob("test_*.py")]
+    ours = [path for path in files if "prove" not in path.parts]
+    quick = {path.parent for path in ours if budget.is_quick(f"{path.as_posix()}::")}
+    assert {path.name for path in {path.parent for path in ours} - quick} <= {"interview"}
+    assert all(map(budget.is_quick, budget.SMOKE))
+
+
 # --- The README -----------------------------------------------------------------------------------
 
 DOCUMENTS = ["README.md", "CONTRIBUTING.md"]

@@ -1,7 +1,8 @@
 """The form of a chapter: what its notebook may ask of a reader before something moves again.
 
-Words, paragraphs and the time they take are counted here, for the tests and for the line of the
-first screen that says how long the chapter is. Prose is the text of Markdown cells outside of what
+Words, paragraphs and the time they take are counted here (and section by section in
+`drills.chapters`), for the tests and for the line of the first screen that says how long the
+chapter is. Prose is the text of Markdown cells outside of what
 a click unfolds; a formula counts as one word, code and pictures as none.
 """
 
@@ -11,6 +12,8 @@ from collections.abc import Iterator, Sequence
 
 from nbformat import NotebookNode
 
+from drills.chapters import WORDS_A_MINUTE, doing, opened, words
+
 BEFORE_FIRST_PICTURE = 120  # words
 PARAGRAPH = 90  # words
 OPEN_PROSE = 4500  # words in a chapter
@@ -18,29 +21,10 @@ SCREEN = 250  # words without a picture, a question or a control
 COLUMNS = 96  # of printed text
 FIGURES = 12  # printed lines with figures in one output
 
-WORDS_A_MINUTE = 180  # of technical prose
-MINUTES = {"predict": 1, "show": 1, "answer": 1, "simulation": 3}  # what one does in a scene
-
 _ASKED = re.compile(r"^\s*(predict|show|card|check|answer|checkpoint|interview)\(", re.M)
 _MOVED = re.compile(r"^\s*(?:\w+\.)?simulation\(", re.M)
 _IMAGE = re.compile(r"!\[[^\]]*\]\([^)]*\)|<img\b[^>]*>")
-_DETAILS = re.compile(r"<details\b(?:(?!<details\b).)*?</details>", re.S)
 _FENCE = re.compile(r"^```.*?^```", re.S | re.M)
-_MATH = re.compile(r"\$\$.*?\$\$|\$[^$]+\$", re.S)
-_TAG = re.compile(r"<[^>]+>")
-
-
-def opened(text: str) -> str:
-    """Markdown without its fold-outs."""
-    while _DETAILS.search(text):
-        text = _DETAILS.sub("", text)
-    return text
-
-
-def words(text: str) -> int:
-    """Words of Markdown: formulas count one, code blocks, pictures and tags none."""
-    plain = _TAG.sub(" ", _MATH.sub(" formula ", _IMAGE.sub(" ", _FENCE.sub(" ", text))))
-    return sum(any(c.isalnum() for c in token) for token in plain.split())
 
 
 def paragraphs(text: str) -> list[str]:
@@ -157,12 +141,8 @@ def reading(cells: Sequence[NotebookNode]) -> dict[str, int]:
     """
     whole = sum(words(cell.source) for cell in cells if cell.cell_type == "markdown")
     code = "\n".join(cell.source for cell in cells if cell.cell_type == "code")
-    done = sum(
-        minutes * len(re.findall(rf"^\s*(?:\w+\.)?{name}\(", code, re.M))
-        for name, minutes in MINUTES.items()
-    )
     in_open = open_words(cells)
     return {
-        "open": math.ceil(in_open / WORDS_A_MINUTE) + done,
+        "open": math.ceil(in_open / WORDS_A_MINUTE) + doing(code),
         "folded": math.ceil((whole - in_open) / WORDS_A_MINUTE),
     }

@@ -22,6 +22,7 @@ from drills import notebook as page_home
 from drills.chapters import Copy, bring, merge
 from drills.progress import Loaded, Reading, Record
 from drills.workspace import ROOT, Misuse
+from tools import form, notebooks
 
 
 def cell(source: str, kind: str = "code", name: str | None = None) -> dict[str, Any]:
@@ -322,7 +323,7 @@ def test_an_open_notebook_is_known_from_the_servers(tmp_path: Path, server: list
 
 def test_reading_time_is_that_of_the_open_text(tmp_path: Path) -> None:
     folded = f"<details><summary>Proof</summary>\n\n{'word ' * 500}\n\n</details>"
-    parts = ["# Title\n\n" + "word " * 118, "## 1 · Concept\n\n" + "word " * 116, "run"]
+    parts = ["# Title\n\n" + "word " * 179, "## 1 · Concept\n\n" + "word " * 178, "show('x')"]
     parts += ["## 2 · Code\n\nwords\n\n" + folded]
     path = notebook(tmp_path, *parts)
     book = json.loads(path.read_text())
@@ -331,9 +332,17 @@ def test_reading_time_is_that_of_the_open_text(tmp_path: Path) -> None:
     path.write_text(json.dumps(book))
     first, second = chapters.sections(path)
     assert (first.number, first.title) == (1, "Concept")
-    assert first.minutes == pytest.approx(120 / 120 + 120 / 120 + 0.5)
-    assert (second.number, second.minutes) == (2, pytest.approx(5 / 120))
+    assert first.minutes == pytest.approx(1 + 1 + 1)
+    assert (second.number, second.minutes, second.about) == (2, pytest.approx(3 / 180), 1)
     assert chapters.sections(tmp_path / "nowhere.ipynb") == []
+
+
+def test_the_sections_take_the_time_that_the_first_screen_says() -> None:
+    for source in notebooks.sources():
+        if parts := chapters.sections(notebooks.target(source)):
+            whole = sum(part.minutes for part in parts)
+            said = form.reading(nbformat.read(notebooks.target(source), 4).cells)["open"]
+            assert whole <= said < whole + 1
 
 
 def test_what_is_next_follows_the_chapters_and_what_was_tried() -> None:

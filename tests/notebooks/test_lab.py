@@ -24,7 +24,7 @@ import drills.chapters
 drills.chapters.ROOT = pathlib.Path(sys.argv[1])
 from tools import lab
 lab.LOG = drills.chapters.ROOT / "build" / "lab.log"
-sys.exit(lab.main(["--no-browser", "--allow-root", "--ServerApp.port=0", "--ServerApp.ip=127.0.0.1"]))
+sys.exit(lab.main(["--no-browser", "--ServerApp.port=0", "--ServerApp.ip=127.0.0.1"]))
 """
 
 
