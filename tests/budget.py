@@ -62,7 +62,6 @@ SLOW = (
     "tests/rigid_body/test_integrators.py::test_compiled_and_plain_source_agree",
     "tests/rigid_body/test_loop.py::test_an_hour_has",
     "tests/rigid_body/test_planar.py::test_resting_face_contact_properties",
-    "tests/rigid_body/test_quaternion.py::test_compiled_code_gives_the_same_numbers",
     "tests/simulations/test_models.py",
     "tests/test_compiled.py",
     "tests/vector_env/test_charts.py",
