@@ -12,10 +12,20 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.polynomial import Polynomial
 
 from course.check import finite, one_of
-from course.rigid_body.integrators import INTEGRATORS, Array
+from course.rigid_body.integrators import (
+    INTEGRATORS,
+    Array,
+    explicit_euler,
+    explicit_midpoint,
+    implicit_midpoint,
+    rk4,
+    semi_implicit_euler,
+    velocity_verlet,
+)
 from course.rigid_body.problems import oscillator_acceleration
 
 METHODS = (
@@ -26,6 +36,34 @@ METHODS = (
     "implicit_midpoint",
     "rk4",
 )
+
+
+@register_jitable
+def step_of(number, q, v, dt, params):
+    """One step of the oscillator by METHODS[number], which compiled code can't look up by name.
+
+    Args:
+        number: of the method.
+        q, v: position and velocity, shape (1,) or (1, N).
+        dt: step [s].
+        params: omega [rad/s] and zeta.
+
+    Returns:
+        The new (q, v).
+    """
+    if number == 0:
+        return explicit_euler(q, v, oscillator_acceleration, dt, params)
+    if number == 1:
+        return semi_implicit_euler(q, v, oscillator_acceleration, dt, params)
+    if number == 2:
+        return velocity_verlet(q, v, oscillator_acceleration, dt, params)
+    if number == 3:
+        return explicit_midpoint(q, v, oscillator_acceleration, dt, params)
+    if number == 4:
+        return implicit_midpoint(q, v, oscillator_acceleration, dt, params)
+    return rk4(q, v, oscillator_acceleration, dt, params)
+
+
 # Runge-Kutta with as many stages as its order: the exponential series, cut off there.
 _DEGREES = {"explicit_euler": 1, "explicit_midpoint": 2, "rk4": 4}
 

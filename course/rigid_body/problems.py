@@ -202,6 +202,7 @@ def tumble_acceleration(q, v, params):
     return result
 
 
+@register_jitable
 def tumble_energy(q: Array, v: Array, params: Array) -> Array:
     """Kinetic energy [J] of a turning body, shape v.shape[1:]."""
     return 0.5 * (params[0] * v[0] ** 2 + params[1] * v[1] ** 2 + params[2] * v[2] ** 2)
@@ -309,20 +310,24 @@ def top_acceleration(q, v, params):
     return result
 
 
+@register_jitable
 def top_height(q: Array) -> Array:
     """Cosine of the tilt of the body's z axis from the vertical, shape q.shape[1:]."""
     return 1.0 - 2.0 * (q[-3] ** 2 + q[-2] ** 2)
 
 
+@register_jitable
 def top_energy(q: Array, v: Array, params: Array) -> Array:
     """Kinetic plus potential energy [J] of the heavy top."""
     return tumble_energy(q, v, params) + params[3] * top_height(q)
 
 
+@register_jitable
 def nutation_limits(inertia: tuple[float, float], weight: float, tilt: float, spin: float) -> Array:
     """Cosines of the two tilts between which a top released at rest nods.
 
     Roots of (1 - u^2)(alpha - beta u) - (b - a u)^2 (Goldstein, Classical Mechanics, sec. 5.7).
+    One is the tilt at release, as the top rests there; what is left is u^2 - 2 h u + 2 h u0 - 1.
 
     Args:
         inertia: (I1 = I2, I3) about the fixed point [kg m^2].
@@ -335,12 +340,9 @@ def nutation_limits(inertia: tuple[float, float], weight: float, tilt: float, sp
     """
     i1, i3 = inertia
     u0 = np.cos(tilt)
-    a = i3 * spin / i1
-    b = a * u0
-    beta = 2.0 * weight / i1
-    alpha = beta * u0
-    # Expanded: beta u^3 - (alpha + a^2) u^2 + (2 a b - beta) u + (alpha - b^2)
-    return np.sort(np.roots([beta, -(alpha + a * a), 2.0 * a * b - beta, alpha - b * b]).real)
+    h = (i3 * spin) ** 2 / (4.0 * i1 * weight)
+    high = h + np.sqrt(h * h - 2.0 * h * u0 + 1.0)
+    return np.array([(2.0 * h * u0 - 1.0) / high, u0, high])
 
 
 def heavy_top(

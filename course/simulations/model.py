@@ -17,6 +17,9 @@ from course.check import finite, one_of
 from course.simulations import pen as drawing
 from course.simulations.record import Field, Record, menu
 
+# The keys that a model may answer, by their number; named as in a browser.
+KEYS = ("ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "+", "-")
+
 
 @dataclass(frozen=True)
 class Preset:
@@ -41,8 +44,10 @@ class Model:
         frame: (pen, state, controls): draw the picture and the numbers.
         drag: (controls, state, x, y), if something can be moved: the pointer is at (x, y) in units
             of the window.
-        live_drag: a drag acts on the running state; else the experiment starts anew from what it
-            did to the controls.
+        grab: (controls, state, x, y), if a drag has to know where it began: the pointer goes down.
+        press: (controls, state, key): the key with this number in `KEYS` is pressed.
+        live_drag: drags and keys act on the running state; else the experiment starts anew from
+            what they did to the controls.
         recorded: the pictures were computed beforehand, as a library had to come along.
     """
 
@@ -55,6 +60,8 @@ class Model:
     advance: Callable[[Any, Any, float], None]
     frame: Callable[[Any, Any, Any], None]
     drag: Callable[[Any, Any, float, float], None] | None = None
+    grab: Callable[[Any, Any, float, float], None] | None = None
+    press: Callable[[Any, Any, int], None] | None = None
     live_drag: bool = False
     recorded: bool = field(default=False)
 
@@ -104,6 +111,18 @@ class Experiment:
         """The pointer is at (x, y) in units of the window; without a `drag` nothing happens."""
         if self.model.drag is not None:
             self.model.drag(self.controls, self.state, x, y)
+            if not self.model.live_drag:
+                self.start()
+
+    def grab(self, x: float, y: float) -> None:
+        """The pointer goes down at (x, y), where a drag may begin."""
+        if self.model.grab is not None:
+            self.model.grab(self.controls, self.state, x, y)
+
+    def press(self, key: str) -> None:
+        """A key of `KEYS` is pressed; without a `press` nothing happens."""
+        if self.model.press is not None:
+            self.model.press(self.controls, self.state, KEYS.index(key))
             if not self.model.live_drag:
                 self.start()
 

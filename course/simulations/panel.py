@@ -11,8 +11,8 @@ from typing import Any
 
 import ipywidgets
 
-from course.simulations.canvas import Canvas, bundle
-from course.simulations.model import Experiment, Model
+from course.simulations.canvas import Canvas, Pointer, bundle
+from course.simulations.model import KEYS, Experiment, Model
 from course.simulations.record import Field
 
 _PICTURES_PER_SECOND = 40.0
@@ -27,7 +27,7 @@ class Panel(ipywidgets.VBox):
 
     A change of a control starts the experiment anew, so the picture always belongs to the settings
     beside it, unless the model says that it acts on the running state. Space plays and pauses, R
-    resets, while the picture has the focus.
+    resets, while the picture has the focus; what other keys do is up to the model.
     """
 
     def __init__(self, model: Model) -> None:
@@ -39,9 +39,10 @@ class Panel(ipywidgets.VBox):
         self._setting = False
         self._task: asyncio.Task[None] | None = None
         self.canvas = Canvas(self.experiment.picture())
-        self.canvas.on_key([" ", "r", "R"], lambda key: self._key(key.key))
+        turns = KEYS if model.press is not None else ()
+        self.canvas.on_key([" ", "r", "R", *turns], lambda key: self._key(key.key))
         if model.drag is not None:
-            self.canvas.on_pointer(lambda pointer: self._drag(pointer.x, pointer.y))
+            self.canvas.on_pointer(self._drag)
         self.inputs = {name: _input(field) for name, field in model.controls.panel()}
         for name, widget in self.inputs.items():
             widget.observe(lambda change, name=name: self._changed(name, change["new"]), "value")
@@ -152,9 +153,11 @@ class Panel(ipywidgets.VBox):
                 self.experiment.set(**{name: value})
                 self._show()
 
-    def _drag(self, x: float, y: float) -> None:
+    def _drag(self, pointer: Pointer) -> None:
         with self._lock:
-            self.experiment.drag(x, y)
+            if pointer.kind == "down":
+                self.experiment.grab(pointer.x, pointer.y)
+            self.experiment.drag(pointer.x, pointer.y)
             self._follow()
 
     def _follow(self, preset: str = "") -> None:
@@ -171,6 +174,10 @@ class Panel(ipywidgets.VBox):
     def _key(self, key: str) -> None:
         if key in ("r", "R"):
             self.reset()
+        elif key in KEYS:
+            with self._lock:
+                self.experiment.press(key)
+                self._follow()
         elif self.playing:
             self.pause()
         else:

@@ -230,6 +230,20 @@ def points(pen, x, y):
 
 
 @register_jitable
+def curve(pen, x, y, colour, width=1.5, alpha=1.0, on=0.0, off=0.0):
+    """A line through points, arrays (N,)."""
+    line(pen, colour, width, alpha, on, off)
+    points(pen, x, y)
+
+
+@register_jitable
+def spot(pen, x, y, radius, fill, edge=NONE, width=1.5, alpha=1.0):
+    """One disc around a point."""
+    disc(pen, radius, fill, edge, width, alpha)
+    point(pen, x, y)
+
+
+@register_jitable
 def segment(pen, x0, y0, x1, y1, colour, width=1.5, alpha=1.0, on=0.0, off=0.0):
     """A line from one point to another."""
     line(pen, colour, width, alpha, on, off)

@@ -5,7 +5,6 @@ picture and numbers, and the presets that show one failure each.
 """
 
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numba.extending import register_jitable
@@ -16,9 +15,6 @@ from course.rigid_body.planar_contact import flight
 from course.simulations import pen as draw
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, menu, slider, switch
-
-if TYPE_CHECKING:
-    from course.simulations.panel import Panel
 
 MASS, WIDTH, HEIGHT = 1.0, 0.6, 0.4  # of the box [kg, m, m]
 _BOX = box_parameters(MASS, WIDTH, HEIGHT)
@@ -369,10 +365,3 @@ PRESETS = {
 MODEL = Model(
     TITLE, draw.Paper(TITLE, word, colour), CONTROLS, STATE, PRESETS, initial, advance, frame, drag
 )
-
-
-def simulation() -> "Panel":
-    """The simulation as a widget for a notebook; it starts paused."""
-    from course.simulations.panel import Panel
-
-    return Panel(MODEL)

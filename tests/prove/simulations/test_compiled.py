@@ -8,7 +8,7 @@ import pytest
 
 from course.simulations import pen as draw
 from course.simulations import splitmix
-from course.simulations.model import Experiment
+from course.simulations.model import KEYS, Experiment
 from tests.simulations.models import MODELS
 
 
@@ -26,7 +26,7 @@ class Compiled:
 
     def __init__(self, model: Any) -> None:
         self.given = model
-        for name in ("initial", "advance", "frame", "drag"):
+        for name in ("initial", "advance", "frame", "drag", "grab", "press"):
             function = getattr(model, name)
             setattr(self, name, function and numba.njit(function, error_model="numpy"))
 
@@ -49,8 +49,13 @@ def test_the_functions_compile_and_draw_the_same(model: Any) -> None:
         xmin, xmax, ymin, ymax = model.paper.window
         for share in (0.2, 0.5, 0.8):
             place = xmin + share * (xmax - xmin), ymin + share * (ymax - ymin)
-            plain.drag(*place)
-            fast.drag(*place)
+            for experiment in (plain, fast):
+                experiment.grab(*place)
+                experiment.drag(place[0] + 0.3, place[1] + 0.2)
+            same(plain, fast)
+        for key in KEYS:
+            plain.press(key)
+            fast.press(key)
             same(plain, fast)
     assert len(compiled.frame.nopython_signatures) == 1
 

@@ -1,0 +1,110 @@
+"""A body that turns freely: its angular momentum stays, its angular velocity wanders."""
+
+import math
+
+import numpy as np
+from numba.extending import register_jitable
+
+from course.rigid_body.problems import tumble_energy
+from course.rigid_body.quaternion import rotate
+from course.simulations import pen as draw
+from course.simulations import space
+from course.simulations.model import Model, Preset
+from course.simulations.record import Record, menu, slider
+from course.simulations.rigid_body import turning
+from course.simulations.rigid_body.turning import colour, word
+
+BODIES = ("brick", "plate", "rod", "cube")
+SIDES = np.array([[1.5, 1.0, 0.4], [1.2, 1.2, 0.2], [0.4, 0.4, 1.6], [0.9, 0.9, 0.9]])  # [m]
+MOMENTS = np.sum(SIDES**2, axis=1, keepdims=True) - SIDES**2  # of boxes of 12 kg [kg m^2]
+
+CONTROLS = Record(
+    body=menu("Body", BODIES),
+    spin=slider("Spin |ω|", 4.0, 1.0, 8.0, 0.1, "rad/s", 1),
+    tilt=slider("ω off axis 3", 40.0, 0.0, 90.0, 1.0, "°", 0),
+    **space.camera(0.5, 0.3),
+)
+STATE = Record(**turning.TURNING)
+
+
+def initial(controls, state):
+    """Turning about an axis between the third and the first."""
+    tilt = math.radians(controls["tilt"])
+    omega = controls["spin"] * np.array([math.sin(tilt), 0.0, math.cos(tilt)])
+    turning.start(state, MOMENTS[controls["body"]], omega)
+
+
+def advance(state, controls, seconds):
+    """Turn on."""
+    turning.turn(state, MOMENTS[controls["body"]], seconds)
+
+
+TITLE = "A free body: L stays, ω wanders"
+_L, _OMEGA, _THIRD = word("L", "ω", "3")
+_KEYS = word(
+    "L = R I Rᵀ ω: fixed in space", "ω: wanders", "space cone: where ω was, in space",
+    "body cone: where ω was, in the body", "plane in which the tip of ω stays",
+)[0]  # fmt: skip
+_TIME, _ENERGY, _SIZE = word("time", "energy", "size of L")
+_ANGLE, _MOVED = word("angle of ω and L", "ω has moved by")
+_S, _J, _NMS, _DEG = word(" s", " J", " N m s", "°")
+_SCENE, _STRIP = (0.1, 5.5, 0.1, 4.6), (6.35, 8.8, 3.0, 4.5)
+_INKS = (draw.INK, draw.RED, draw.ORANGE, draw.BLUE, draw.GREY)
+
+
+@register_jitable
+def _fan(pen, eye, path, ink):
+    """A cone from the origin along a path (3, N)."""
+    cone = np.zeros((3, path.shape[1] + 1))
+    cone[:, 1:] = path
+    space.sheet(pen, eye, cone, ink, draw.NONE, 1.0, 0.13)
+    space.trail(pen, eye, path, ink, 2.2)
+
+
+def frame(pen, state, controls):
+    """The body, both vectors and both cones; rates and numbers."""
+    q, omega, moments = state["q"], state["omega"], MOMENTS[controls["body"]]
+    sides, past = SIDES[controls["body"]], turning.recent(state)
+    momentum, spin = rotate(q, moments * omega), rotate(q, omega)
+    length, unit = math.sqrt(np.sum(momentum * momentum)), 1.15 / controls["spin"]
+    eye = space.look(pen, _SCENE, controls, 1.35)
+    plane = space.circle(0.8)
+    plane[2] = unit * np.sum(spin * momentum) / length
+    space.sheet(pen, eye, plane, draw.GREY, draw.GREY, 1.0, 0.16)
+    turning.body(pen, eye, q, sides)
+    third = rotate(q, np.array([0.0, 0.0, 1.0]))
+    space.arrow(pen, eye, 0.5 * sides[2] * third, (0.5 * sides[2] + 0.3) * third, draw.GREY, 1.5,
+                8.0, _THIRD)  # fmt: skip
+    _fan(pen, eye, unit * past[4:7], draw.ORANGE)
+    _fan(pen, eye, unit * rotate(q, past[1:4]), draw.BLUE)
+    space.arrow(pen, eye, 0.0 * spin, 1.25 * momentum / length, draw.INK, 3.5, 13.0, _L)
+    space.arrow(pen, eye, 0.0 * spin, unit * spin, draw.RED, 3.5, 13.0, _OMEGA)
+    turning.rates(pen, state, _STRIP, 1.1 * controls["spin"])
+    for k in range(5):
+        draw.key(pen, 5.75, 1.6 - 0.27 * k, _KEYS + k, _INKS[k], 3.0)
+    draw.reading(pen, _TIME, turning.STEP * state["steps"], 2, _S)
+    draw.reading(pen, _ENERGY, tumble_energy(q, omega, moments), 4, _J)
+    draw.reading(pen, _SIZE, length, 4, _NMS)
+    draw.reading(pen, _ANGLE, turning.between(spin, momentum), 1, _DEG)
+    draw.reading(pen, _MOVED, turning.between(spin, state["past"][4:7, 0]), 1, _DEG)
+
+
+PRESETS = {
+    "A brick": Preset(
+        {}, "No torque acts. L stays where it is, ω does not: its tip runs over a plane, as the "
+        "energy is half of ω · L. Drag to look from elsewhere."),
+    "A plate: two cones that roll": Preset(
+        {"body": "plate", "tilt": 25.0}, "Two moments are equal. ω circles L in space and axis 3 "
+        "in the body, both at a steady rate: one cone rolls on the other, along ω."),
+    "A rod": Preset(
+        {"body": "rod", "tilt": 20.0}, "A slim body: L leans far from ω, and the body cone rolls "
+        "outside the space cone. For a plate the space cone is inside it."),
+    "About its own axis": Preset(
+        {"tilt": 0.0}, "About a principal axis L and ω are parallel, and only then does ω stay."),
+    "A cube": Preset(
+        {"body": "cube"}, "All moments are equal: L = I ω with a number I, so ω stays with L, "
+        "whatever the axis."),
+}  # fmt: skip
+
+PAPER = draw.Paper(TITLE, word, colour)
+MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, **space.ORBIT)

@@ -1,0 +1,132 @@
+"""Gimbal lock: three rings, three angles, and the axis that none of them can turn about."""
+
+import math
+
+import numpy as np
+from numba.extending import register_jitable
+
+from course.rigid_body.quaternion import cross, euler_zyx_rate_matrix, from_euler_zyx, rotate
+from course.simulations import pen as draw
+from course.simulations import space
+from course.simulations.model import Model, Preset
+from course.simulations.record import Field, Record, slider
+
+CONTROLS = Record(
+    yaw=slider("Yaw, outer ring", 20.0, -180.0, 180.0, 1.0, "°", 0, live=True),
+    pitch=slider("Pitch, middle ring", 20.0, -90.0, 90.0, 1.0, "°", 0, live=True),
+    roll=slider("Roll, inner ring", 0.0, -180.0, 180.0, 1.0, "°", 0, live=True),
+    **space.camera(-0.9, 0.3),
+)
+STATE = Record(time=Field(0.0, unit="s"))
+
+
+def initial(controls, state):
+    """Time zero; the rings stand where the sliders are."""
+    state["time"] = 0.0
+
+
+def advance(state, controls, seconds):
+    """Time passes."""
+    state["time"] += seconds
+
+
+@register_jitable
+def angles(state, controls):
+    """Yaw, pitch and roll now [rad], (3,); the ring that is being wiggled, or -1."""
+    now = np.array([controls["yaw"], controls["pitch"], controls["roll"]]) * (math.pi / 180.0)
+    ring = int(state["time"] / 2.0) % 3 if state["time"] > 0.0 else -1
+    if ring >= 0:
+        now[ring] += 0.4 * math.sin(math.pi * state["time"])
+    return now, ring
+
+
+@register_jitable
+def axes_of(yaw, pitch, roll):
+    """Axes of the outer, middle and inner ring, and the axis that they turn about worst, (4, 3)."""
+    axes = np.zeros((4, 3))
+    axes[0, 2], axes[1, 0], axes[1, 1] = 1.0, -math.sin(yaw), math.cos(yaw)
+    axes[2] = rotate(from_euler_zyx(yaw, pitch, roll), np.array([1.0, 0.0, 0.0]))
+    # Across the middle axis and what lies halfway between the other two, which never vanishes.
+    axes[3] = cross(axes[1], axes[0] + math.copysign(1.0, axes[2, 2]) * axes[2])
+    axes[3] /= math.sqrt(np.sum(axes[3] ** 2))
+    return axes
+
+
+TITLE = "Gimbal lock"
+word, colour = draw.words_table(), draw.colours_table()
+_SHADES = space.shades(colour, "#4d9fd6", "#eb8f4a", "#ad7fbb", "#c4cad0")
+_NAMES = word("yaw axis (outer ring)", "pitch axis (middle ring)", "roll axis (inner ring)",
+              "lost axis: no ring turns about it")[0]  # fmt: skip
+_MOVED = word("turning: outer ring (yaw)", "turning: middle ring (pitch)",
+              "turning: inner ring (roll)")[0]  # fmt: skip
+_ANGLES, _VALUE, _THEORY, _NEEDED, _PITCH, _SIGMA, _DEG, _RATE, _COMMA = word(
+    "yaw, pitch, roll", "smallest value", "in theory", "rate for 1 rad/s", "pitch [°]",
+    "smallest singular value of E", "°", " rad/s", ", ",
+)  # fmt: skip
+_SCENE, _CURVE = (0.1, 5.6, 0.1, 4.6), (6.35, 8.8, 2.6, 4.4)
+_INKS = (draw.BLUE, draw.ORANGE, draw.PURPLE, draw.RED)
+# Each ring lies in the plane of its own axis and the next one. All faces are sorted together.
+_PARTS = [*(space.ring(r, 0.05) for r in (1.25, 1.05, 0.85)), space.box(1.1, 0.5, 0.08)]
+_SWAP = ([2, 0, 1], [0, 1, 2], [0, 2, 1], [0, 1, 2])  # the normal goes along x, z, y of its frame
+_CORNERS = np.hstack([part[0][rows] for part, rows in zip(_PARTS, _SWAP, strict=True)])
+_N = _PARTS[0][0].shape[1]
+_INDEX = np.vstack([part[1] + k * _N for k, part in enumerate(_PARTS)])
+_FILLS = np.repeat(_SHADES, [len(part[1]) for part in _PARTS])
+
+
+def frame(pen, state, controls):
+    """Rings, plate and axes; the singular value over the pitch, and numbers."""
+    (yaw, pitch, roll), ring = angles(state, controls)
+    axes, corners = axes_of(yaw, pitch, roll), np.empty(_CORNERS.shape)
+    for k in range(4):
+        q = from_euler_zyx(yaw, pitch if k > 0 else 0.0, roll if k > 1 else 0.0)
+        corners[:, k * _N : (k + 1) * _N] = rotate(q, _CORNERS[:, k * _N : (k + 1) * _N])
+    sigma = np.linalg.svd(euler_zyx_rate_matrix(pitch, roll))[1][2]
+    eye = space.look(pen, _SCENE, controls, 1.55)
+    for k in range(4 if sigma < 0.5 else 3):
+        space.trail(pen, eye, np.outer(axes[k], np.array([-1.45, -0.8])), _INKS[k], 2.5)
+    space.faces(pen, eye, corners, _INDEX, _FILLS)
+    for k in range(4 if sigma < 0.5 else 3):
+        width = 4.5 if k == ring or k == 3 else 2.5
+        space.arrow(pen, eye, (0.9 if k < 3 else 0.0) * axes[k], 1.5 * axes[k], _INKS[k], width)
+    draw.area(pen, _CURVE, (-110.0, 110.0, 0.0, 1.1))
+    draw.axes(pen, _PITCH, 0, _SIGMA, 4, 4)
+    bend = np.linspace(-110.0, 110.0, 111)
+    draw.curve(
+        pen,
+        bend,
+        np.sqrt(1.0 - np.abs(np.sin(bend * (math.pi / 180.0)))),
+        draw.INK,
+        1.6,
+        0.7,
+        5.0,
+        4.0,
+    )
+    draw.spot(pen, math.degrees(pitch), sigma, 7.0, draw.RED)
+    draw.window(pen)
+    for k in range(4):
+        draw.key(pen, 5.9, 1.6 - 0.27 * k, _NAMES + k, _INKS[k], 3.5)
+    if ring >= 0:
+        draw.text(pen, 0.2, 4.75, _MOVED + ring, _INKS[ring], 13.0)
+    draw.readout(pen, _ANGLES)
+    for k in range(3):
+        draw.number(pen, math.degrees((yaw, pitch, roll)[k]), 0, _COMMA if k < 2 else _DEG)
+    draw.reading(pen, _VALUE, sigma, 4)
+    draw.reading(pen, _THEORY, math.sqrt(max(1.0 - abs(math.sin(pitch)), 0.0)), 4)
+    draw.reading(pen, _NEEDED, min(1.0 / max(sigma, 1e-3), 1e3), 1, _RATE)
+
+
+PRESETS = {
+    "Three free axes": Preset(
+        {}, "Press play: each ring in turn wiggles about its own axis. Three axes, three ways to "
+        "turn. The farther the middle ring tilts, the nearer the outer axis comes to the inner."),
+    "Locked: pitch 90°": Preset(
+        {"pitch": 90.0}, "The outer and the inner ring turn about one and the same axis: wiggling "
+        "either does the same. Nothing turns the plate about the red axis. The plate can still "
+        "have any attitude; three angles cannot follow it from here."),
+    "Nearly locked: pitch 80°": Preset(
+        {"pitch": 80.0}, "To turn about the red axis at 1 rad/s the rings need eight times that."),
+}  # fmt: skip
+
+PAPER = draw.Paper(TITLE, word, colour)
+MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, **space.ORBIT)

@@ -1,0 +1,165 @@
+"""Tunnelling in motion: a ball is looked at once a step, and the wall stands between two looks."""
+
+import numpy as np
+from numba.extending import register_jitable
+
+from course.simulations import pen as draw
+from course.simulations import splitmix
+from course.simulations.model import Model, Preset
+from course.simulations.record import Field, Record, slider, switch
+
+RADIUS = 0.05  # of the ball [m]
+_FROM, _TO, _SEEN, _PAUSE = -1.0, 0.8, 1.5, 0.7  # m, m, m flown in a second of yours, s
+_ROOM = 1200  # samples of a shot
+
+CONTROLS = Record(
+    speed=slider("Speed v", 40.0, 2.0, 100.0, 1.0, "m/s", 0),
+    timestep=slider("Timestep", 10.0, 1.0, 20.0, 0.5, "ms", 1),
+    wall=slider("Wall", 20.0, 5.0, 200.0, 5.0, "mm", 0),
+    sweep=switch("sweep: test the way between two steps", False),
+    seed=slider("Seed of the shots", 1, 0, 99, 1),
+)
+STATE = Record(
+    seed=Field(np.uint64(0), shape=(1,)),
+    centre=Field(0.0, shape=(_ROOM,), unit="m"),  # of the ball, at the steps of this shot
+    samples=Field(0),
+    hit=Field(0),
+    owed=Field(0.0, unit="s"),  # of your time
+    shots=Field(0),
+    missed=Field(0),
+    share=Field(0.0),  # missed, of 1000 phases of the step
+)
+
+
+@register_jitable
+def theory(controls):
+    """The share that is missed: 1 - D / (v dt), D the way over which ball and wall overlap."""
+    way = 1e-3 * controls["timestep"] * controls["speed"]
+    return max(0.0, 1.0 - (2.0 * RADIUS + 1e-3 * controls["wall"]) / way)
+
+
+@register_jitable
+def found(before, now, controls):
+    """Whether a step finds the wall, whose front is at 0; of numbers or arrays."""
+    if controls["sweep"] != 0:
+        return (now >= -RADIUS) & (before <= 1e-3 * controls["wall"] + RADIUS)
+    return (now >= -RADIUS) & (now <= 1e-3 * controls["wall"] + RADIUS)
+
+
+@register_jitable
+def shoot(controls, state):
+    """Put the ball at its start; where the wall falls in a step is drawn anew."""
+    phase = np.empty(1)
+    splitmix.uniform(state["seed"], phase)
+    way = 1e-3 * controls["timestep"] * controls["speed"]
+    state["centre"][0] = _FROM - phase[0] * way
+    state["samples"], state["hit"] = 1, 0
+    state["shots"] += 1
+
+
+def initial(controls, state):
+    """The first shot; and a thousand phases of the step, flown past the wall."""
+    state["seed"][0] = controls["seed"]
+    way = 1e-3 * controls["timestep"] * controls["speed"]
+    x = -RADIUS - way * (np.arange(1000) + 0.5) / 1000.0
+    seen = np.zeros(1000, np.bool_)
+    while np.min(x) <= 1e-3 * controls["wall"] + RADIUS:
+        seen |= found(x, x + way, controls)
+        x = x + way
+    state["share"] = 1.0 - np.mean(seen)
+    shoot(controls, state)
+
+
+def advance(state, controls, seconds):
+    """Steps in slow motion: every ball flies past in the same time of yours."""
+    way = 1e-3 * controls["timestep"] * controls["speed"]
+    state["owed"] += seconds
+    while True:
+        n, x = state["samples"], state["centre"]
+        over = state["hit"] != 0 or x[n - 1] > _TO
+        wait = _PAUSE if over else way / _SEEN
+        if state["owed"] < wait:
+            break
+        state["owed"] -= wait
+        if over:
+            shoot(controls, state)
+        else:
+            x[n] = x[n - 1] + way
+            state["samples"] = n + 1
+            if found(x[n - 1], x[n], controls):
+                state["hit"] = 1
+                if controls["sweep"] != 0:
+                    x[n] = -RADIUS
+            elif x[n] > _TO:
+                state["missed"] += 1
+
+
+TITLE = "Tunnelling in motion"
+word, colour = draw.words_table(), draw.colours_table()
+(_STONE,) = colour("#b9a88c")
+_X, _RATIO, _M, _PERCENT = word("x [m]", "v dt / D", " m", " %")
+_LOOKS, _MISS, _CURVE, _HERE = word(
+    "where the ball is at each step", "share that is missed", "theory", "1000 phases of the step"
+)
+_SAID = word("on its way", "found", "missed: it went through")[0]
+_WAY, _D, _SHARE, _THEORY, _SHOTS, _MISSED = word(
+    "v dt, a step's way", "D = ball + wall", "missed, of 1000", "1 − D / (v dt)", "shots", "missed"
+)
+_FLIGHT, _CHART = (0.5, 8.8, 3.1, 4.45), (0.9, 5.2, 0.6, 2.2)
+
+
+def frame(pen, state, controls):
+    """The looks at the ball and the wall; the share that is missed over the way of a step."""
+    n, x, wall = state["samples"], state["centre"], 1e-3 * controls["wall"]
+    way, wide = 1e-3 * controls["timestep"] * controls["speed"], 2.0 * RADIUS + wall
+    said = 1 if state["hit"] != 0 else 2 * (x[n - 1] > _TO)
+    ink = (draw.BLUE, draw.GREEN, draw.RED)[said]
+    draw.area(pen, _FLIGHT, (-1.15, 1.25, -0.2, 0.2))
+    draw.axes(pen, _X, 0, _LOOKS, 8, 0)
+    draw.box(pen, 0.0, wall, -0.2, 0.2, _STONE, draw.INK, 1.0)
+    draw.curve(pen, x[:n], 0.0 * x[:n], draw.BLUE, 1.2, 0.6)
+    draw.disc(pen, RADIUS, draw.BLUE, draw.BLUE, 1.0, 0.25)
+    draw.points(pen, x[: n - 1], 0.0 * x[: n - 1])
+    draw.spot(pen, x[n - 1], 0.0, RADIUS, ink)
+    draw.window(pen)
+    draw.text(pen, 8.8, 4.62, _SAID + said, ink, 14.0, draw.RIGHT)
+    draw.area(pen, _CHART, (0.0, 10.0, 0.0, 1.0))
+    draw.axes(pen, _RATIO, 0, _MISS, 5, 4)
+    ratio = np.linspace(0.0, 10.0, 201)
+    draw.curve(
+        pen,
+        ratio,
+        np.maximum(0.0, 1.0 - 1.0 / np.maximum(ratio, 1e-3)),
+        draw.INK,
+        1.6,
+        0.8,
+        5.0,
+        4.0,
+    )
+    draw.spot(pen, min(way / wide, 10.0), state["share"], 0.16, draw.RED)
+    draw.window(pen)
+    draw.key(pen, 5.6, 1.9, _CURVE, draw.INK, 1.6, 0.8, 5.0, 4.0)
+    draw.key(pen, 5.6, 1.6, _HERE, draw.RED, 4.0)
+    draw.reading(pen, _WAY, way, 3, _M)
+    draw.reading(pen, _D, wide, 3, _M)
+    draw.reading(pen, _SHARE, 100.0 * state["share"], 1, _PERCENT)
+    draw.reading(pen, _THEORY, 100.0 * theory(controls), 1, _PERCENT)
+    draw.reading(pen, _SHOTS, state["shots"], 0)
+    draw.reading(pen, _MISSED, state["missed"], 0)
+
+
+PRESETS = {
+    "A fast ball": Preset(
+        {}, "In one step the ball flies more than three times D. Most balls are before the wall at "
+        "one look and beyond it at the next. Which ones is luck: the phase of the step."),
+    "Just slow enough": Preset(
+        {"speed": 12.0}, "v dt = D: some look always falls into the wall. Raise v by a little."),
+    "Swept": Preset(
+        {"sweep": True}, "The same ball and step. The way between two looks is tested, and "
+        "nothing is missed, however thin the wall."),
+    "A shorter step": Preset(
+        {"timestep": 2.0}, "Smaller steps help in proportion; for a bullet and foil never enough."),
+}  # fmt: skip
+
+PAPER = draw.Paper(TITLE, word, colour)
+MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame)

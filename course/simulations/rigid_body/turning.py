@@ -1,0 +1,112 @@
+"""What the simulations of a body that turns freely share: its shape, its motion, its rates.
+
+The motion is that of `course.rigid_body`: Euler's equations by RK4 on the rotation group.
+"""
+
+import math
+
+import numpy as np
+from numba.extending import register_jitable
+
+from course.rigid_body.integrators import rk4
+from course.rigid_body.problems import tumble_acceleration
+from course.rigid_body.quaternion import cross, exp, rotate
+from course.simulations import pen as draw
+from course.simulations import space
+from course.simulations.record import Field
+
+STEP, SAMPLE, PAST = 0.005, 4, 300  # s, steps, samples
+
+TURNING = {
+    "q": Field(0.0, shape=(4,)),
+    "omega": Field(0.0, shape=(3,), unit="rad/s"),  # in the body frame
+    "steps": Field(0),
+    "owed": Field(0.0, unit="s"),
+    # Time, angular velocity in the body frame and in the world, of the samples.
+    "past": Field(0.0, shape=(7, 2 * PAST)),
+    "samples": Field(0),
+}
+
+
+@register_jitable
+def remember(state):
+    """Remember the angular velocity now."""
+    past = state["past"]
+    state["samples"] = n = draw.remember(past, state["samples"], STEP * state["steps"])
+    past[1:4, n - 1] = state["omega"]
+    past[4:7, n - 1] = rotate(state["q"], state["omega"])
+
+
+@register_jitable
+def start(state, moments, omega):
+    """Begin with a body rate, turned so that the angular momentum points up."""
+    momentum = moments * omega
+    axis = cross(momentum, np.array([0.0, 0.0, 1.0]))
+    sine = math.sqrt(axis[0] ** 2 + axis[1] ** 2)
+    state["q"][:] = exp(axis * (math.atan2(sine, momentum[2]) / max(sine, 1e-300)))
+    state["omega"][:] = omega
+    remember(state)
+
+
+@register_jitable
+def whole_steps(state, seconds, step):
+    """How many steps fit into the time and what was owed; the rest is owed."""
+    count = math.floor((state["owed"] + seconds) / step + 1e-9)
+    state["owed"] = max(state["owed"] + seconds - count * step, 0.0)
+    return count
+
+
+@register_jitable
+def turn(state, moments, seconds):
+    """Let the body turn by whole steps."""
+    for _ in range(whole_steps(state, seconds, STEP)):
+        q, omega = rk4(state["q"], state["omega"], tumble_acceleration, STEP, moments)
+        state["q"][:] = q
+        state["omega"][:] = omega
+        state["steps"] += 1
+        if state["steps"] % SAMPLE == 0:
+            remember(state)
+
+
+@register_jitable
+def recent(state):
+    """Time and rates of the last six seconds, a view (7, N)."""
+    return state["past"][:, max(0, state["samples"] - PAST) : state["samples"]]
+
+
+@register_jitable
+def between(a, b):
+    """The angle between two vectors [degrees]."""
+    c = cross(a, b)
+    return math.degrees(math.atan2(math.sqrt(np.sum(c * c)), np.sum(a * b)))
+
+
+word, colour = draw.words_table(), draw.colours_table()
+SKIN = space.shades(colour, "#c9d1d9", "#c9d1d9", "#e6dcc4", "#e6dcc4", "#8fb3d9", "#d9775b")
+_CORNERS, _INDEX = space.box(1.0, 1.0, 1.0)
+_FILLS = np.array(SKIN)
+_RATES, _T, _RATE = word("rates about the body's own axes", "time [s]", "[rad/s]")
+_NAMES = word("ω1", "ω2", "ω3")[0]
+_INKS = (draw.BLUE, draw.ORANGE, draw.PURPLE)
+
+
+@register_jitable
+def body(pen, eye, q, sides):
+    """The box; the faces across its third axis are blue and red."""
+    corners = rotate(q, _CORNERS * sides.reshape((3, 1)))
+    space.faces(pen, eye, corners, _INDEX, _FILLS, draw.GREY)
+
+
+@register_jitable
+def rates(pen, state, rectangle, high):
+    """The three body rates over the last six seconds."""
+    past = recent(state)
+    draw.area(pen, rectangle, (past[0, 0], past[0, 0] + 6.0, -high, high))
+    draw.axes(pen, _T, _RATE, _RATES, 4, 6)
+    for k in range(3):
+        draw.curve(pen, past[0], past[1 + k], _INKS[k], 2.0)
+    draw.window(pen)
+    for k in range(3):
+        x, y = rectangle[0] + 0.8 * k + 0.3, rectangle[2] - 0.72
+        draw.segment(pen, x, y, x + 0.25, y, _INKS[k], 2.5)
+        draw.text(pen, x + 0.32, y, _NAMES + k)
