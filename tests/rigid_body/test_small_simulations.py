@@ -75,9 +75,9 @@ def test_the_axis_of_a_plate_circles_l_at_l_over_i1():
     one, other = (after(free_body.MODEL, t, body="plate", tilt=25.0).state for t in (0.0, 0.4))
     moments = free_body.MOMENTS[1]
     third = [quaternion.rotate(state["q"], np.array([0.0, 0, 1])) for state in (one, other)]
-    turned = np.subtract(*(math.atan2(axis[1], axis[0]) for axis in reversed(third)))
+    before, now = (math.atan2(axis[1], axis[0]) for axis in third)
     length = np.linalg.norm(moments * one["omega"])
-    assert turned % (2 * math.pi) == pytest.approx(0.4 * length / moments[0], abs=1e-6)
+    assert (now - before) % (2 * math.pi) == pytest.approx(0.4 * length / moments[0], abs=1e-6)
 
 
 def test_a_push_grows_at_the_rate_of_theory_about_the_middle_axis_only():
