@@ -197,7 +197,7 @@ def figures(text: str, *rows: str, summary: str = "All figures") -> Shown:
     lines = text.splitlines()
     chosen = []
     for row in rows:
-        found = [line for line in lines if line.lstrip().startswith(row)]
+        found = [line for line in lines if line.lstrip().startswith(row.lstrip())]
         if not found:
             raise refused("rows", row, "the beginning of a line of the table")
         chosen += [line.rstrip() for line in found if line.rstrip() not in chosen]
