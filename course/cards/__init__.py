@@ -183,21 +183,25 @@ def predict(name: str) -> Shown:
     return Shown(plain, choice("Predict.", f"{asked.ask} *Click your answer.*", options))
 
 
-def figures(text: str, *rows: str, summary: str = "All figures") -> Shown:
+def figures(text: str, *rows: str, cut: str = "", summary: str = "All figures") -> Shown:
     """The lines of a table that matter, with the whole table folded below.
 
     Args:
         text: the table.
         rows: a line is shown that begins with one of these, in this order.
+        cut: head of a column; it and what is right of it are in the whole table only.
         summary: what one clicks on to see all of it.
 
     Raises:
-        ValueError: for a row that is not there.
+        ValueError: for a row or a column that is not there.
     """
     lines = text.splitlines()
+    if cut not in lines[0]:
+        raise refused("cut", cut, "a word of the table's first line")
+    end = lines[0].index(cut) if cut else None
     chosen = []
     for row in rows:
-        found = [line for line in lines if line.lstrip().startswith(row.lstrip())]
+        found = [line[:end] for line in lines if line.lstrip().startswith(row.lstrip())]
         if not found:
             raise refused("rows", row, "the beginning of a line of the table")
         chosen += [line.rstrip() for line in found if line.rstrip() not in chosen]

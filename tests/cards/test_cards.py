@@ -160,3 +160,10 @@ def test_the_interview_has_every_question_by_level():
     assert text.index("#### Screen") < text.index("#### Senior") < text.index("#### Staff")
     assert text.count("In a minute") == len(repr(shown).splitlines()) >= 10
     assert not re.search(r"\{\w+\.\w+", text)
+
+
+def test_a_column_can_be_left_to_the_whole_table():
+    shown = cards.figures("name  one  two\nrow   111  222", "name", "row", cut="two")
+    assert repr(shown) == "name  one\nrow   111" and "222" in shown.markdown
+    with pytest.raises(ValueError, match="three"):
+        cards.figures("name  one  two", "name", cut="three")

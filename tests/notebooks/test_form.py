@@ -1,0 +1,179 @@
+"""The form of the chapters: moved, not read. What is counted, and that it is kept."""
+
+import re
+
+import nbformat
+import pytest
+
+from course import CHAPTERS, cards, derivations
+from tools import form, notebooks
+
+BUILT = {
+    source.stem: nbformat.read(notebooks.target(source), as_version=4)
+    for source in notebooks.sources()
+}
+CHAPTER = {f"{chapter.number:02d}_{chapter.topic}": chapter.topic for chapter in CHAPTERS}
+WRITTEN = sorted(set(BUILT) & set(CHAPTER))
+
+
+def told(name: str) -> list[str]:
+    """What a reader of a notebook sees as text, in order: its prose and its cards."""
+    texts = []
+    for cell in BUILT[name].cells:
+        if cell.cell_type == "markdown":
+            texts.append(cell.source)
+            continue
+        for output in cell.get("outputs", []):
+            texts.append(output.get("data", {}).get("text/markdown", ""))
+    return texts
+
+
+# --- Every notebook -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", sorted(BUILT))
+def test_outputs_and_paragraphs_are_short(name: str) -> None:
+    assert form.faults(BUILT[name].cells) == []
+
+
+# --- Every chapter --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_the_first_screen_moves_and_asks(name: str) -> None:
+    cells = BUILT[name].cells
+    assert form.first_screen(cells) <= form.BEFORE_FIRST_PICTURE
+    assert next(form.stretches(cells))[0] <= form.BEFORE_FIRST_PICTURE
+    title = cells[0].source
+    assert len(re.findall(r"\d+ minutes", title)) >= 2, "reading and exercise time"
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_the_open_prose_is_bounded(name: str) -> None:
+    assert form.open_words(BUILT[name].cells) <= form.OPEN_PROSE
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_no_screen_is_without_a_picture_a_question_or_a_control(name: str) -> None:
+    long = [stretch for stretch in form.stretches(BUILT[name].cells) if stretch[0] > form.SCREEN]
+    assert long == []
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_the_words_of_an_interviewer_are_defined_where_they_first_appear(name: str) -> None:
+    vocabulary = cards.vocabulary(CHAPTER[name])
+    assert len(vocabulary) >= 15
+    assert form.undefined(told(name), vocabulary) == []
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_checkpoint_is_not_answered_on_its_page(name: str) -> None:
+    source = "\n".join(cell.source for cell in BUILT[name].cells)
+    page = "\n".join([source, *told(name)]).replace(" ", "")
+    for claim in cards.gate(CHAPTER[name]):
+        assert f'show("{claim}")' not in source and f'answer("{claim}"' not in source
+        assert derivations.formula(claim).expression.replace(" ", "") not in page
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_chapter_has_all_its_questions_and_key_insights(name: str) -> None:
+    source = "\n".join(cell.source for cell in BUILT[name].cells)
+    asked = re.findall(r'^\s*predict\("(\w+)"\)', source, re.M)
+    assert sorted(asked) == sorted(cards.predictions(CHAPTER[name]))
+    assert f'interview("{CHAPTER[name]}")' in source and "checkpoint(" in source
+    assert "**Key insight.**" in source
+
+
+# --- What is counted ------------------------------------------------------------------------------
+
+
+def markdown(text: str):
+    return nbformat.v4.new_markdown_cell(text)
+
+
+def code(source: str, *outputs):
+    return nbformat.v4.new_code_cell(source, outputs=list(outputs))
+
+
+def output(**data):
+    bundle = {kind.replace("_", "/"): value for kind, value in data.items()}
+    return nbformat.v4.new_output("display_data", data=bundle)
+
+
+def stream(text: str):
+    return nbformat.v4.new_output("stream", name="stdout", text=text)
+
+
+PICTURE = code("plot()", output(image_png="x"))
+
+
+def test_words_are_those_one_reads() -> None:
+    text = (
+        "Two words, $a = b$ and *one* more.\n\n![alt text](x.png)\n```python\nx = 1\n```\n<b>6</b>"
+    )
+    assert form.words(text) == 7
+    hidden = "Seen <details><summary>Why</summary>a <details>b</details> c</details> too"
+    assert form.opened(hidden).split() == ["Seen", "too"]
+    assert form.open_words([markdown(hidden), code("not prose")]) == 2
+
+
+def test_a_long_paragraph_is_a_fault_also_in_a_fold_out() -> None:
+    long = "word " * 91
+    for text in (long, f"<details>\n\n{long}\n\n</details>", f"* short\n* {long}"):
+        assert len(form.faults([markdown(text)])) == 1
+    short = "word " * 90
+    assert form.faults([markdown(f"{short}\n\n{short}"), markdown(f"* {short}\n* {short}")]) == []
+    table = f"| {short} | {short} |\n|---|---|\n"
+    assert form.faults([markdown(table)]) == []
+
+
+def test_a_wide_or_long_output_is_a_fault() -> None:
+    rows = "".join(f"row {n}\n" for n in range(13))
+    folded = f"<details><summary>all</summary>\n\n```text\n{rows}\n```\n\n</details>"
+    for cell in (
+        code("", stream("x" * 97)),
+        code("", stream(rows)),
+        code("", output(text_plain=rows)),
+        code("", output(text_plain="", text_markdown=f"```text\n{rows}```")),
+    ):
+        assert len(form.faults([cell])) == 1
+    for cell in (
+        code("", stream("x" * 96)),
+        code("", stream("no figures\n" * 13)),
+        code("", output(text_plain=rows, image_png="x")),
+        code("", output(text_plain="", text_markdown=folded)),
+    ):
+        assert form.faults([cell]) == []
+
+
+def test_a_screen_ends_with_a_picture_a_question_or_a_control() -> None:
+    text = markdown("word " * 200)
+    for pause in (PICTURE, code('show("x")'), code("simulation()"), markdown("![a](b.png)")):
+        assert max(form.stretches([text, pause, text]))[0] == 200
+    for none in (code("print(1)", stream("1")), markdown("<details>![a](b.png)</details>")):
+        assert max(form.stretches([text, none, text]))[0] == 400
+
+
+def test_the_first_screen_needs_a_simulation_and_a_question() -> None:
+    text = markdown("word " * 50)
+    ask, move = code('predict("x")'), code("simulation()")
+    assert form.first_screen([text, ask, move, text]) == 50
+    assert form.first_screen([text, ask, text, move, text]) == 100
+    assert form.first_screen([text, ask, text, PICTURE, text]) == 150
+
+
+def test_a_term_is_defined_where_it_first_appears() -> None:
+    term = ["gimbal lock"]
+    assert form.undefined(["# Gimbal lock\n\nThis is **gimbal lock**.", "gimbal lock"], term) == []
+    assert form.undefined(["A **Gimbal-lock** is"], term) == []
+    for texts in (["gimbal lock", "**gimbal lock**"], ["**gimbal**"], ["**gimbal locking**"]):
+        assert len(form.undefined(texts, term)) == 1
+
+
+def test_the_time_is_that_of_the_text_and_of_what_is_done() -> None:
+    cells = [
+        markdown("word " * 360 + "<details>" + "word " * 90 + "</details>"),
+        code('predict("x")\n\nshow("y")'),
+        code("simulation()"),
+    ]
+    assert form.reading(cells) == {"open": 2 + 1 + 1 + 3, "folded": 1}
