@@ -81,7 +81,7 @@ def choice(head: str, question: str, options: Sequence[tuple[str, str]], more: s
     """
     parts = [f'<div style="{_STYLE}">', f"**{head}** {question}"]
     parts += [folded(label, body) for label, body in options]
-    return "\n\n".join([*parts, *([more] if more else []), "</div>"])
+    return "\n\n".join([*parts, *(["<br>", more] if more else []), "</div>"])
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ show("state_is_six_quantities")
 #
 # | orientation stored as | numbers | whole state | what it costs you |
 # |---|---|---|---|
-# | three angles (Euler angles) | 3 | 12 | a place where they fail |
+# | three turns about axes, the **Euler angles** | 3 | 12 | a place where they fail |
 # | unit **quaternion** (four numbers, below) | 4 | 13 | $\lvert q\rvert = 1$; $q$ and $-q$ are the same |
 # | rotation matrix | 9 | 18 | six constraints |
 #
@@ -297,16 +297,18 @@ show("semi_implicit_is_verlet")
 
 # %% [markdown]
 # ### What "symplectic" promises
+#
+# **Symplectic** (semi-implicit Euler is also called symplectic Euler) means, with one degree of freedom, that a patch
+# of starting states keeps its area in the plane of position and momentum, for forces that depend on position alone and
+# constant masses.
 
 # %%
 show("symplectic_conserves_energy")
 
 # %% [markdown]
-# **Symplectic** (semi-implicit Euler is also called symplectic Euler) means, with one degree of freedom, that a patch of starting states keeps its area in the plane of
-# position and momentum, for forces that depend on position alone and constant masses. From that follows, for a smooth
-# system and a fixed step well inside the limit, that the energy error stays bounded for times exponential in $1/h$.
-# It does not follow that energy is conserved, that the phase is right, that the method is stable at every step, or
-# that anything survives friction or a changing step.
+# What does follow, for a smooth system and a fixed step well inside the limit: the energy error stays bounded for times
+# exponential in $1/h$. It does not follow that energy is conserved, that the phase is right, that the method is stable
+# at every step, or that anything survives friction or a changing step.
 #
 # <details><summary>Derive: why the energy stays near, and where the promise ends</summary>
 #
