@@ -185,9 +185,9 @@ except ValueError as problem:
 show("gimbal_lock_is_physical")
 
 # %% [markdown]
-# The angle rates and the angular velocity are connected by a
-# matrix $E$ with $\det E = \pm\cos\theta$. At the lock its rank is two: one direction of $\omega$ corresponds to *no*
-# finite angle rates. The body can still turn that way; the coordinates cannot follow.
+# The angle rates and the angular velocity are connected by a matrix $E$ with $\det E = \pm\cos\theta$. At the lock
+# its rank is two: one direction of $\omega$ corresponds to *no* finite angle rates. The body can still turn that way;
+# the coordinates cannot follow.
 
 # %%
 for angle in (60.0, 89.0, 90.0):
@@ -254,10 +254,10 @@ for name, quarter in (
 show("renormalising_repairs")
 
 # %% [markdown]
-# **An orientation is updated by multiplication**, $q \leftarrow q\,\exp(h\,\omega)$, with $h$ the step. Here $q = (w, x, y, z)$ takes body coordinates to
-# world coordinates and $\omega$ is in the body frame; that is why exp stands on the right. Adding $h\,\dot q$ leaves
-# the unit sphere, and in a low-order step scaling back repairs the length, not the angle. At fourth order it does no
-# harm; section 6 measures both.
+# **An orientation is updated by multiplication**, $q \leftarrow q\,\exp(h\,\omega)$, with $h$ the step. Here $q = (w,
+# x, y, z)$ takes body coordinates to world coordinates and $\omega$ is in the body frame; that is why exp stands on
+# the right. Adding $h\,\dot q$ leaves the unit sphere, and in a low-order step scaling back repairs the length, not
+# the angle. At fourth order it does no harm; section 6 measures both.
 #
 # ### Six ways to take a step
 
