@@ -22,8 +22,9 @@ import sys
 import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from course import CHAPTERS
 from drills import agenda, chapters, present, progress, workspace
 from drills import cards as catalogue
 from drills.borrowed import Assembled, Borrowed, Unusable, assemble, defined_by, own_source
@@ -32,6 +33,9 @@ from drills.chapters import Section
 from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED
 from drills.reasons import Reason
 from drills.terminal import listed
+
+if TYPE_CHECKING:
+    from course.cards import Gate
 
 _CELL = "your cell"
 _GRACE = 5.0  # s that an interrupted grader has to end its child
@@ -191,10 +195,21 @@ def badges(chapter: int) -> Shown:
     return Shown("\n".join([*words, *loaded.notices]), html=f"<div>{''.join(spans)}</div>{notes}")
 
 
-def cleared(chapter: int) -> Shown:
-    """Enter that the checkpoint of a chapter is passed."""
-    loaded = _noted(chapter, progress.note_checkpoint)
-    return Shown("\n".join([f"Checkpoint of chapter {chapter} passed.", *loaded.notices]))
+def checkpoint(topic: str, **answers: str) -> Gate:
+    """The gate at the end of a chapter, `course.cards.checkpoint`; a chapter's first pass is kept.
+
+    Raises:
+        ValueError: for a topic without a checkpoint, or a name that is not in it.
+    """
+    from course import cards
+
+    shown = cards.checkpoint(topic, **answers)
+    if shown.passed:
+        (number,) = [chapter.number for chapter in CHAPTERS if chapter.topic == topic]
+        notices = _noted(number, progress.note_checkpoint).notices
+        shown.text = "\n".join([shown.text, *notices])
+        shown.markdown = "\n\n".join([shown.markdown, *notices])
+    return shown
 
 
 def home() -> Shown:

@@ -65,6 +65,14 @@ class Shown:
         return self.markdown
 
 
+class Gate(Shown):
+    """What a checkpoint says, and whether it is passed."""
+
+    def __init__(self, text: str, markdown: str, passed: bool) -> None:
+        super().__init__(text, markdown)
+        self.passed = passed
+
+
 def folded(summary: str, body: str) -> str:
     """Markdown that a click on its summary unfolds."""
     return f"<details><summary>{summary}</summary>\n\n{body}\n\n</details>"
@@ -226,7 +234,7 @@ def interview(topic: str) -> Shown:
     return Shown("\n".join(plain), "\n\n".join(parts))
 
 
-def checkpoint(topic: str, **answers: str) -> Shown:
+def checkpoint(topic: str, **answers: str) -> Gate:
     """The gate at the end of a chapter: formulas to find, whose answers are not on its page.
 
     Args:
@@ -255,7 +263,8 @@ def checkpoint(topic: str, **answers: str) -> Shown:
         plain.append(f"{name}: {found if found else 'open'}")
     is_open = right == len(wanted)
     verdict = f"{right} of {len(wanted)} right: gate {'cleared' if is_open else 'closed'}"
-    return Shown("\n".join([*plain, verdict]), "\n".join([*lines, "", f"**{verdict}**"]))
+    text = "\n".join([*plain, verdict])
+    return Gate(text, "\n".join([*lines, "", f"**{verdict}**"]), is_open)
 
 
 def gate(topic: str) -> list[str]:

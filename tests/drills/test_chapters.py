@@ -17,6 +17,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import course.cards
+from course import derivations
 from drills import agenda, cards, chapters, progress
 from drills import notebook as page_home
 from drills.chapters import Copy, bring, merge
@@ -423,7 +425,11 @@ def test_the_home_page_says_where_to_go_on_and_what_is_left(progress_file: Path)
     assert f"{agenda.duration(sum(card.minutes for card in cards.cards()))} to solve" in page
     progress.change(progress_file, one.cards[0].name, lambda r: progress.note_attempt(r, True, {}))
     progress.change_chapter(progress_file, number, lambda r: progress.note_read(r, [part.number]))
-    page_home.cleared(number)
+    right = {name: derivations.formula(name).expression for name in course.cards.gate("rigid_body")}
+    wrong = right | {next(iter(right)): "omega"}
+    assert not page_home.checkpoint("rigid_body", **wrong).passed
+    assert not progress.load(progress_file).reading(number).checkpoint
+    assert page_home.checkpoint("rigid_body", **right).passed
     page = page_home.home()._repr_mimebundle_()["text/markdown"]
     assert f"section {one.sections[1].number}: {one.sections[1].title}]" in page
     assert "●" in page and f"| 1 of {len(one.sections)} sections |" in page
