@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from course.charts import chart
 from course.measure.figure import Panel, Series
@@ -18,6 +18,9 @@ from course.oracles.mujoco.reach import MujocoArmReach, MujocoArmReachVector
 from course.vector_env import ArmReach, ArmReachVector, ProcessVectorEnv, VectorizedEnv
 from course.vector_env.busy import Busy
 from course.vector_env.reach import RADIUS
+from course.vector_env.training import JUDGES, play, train
+
+Array = NDArray[np.float64]
 
 SIZES = (1, 4, 16, 64, 256, 1024, 4096)
 COMPARED_AT = 256
@@ -203,6 +206,17 @@ def predicted_crossing(loop: float, processes: float, n: int, workers: int, base
     return base + max(0.0, processes - loop) / (n * (1.0 - 1.0 / workers))
 
 
+def predicted_by_size(data: Mapping[str, ArrayLike], n: int, workers: int) -> Array:
+    """What `predicted_crossing` says with the time of waking as it was at each cost [s].
+
+    That time is what a step of the processes takes beyond N c / W. If it were the same at every
+    cost, so would be these, and the crossing; busy cores, which the workers wait for, raise it.
+    """
+    cost, loop, processes = (np.array(data[name]) for name in ("cost", "loop", "processes"))
+    waking = processes - n * (cost - cost[0]) / workers
+    return np.array([predicted_crossing(loop[0], r, n, workers, cost[0]) for r in waking])
+
+
 def crossing(cost: ArrayLike, loop: ArrayLike, processes: ArrayLike) -> float | None:
     """Where the ratio of two curves passes 1, interpolated in logarithms; None if it never does."""
     c = np.log(np.array(cost, dtype=float))
@@ -287,14 +301,13 @@ def vector_env(
     yield middle
 
     data = cost_of_processes(busy, CROSSING_ENVS, repeats)
-    predicted = predicted_crossing(
-        data["loop"][0], data["processes"][0], CROSSING_ENVS, WORKERS, data["cost"][0]
-    )
+    predicted = predicted_by_size(data, CROSSING_ENVS, WORKERS) * 1e6
     measured = crossing(data["cost"], data["loop"], data["processes"])
     right = Panel(
         f"When processes pay, N = {CROSSING_ENVS}", "cost of one environment's step [µs]",
         "time of a step of all N [µs]", scale="log", legend="lower right",
-        lines=[("x", predicted * 1e6, "processes pay\nfrom here (predicted)")],
+        lines=[("x", predicted[0], "processes pay from here,\nby waking idle workers")],
+        spans=[("x", predicted.min(), predicted.max(), "the same, by waking busy ones")],
     )  # fmt: skip
     for name, key, label in (
         ("loop", "loop", "VectorizedEnv (a loop)"),
@@ -304,13 +317,50 @@ def vector_env(
         style = "--" if name == "gymnasium" else "-"
         cost, spent = (np.array(data[column]) * 1e6 for column in ("cost", name))
         right.series.append(Series(label, cost, spent, key, style))
-    says = (
-        f"they did not meet in this run: it takes {WORKERS} free cores"
-        if measured is None
-        else f"measured {measured * 1e6:.0f} us"
-    )
+    waking = data["processes"][0] * 1e6
     right.notes.append(
         f"{WORKERS} processes beat a loop over {CROSSING_ENVS} environments from "
-        f"{predicted * 1e6:.0f} us a step on, as predicted from the cost of doing nothing; {says}"
-    )
+        f"{predicted[0]:.0f} us a step on, if waking always takes the {waking:.0f} us that it "
+        f"takes where there is nothing to compute. With what it took at the other costs: from "
+        f"{predicted.min():.0f} to {predicted.max():.0f} us, and "
+        + ("they did not meet: the workers waited for a free core."
+           if measured is None else f"{measured * 1e6:.0f} us measured.")
+    )  # fmt: skip
     yield right
+
+
+# --- a learning curve -----------------------------------------------------------------------------
+
+# Pull the tip at the target, J^T (target - tip), and damp the joints: the law that a person writes.
+BY_HAND = np.array([[[0, -7.5, 0, -6.0, -0.5, 0], [0, 0, 0, -12.0, 0, -0.3]]])
+
+
+@chart(size=(11.0, 4.4))
+def learning_curve_reach(seeds: int = 8, generations: int = 30) -> Iterator[Panel]:
+    """What `course.vector_env.training` learns, over several seeds, beside a law written by hand.
+
+    Args:
+        seeds: runs.
+        generations: of each.
+    """
+    curves = np.array([train(seed, generations)[0] for seed in range(seeds)])
+    by_hand = play(BY_HAND, *JUDGES)[:, 0]
+    steps = curves[0, :, 0]
+    panels = (
+        ("collected in an episode", "mean sum of rewards", ".1f", "lower right"),
+        ("targets reached within 2 s", "share of 200 targets", ".2f", "lower right"),
+    )
+    for k, (title, unit, form, legend) in enumerate(panels, 1):
+        low, middle, high = np.quantile(curves[:, :, k], (0.0, 0.5, 1.0), axis=0)
+        panel = Panel(title, "environment steps", unit, legend=legend)
+        panel.lines = [("y", by_hand[k - 1], "written by hand")]
+        panel.series.append(
+            Series(f"learned: median and range of {seeds} runs", steps, middle, "closed form",
+                   marker="", low=low, high=high)
+        )  # fmt: skip
+        panel.notes.append(
+            f"{title}: {middle[0]:{form}} untrained; after {steps[-1]:.3g} steps "
+            f"{middle[-1]:{form}} (from {low[-1]:{form}} to {high[-1]:{form}} over {seeds} runs); "
+            f"{by_hand[k - 1]:{form}} by hand"
+        )
+        yield panel

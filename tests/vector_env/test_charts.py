@@ -8,6 +8,8 @@ import pytest
 
 from course.charts import build
 from course.charts import vector_env as chart
+from course.vector_env import ArmReach, training
+from tests.vector_env.test_vector_env import identical
 
 
 def test_batches_beat_gymnasiums_loop() -> None:
@@ -41,6 +43,8 @@ def test_the_chart_has_every_contender_at_every_size_it_is_asked_for() -> None:
     closed, rk4, _ = accuracy.series
     assert closed.tags == ["1", "2"] and closed.y == pytest.approx(rk4.y, rel=1e-6)
     assert [len(s.y) for s in cost.series] == [2, 2, 2] and len(cost.lines) == 1
+    ((_, low, high, _),) = cost.spans
+    assert low <= cost.lines[0][1] <= high
 
 
 def test_the_truth_is_converged() -> None:
@@ -61,3 +65,50 @@ def test_processes_lose_where_an_environment_costs_nothing() -> None:
     (cost,), (loop,), (processes,) = (found[name] for name in ("cost", "loop", "processes"))
     assert processes > loop > cost
     assert chart.predicted_crossing(loop, processes, 4, 2, cost) > cost
+
+
+def test_the_prediction_is_as_good_as_its_time_of_waking() -> None:
+    """With one time of waking for all costs all predict what is measured; a longer one predicts
+    more, and what is measured lies between."""
+    cost = np.geomspace(1e-6, 1e-3, 25)
+    data = {"cost": cost, "loop": 8 * cost, "processes": 4 * cost + 2e-4}
+    met = chart.crossing(data["cost"], data["loop"], data["processes"])
+    assert chart.predicted_by_size(data, 8, 2) == pytest.approx(met, rel=0.01)
+    data["processes"] = 4 * cost + np.linspace(1e-4, 6e-4, 25)
+    met = chart.crossing(cost, data["loop"], data["processes"])
+    each = chart.predicted_by_size(data, 8, 2)
+    assert met is not None and 1.3 * each.min() < met < each.max() / 1.3
+
+
+def test_a_policy_learns_to_reach_within_seconds() -> None:
+    """Judged on targets of its own; and the learning curve says so."""
+    collected, reached = build("learning_curve_reach", seeds=3, generations=14)
+    (score,), (share,) = collected.series, reached.series
+    assert score.y[0] < -70.0 and score.y[-1] > score.y[0] + 30.0
+    assert share.y[0] < 0.02 and share.y[-1] > 0.3
+    assert np.all(np.array(score.low) <= score.y) and np.all(score.y <= np.array(score.high))
+    by_hand = [panel.lines[0][1] for panel in (collected, reached)]
+    assert -30.0 < by_hand[0] < -20.0 and 0.6 < by_hand[1] < 0.8
+    again = training.train(1, 2)
+    identical(training.train(1, 2), again)
+    assert np.any(training.train(2, 2)[0][1:] != again[0][1:])
+
+
+def test_a_policys_episode_is_a_single_environments() -> None:
+    """What it collects until the episode ends, and not what the next one gives."""
+    law = chart.BY_HAND
+    collected, reached = training.play(np.concatenate([law, 0.0 * law]), 40, 5)
+    for policy, total, share in zip((law[0], 0.0 * law[0]), collected, reached, strict=True):
+        sums: list[float] = []
+        ends: list[bool] = []
+        for seed in range(40, 45):
+            env, rewards, over = ArmReach(), 0.0, False
+            row, _ = env.reset(seed=seed)
+            while not over:
+                wanted = policy @ training.features(row[None])[0]
+                row, reward, done, late, _ = env.step(np.clip(wanted, -1.0, 1.0))
+                rewards, over = rewards + reward, done or late
+            sums.append(rewards)
+            ends.append(done)
+        assert total == pytest.approx(np.mean(sums), abs=1e-9) and share == np.mean(ends)
+    assert reached[0] > reached[1]
