@@ -59,9 +59,10 @@ _NAMES = word("yaw axis (outer ring)", "pitch axis (middle ring)", "roll axis (i
               "lost axis: no ring turns about it")[0]  # fmt: skip
 _MOVED = word("turning: outer ring (yaw)", "turning: middle ring (pitch)",
               "turning: inner ring (roll)")[0]  # fmt: skip
-_ANGLES, _VALUE, _THEORY, _NEEDED, _PITCH, _SIGMA, _DEG, _RATE, _COMMA = word(
+_ANGLES, _VALUE, _THEORY, _NEEDED, _PITCH, _SIGMA, _DEG, _RATE, _COMMA, _NONE = word(
     "yaw, pitch, roll", "smallest value", "in theory", "rate for 1 rad/s", "pitch [°]",
     "smallest singular value of E", "°", " rad/s", ", ",
+    "none is enough",
 )  # fmt: skip
 _SCENE, _CURVE = (0.1, 5.6, 0.1, 4.6), (6.35, 8.8, 2.6, 4.4)
 _INKS = (draw.BLUE, draw.ORANGE, draw.PURPLE, draw.RED)
@@ -113,7 +114,11 @@ def frame(pen, state, controls):
         draw.number(pen, math.degrees((yaw, pitch, roll)[k]), 0, _COMMA if k < 2 else _DEG)
     draw.reading(pen, _VALUE, sigma, 4)
     draw.reading(pen, _THEORY, math.sqrt(max(1.0 - abs(math.sin(pitch)), 0.0)), 4)
-    draw.reading(pen, _NEEDED, min(1.0 / max(sigma, 1e-3), 1e3), 1, _RATE)
+    draw.readout(pen, _NEEDED)
+    if sigma > 1e-3:
+        draw.number(pen, 1.0 / sigma, 1, _RATE)
+    else:
+        draw.words(pen, _NONE)
 
 
 PRESETS = {

@@ -75,8 +75,9 @@ word, colour = draw.words_table(), draw.colours_table()
 (_PALE,) = colour("#cfe3f2")
 _PHASE, _CIRCLE = word("states: the mass, and a patch of other starts", "eigenvalues of one step")
 _X, _V, _T, _H, _LIMIT = word("x", "v / ω", "time [s]", "ω h: drag me", "limit")
-_STEPS, _MODULUS, _DET = word("steps", "largest |eigenvalue|", "determinant")
-_AREA, _THEORY = word("area of the patch", "determinant ^ steps")
+_STEPS, _MODULUS, _DET, _AREA, _THEORY = word(
+    "steps", "largest |eigenvalue|", "determinant", "area of the patch", "determinant ^ steps"
+)
 _ROPE, _STATES, _UNIT = (0.6, 4.6, 4.05, 4.6), (0.6, 4.6, 0.55, 3.7), (5.5, 7.1, 3.0, 4.6)
 _SCALE, _TIME = (5.5, 8.8, 2.2, 2.45), (5.5, 8.8, 0.55, 1.4)
 
@@ -96,9 +97,8 @@ def frame(pen, state, controls):
     modulus = max(math.hypot(0.5 * trace + apart, up), math.hypot(0.5 * trace - apart, up))
     ink = draw.RED if modulus > 1.0 + 1e-9 else draw.GREEN
     draw.area(pen, _ROPE, (-3.0, 3.0, -1.0, 1.0))
-    draw.line(pen, draw.GREY, 2.0)
     coil, side = np.arange(25) / 24.0, 1.0 * (np.arange(25) % 2) - 0.5
-    draw.points(pen, -3.0 + (z[0, 0] + 2.8) * coil, side)
+    draw.curve(pen, -3.0 + (z[0, 0] + 2.8) * coil, side, draw.GREY, 2.0)
     draw.box(pen, z[0, 0] - 0.2, z[0, 0] + 0.2, -0.7, 0.7, draw.BLUE)
     draw.area(pen, _STATES, (-3.0, 3.0, -2.4, 2.4))
     draw.axes(pen, _X, _V, _PHASE, 6, 4)

@@ -32,13 +32,6 @@ STATE = Record(
 
 
 @register_jitable
-def theory(controls):
-    """The share that is missed: 1 - D / (v dt), D the way over which ball and wall overlap."""
-    way = 1e-3 * controls["timestep"] * controls["speed"]
-    return max(0.0, 1.0 - (2.0 * RADIUS + 1e-3 * controls["wall"]) / way)
-
-
-@register_jitable
 def found(before, now, controls):
     """Whether a step finds the wall, whose front is at 0; of numbers or arrays."""
     if controls["sweep"] != 0:
@@ -47,11 +40,10 @@ def found(before, now, controls):
 
 
 @register_jitable
-def shoot(controls, state):
+def shoot(controls, state, way):
     """Put the ball at its start; where the wall falls in a step is drawn anew."""
     phase = np.empty(1)
     splitmix.uniform(state["seed"], phase)
-    way = 1e-3 * controls["timestep"] * controls["speed"]
     state["centre"][0] = _FROM - phase[0] * way
     state["samples"], state["hit"] = 1, 0
     state["shots"] += 1
@@ -67,40 +59,36 @@ def initial(controls, state):
         seen |= found(x, x + way, controls)
         x = x + way
     state["share"] = 1.0 - np.mean(seen)
-    shoot(controls, state)
+    shoot(controls, state, way)
 
 
 def advance(state, controls, seconds):
     """Steps in slow motion: every ball flies past in the same time of yours."""
     way = 1e-3 * controls["timestep"] * controls["speed"]
     state["owed"] += seconds
+    x = state["centre"]
     while True:
-        n, x = state["samples"], state["centre"]
+        n = state["samples"]
         over = state["hit"] != 0 or x[n - 1] > _TO
-        wait = _PAUSE if over else way / _SEEN
-        if state["owed"] < wait:
+        if state["owed"] < (_PAUSE if over else way / _SEEN):
             break
-        state["owed"] -= wait
+        state["owed"] -= _PAUSE if over else way / _SEEN
         if over:
-            shoot(controls, state)
-        else:
-            x[n] = x[n - 1] + way
-            state["samples"] = n + 1
-            if found(x[n - 1], x[n], controls):
-                state["hit"] = 1
-                if controls["sweep"] != 0:
-                    x[n] = -RADIUS
-            elif x[n] > _TO:
-                state["missed"] += 1
+            shoot(controls, state, way)
+            continue
+        x[n], state["samples"] = x[n - 1] + way, n + 1
+        state["hit"] = int(found(x[n - 1], x[n], controls))
+        state["missed"] += int(state["hit"] == 0 and x[n] > _TO)
+        if state["hit"] != 0 and controls["sweep"] != 0:
+            x[n] = -RADIUS
 
 
 TITLE = "Tunnelling in motion"
 word, colour = draw.words_table(), draw.colours_table()
 (_STONE,) = colour("#b9a88c")
 _X, _RATIO, _M, _PERCENT = word("x [m]", "v dt / D", " m", " %")
-_LOOKS, _MISS, _CURVE, _HERE = word(
-    "where the ball is at each step", "share that is missed", "theory", "1000 phases of the step"
-)
+_LOOKS, _MISS = word("where the ball is at each step", "share that is missed")
+_CURVE, _HERE = word("theory", "1000 phases of the step")
 _SAID = word("on its way", "found", "missed: it went through")[0]
 _WAY, _D, _SHARE, _THEORY, _SHOTS, _MISSED = word(
     "v dt, a step's way", "D = ball + wall", "missed, of 1000", "1 − D / (v dt)", "shots", "missed"
@@ -143,7 +131,7 @@ def frame(pen, state, controls):
     draw.reading(pen, _WAY, way, 3, _M)
     draw.reading(pen, _D, wide, 3, _M)
     draw.reading(pen, _SHARE, 100.0 * state["share"], 1, _PERCENT)
-    draw.reading(pen, _THEORY, 100.0 * theory(controls), 1, _PERCENT)
+    draw.reading(pen, _THEORY, 100.0 * max(0.0, 1.0 - wide / way), 1, _PERCENT)
     draw.reading(pen, _SHOTS, state["shots"], 0)
     draw.reading(pen, _MISSED, state["missed"], 0)
 
