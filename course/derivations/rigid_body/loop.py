@@ -28,7 +28,7 @@ def _pictures(physics_hz, picture_hz):
 
 
 @claim(
-    "With physics at 1 kHz and pictures at 60 Hz every picture shows a finished physics step.",
+    "With physics at 1 kHz and pictures at 60 Hz every picture falls on a physics step.",
     "A picture falls due every {steps_per_picture_60_hz:.2f} steps ({steps_per_picture_30_hz:.2f} "
     "at {slow_hz:.0f} Hz). Without interpolation it shows a state up to {oldest_state_ms:.2f} ms "
     "old, in a pattern of {fewest:.0f} and {most:.0f} steps that is seen as judder.",
@@ -117,7 +117,7 @@ def cameras_in_every_step(found):
 
 @claim(
     "Adding dt to the clock at each step keeps the time.",
-    "{dt_s:g} is not a binary fraction, and the rounding of each addition stays: the clock is "
+    "{dt_s:g} is not such a number, and the rounding of each addition stays: the clock is "
     "off by {after_10_s:.1e} s after ten seconds and by {after_1_h:.1e} s after an hour. The error "
     "is small, grows faster than the number of steps, and is avoided by counting steps.",
 )
@@ -133,7 +133,7 @@ def clock_by_adding_dt(found):
     periods = found.rng.choice(np.arange(3, 999), 10, replace=False)
     found.heard(
         long == 0.0,
-        only_if="dt is a binary fraction of a second, such as 1/1024",
+        only_if="dt is a multiple of a short binary fraction of a second, such as 1/1024",
         inside=[float_clock_error(n / 1024, 50_000) == 0.0 for n in periods],
         outside=[float_clock_error(n / 1000, 50_000) == 0.0 for n in periods],
     )
@@ -142,7 +142,8 @@ def clock_by_adding_dt(found):
 
 @claim(
     "A step of 10 ms is unstable; 1 to 4 ms is right for rigid robots.",
-    "No step is good or bad by itself: the limit is 2 over the fastest angular frequency. It is "
+    "No step is good or bad by itself: semi-implicit Euler's limit is 2 over the fastest angular "
+    "frequency. It is "
     "{limit_100_n_per_m_ms:.0f} ms for {soft_n_per_m:.0f} N/m on {mass_kg:.0f} kg and "
     "{limit_1_mn_per_m_ms:.0f} ms for {stiff_n_per_m:.0f} N/m.",
 )
@@ -169,7 +170,8 @@ def step_sweet_spot(found):
     beside = [*found.rng.uniform(0.9 * slow, slow, 6), *found.rng.uniform(fast, 1.1 * fast, 6)]
     found.heard(
         right(np.sqrt(soft / mass)) and right(np.sqrt(stiff / mass)),
-        only_if="the fastest undamped oscillation lies between {slowest_rad_per_s:.0f} and "
+        only_if="the integrator is semi-implicit Euler and the fastest undamped oscillation lies "
+        "between {slowest_rad_per_s:.0f} and "
         "{fastest_rad_per_s:.0f} rad/s",
         inside=[right(w) for w in found.rng.uniform(slow, fast, 12)],
         outside=[right(w) for w in beside],
@@ -298,7 +300,8 @@ def tenth_of_the_step(found):
 
 @claim(
     "If halving dt cures an explosion, the integrator was explicit Euler.",
-    "Halving cures any method with a limit, semi-implicit Euler among them. What it never cures is "
+    "Halving, often enough, cures any method with a limit, semi-implicit Euler among them. What "
+    "it never cures is "
     "explicit Euler without damping; from ten to {half_ms:.0f} ms it even explodes faster here.",
 )
 def halving_dt_finds_the_culprit(found):
@@ -336,7 +339,7 @@ def halving_dt_finds_the_culprit(found):
     "A common cause is a force that is not balanced: with gravity compensated for "
     "{compensated:.2f} of the mass this arm sinks by {gravity_off_by_1_percent_rad:.2f} rad, at a "
     "quarter of the step as much. With an exact balance even a first-order integrator stays where "
-    "it is. A drift that does not shrink with the step is not numerical.",
+    "it is. A drift that does not shrink with the step is not the integrator's.",
 )
 def arm_drift_is_numerical(found):
     import mujoco

@@ -79,8 +79,8 @@ def evaluations_per_step(found):
 
 @claim(
     "RK4 costs four times as much as Euler.",
-    "At the same accuracy it is far cheaper on a smooth motion: for an error of 1 part in a "
-    "million it needs {euler_over_rk4:.0f} times fewer force evaluations than semi-implicit Euler.",
+    "Where a smooth motion is wanted to a small error it is far cheaper: for 1 part in a million "
+    "it needs {euler_over_rk4:.0f} times fewer force evaluations than semi-implicit Euler.",
 )
 def rk4_costs_four_times(found):
     from course.rigid_body import integrators, problems
@@ -175,8 +175,8 @@ def semi_implicit_stability_per_cost(found):
 
 @claim(
     "Semi-implicit Euler is only of first order, so velocity Verlet is a better method.",
-    "Started with the velocity half a step earlier it visits the very positions of velocity "
-    "Verlet, and so has second order at no cost.",
+    "Where forces depend on positions alone: started with the velocity half a step earlier it "
+    "visits the very positions of velocity Verlet, and so has second order at no cost.",
     source="Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), sec. I.3",
 )
 def semi_implicit_is_verlet(found):

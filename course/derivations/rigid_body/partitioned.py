@@ -1,10 +1,11 @@
-"""Claims on what being symplectic does for a stiff spring: partitioned Runge-Kutta methods."""
+"""Claims on what being symplectic does for the energy and for a stiff spring."""
 
 import numpy as np
 
 from course.derivations import claim
 from course.derivations.rigid_body.linear import (
     measured_limit,
+    numeric_matrix,
     spectral_radius,
     step_matrix,
     symbols,
@@ -35,12 +36,15 @@ LOBATTO = (  # IIIA, IIIB, weights (Hairer, Lubich and Wanner 2006, table II.2.2
 
 
 @claim(
-    "A symplectic integrator removes the limit that a stiff contact puts on the step.",
+    "A symplectic integrator removes the limit that a stiff spring puts on the step.",
     "Symplectic and explicit together keep a limit: semi-implicit Euler and velocity Verlet have "
     "omega dt = 2. Being implicit does not remove it by itself: the pair Lobatto IIIA-IIIB, which "
     "is implicit and symplectic, grows by {lobatto_growth_at_3:.2f} a step at omega dt = 3. On a "
     "spring a symplectic Runge-Kutta method that treats position and velocity alike, such as the "
-    "midpoint rule, has none, and neither has implicit Euler, which is not symplectic.",
+    "midpoint rule, has none, and neither has implicit Euler, which is not symplectic. A contact "
+    "is "
+    "a spring that lets go: a ball that bounces on one has up to {bouncing:.0f} times its energy "
+    "under the midpoint rule at omega dt = {bouncing_at} after {bouncing_steps:g} steps.",
     source="E. Hairer, C. Lubich, G. Wanner, Geometric Numerical Integration, 2006, sec. VI.4",
 )
 def symplectic_removes_stiffness(found):
@@ -67,6 +71,20 @@ def symplectic_removes_stiffness(found):
     found.figure("verlet_omega_h", explicit[1], tolerance=1e-5)
     found.figure("implicit_euler_radius", backward[0], tolerance=1e-5)
     found.figure("lobatto_growth_at_3", lobatto)
+
+    def bounced(x: float, steps: int, gravity: float = 0.1) -> np.ndarray:
+        """Energy over that at the start of balls on a one-sided spring, by implicit midpoint."""
+        q, v = found.rng.uniform(0.1, 3, 200), np.zeros(200)
+        start = gravity * q
+        for _ in range(steps):
+            free = q + x / 2 * v - x * x / 4 * gravity
+            middle = np.where(free < 0, free / (1 + x * x / 4), free)
+            v = v + x * (-np.minimum(middle, 0) - gravity)
+            q = 2 * middle - q
+        return (v * v / 2 + gravity * q + np.minimum(q, 0) ** 2 / 2) / start
+
+    at, count = found.given("bouncing_at", 1.5), found.given("bouncing_steps", 2000)
+    most = found.figure("bouncing", bounced(at, count).max(), tolerance=0.3)
     found.statement = f"Implicit midpoint up to omega dt = 1000: radius {max(midpoint):.6f}."
     found.heard(
         all(spectral_radius("semi_implicit_euler", x) < STABLE for x in steps),
@@ -77,6 +95,7 @@ def symplectic_removes_stiffness(found):
     found.corrected(
         np.allclose(explicit, 2), lobatto > 1.3, max(backward) < 1, max(midpoint) < 1 + 1e-6,
         np.isclose(np.linalg.det(_partitioned(*LOBATTO, 3.0)), 1),
+        most > 10, bounced(0.05, count).max() < 1.1,
     )  # fmt: skip
 
 
@@ -86,7 +105,8 @@ def symplectic_removes_stiffness(found):
     "They take nothing away: RK4's limit is {rk4_over_semi_implicit:.2f} times theirs. Per "
     "evaluation of the forces it is {rk4_per_evaluation:.2f} of it, which is a reason, and so is "
     "that a solver of contacts on velocities fits the step. Symplectic it is no longer once "
-    "something damps: the determinant is 1 - 2 zeta omega dt.",
+    "something damps: with the damping force of the old velocity the determinant is 1 - 2 zeta "
+    "omega dt.",
 )
 def reason_for_symplectic(found):
     import sympy
@@ -109,4 +129,45 @@ def reason_for_symplectic(found):
         rk4 > semi, rk4 / evaluations < semi,
         sympy.expand(step_matrix("semi_implicit_euler", damped=True).det())
         == 1 - 2 * zeta * omega * h,
+    )  # fmt: skip
+
+
+@claim(
+    "Preserving phase-space volume is what makes the energy oscillate instead of growing.",
+    "Volume is too little. Two oscillators, one stepped by explicit Euler and one by its inverse "
+    "with -h, keep the volume to rounding, and the first has {energy_ratio:.3g} times its energy "
+    "after {steps:g} steps of omega h = {omega_h}. A symplectic step keeps the sum of the areas "
+    "over all pairs (q, p), which is more; and even that bounds the energy only for a small step: "
+    "at omega h = {large} semi-implicit Euler keeps the area and explodes.",
+    source="Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), sec. VI.2",
+)
+def volume_kept_bounds_energy(found):
+    u, steps = found.given("omega_h", 0.1), found.given("steps", 1000)
+    large = found.given("large", 2.1)
+
+    def pair(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """Two oscillators in the order q1, p1, q2, p2."""
+        return np.block([[first, np.zeros((2, 2))], [np.zeros((2, 2)), second]])
+
+    def defect(step: np.ndarray) -> float:
+        turn = np.array([[0.0, 1.0], [-1.0, 0.0]])
+        return float(np.abs(step.T @ pair(turn, turn) @ step - pair(turn, turn)).max())
+
+    explicit = numeric_matrix("explicit_euler", u)
+    growing = pair(explicit, np.linalg.inv(numeric_matrix("explicit_euler", -u)))
+    both = pair(*(numeric_matrix("semi_implicit_euler", x) for x in (u, 2 * u)))
+    volume = np.linalg.det(np.linalg.matrix_power(growing, steps))
+    state = np.linalg.matrix_power(growing, steps) @ np.ones(4)
+    energy = found.figure("energy_ratio", state[:2] @ state[:2] / 2, 1e-4)
+    exploding = numeric_matrix("semi_implicit_euler", large)
+    size = np.linalg.norm(np.linalg.matrix_power(exploding, 100))
+    found.figure("volume", volume)
+    found.statement = (
+        f"Volume {volume:.9f} after all steps; one step misses symplecticity by "
+        f"{defect(growing):.1e}, semi-implicit Euler by {defect(both):.0e}."
+    )
+    found.heard(energy < 2)
+    found.corrected(
+        abs(volume - 1) < 1e-9, defect(growing) > 1e-3, defect(both) < 1e-14,
+        abs(np.linalg.det(exploding) - 1) < 1e-12 < 1e6 < size,
     )  # fmt: skip

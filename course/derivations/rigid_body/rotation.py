@@ -387,10 +387,12 @@ def renormalising_repairs(found):
 
 
 @claim(
-    "A quaternion that was added up instead of multiplied makes the energy grow.",
+    "A quaternion that was added up instead of multiplied makes the energy of a free body grow.",
     "It turns the picture wrong, and its length is off; but a free body's energy is a matter of "
     "its body rates, and Euler's equations for those do not contain the quaternion: with the added "
-    "one they come out the same to the last bit. Growing energy has another cause.",
+    "one they come out the same to the last bit. (An engine that keeps world rates takes the "
+    "inertia "
+    "from the quaternion, and there it matters.)",
 )
 def added_quaternion_adds_energy(found):
     from course.rigid_body import problems, quaternion, rk4

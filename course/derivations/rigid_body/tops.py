@@ -71,9 +71,9 @@ def _pushed(rng: Any, push: float = 1.0, mass: float = 2.0) -> Any:
         mass: [kg].
 
     Returns:
-        (force, path, rest, pole): the force [N]; r -> acceleration of the body's point at r off the
+        (force, path, rest, poles): the force [N]; r -> acceleration of the point at r off the
         centre, from its path [m/s^2]; r -> torque less I alpha + omega x (I omega) about that point
-        [N m]; the r of the point without acceleration.
+        [N m]; the r of the point without acceleration and of one with an acceleration along r.
     """
     from course.rigid_body import RigidBody, quaternion
     from course.rigid_body.spatial import newton_euler_acceleration
@@ -102,8 +102,10 @@ def _pushed(rng: Any, push: float = 1.0, mass: float = 2.0) -> Any:
     def turned(e: np.ndarray) -> np.ndarray:
         return np.cross(alpha, e) + np.cross(omega, np.cross(omega, e))
 
-    pole = np.linalg.solve(np.array([turned(e) for e in np.eye(3)]).T, -force / mass)
-    return force, path, rest, pole
+    field = np.array([turned(e) for e in np.eye(3)]).T
+    # Points r from the centre whose acceleration, force / mass + field @ r, is share times r.
+    poles = [np.linalg.solve(field - share * np.eye(3), -force / mass) for share in (0.0, -5.0)]
+    return force, path, rest, poles
 
 
 @claim(
@@ -177,22 +179,23 @@ def euler_equation_point(found):
     wrong = np.linalg.norm(about_p @ alpha + np.cross(omega, about_p @ omega))
     inside, outside, explained = [], [], []
     for _ in range(20):
-        _, path, rest, pole = _pushed(found.rng)
+        _, path, rest, poles = _pushed(found.rng)
         r = found.rng.normal(size=3)
-        inside += [np.linalg.norm(rest(point)) < 1e-9 for point in (0 * r, pole)]
-        outside += [np.linalg.norm(rest(point)) < 1e-9 for point in (r, pole + 0.1 * r)]
+        inside += [np.linalg.norm(rest(point)) < 1e-9 for point in (0 * r, *poles)]
+        outside += [np.linalg.norm(rest(point)) < 1e-9 for point in (r, poles[0] + 0.1 * r)]
         explained.append(np.abs(rest(r) - 2.0 * np.cross(-r, path(r))).max())
     turned = quaternion.to_matrix(_spin(_EXAMPLE, omega, 1.0).q[-1])
     seen = turned @ np.diag(_EXAMPLE) @ turned.T
     found.figure("torque_found_about_p_nm", wrong)
     found.statement = (
-        "Torque less the formula, about the centres, the points without acceleration and other "
-        "points of 20 random bodies under random forces."
+        "Torque less the formula, about the centres, points without acceleration or with one "
+        "along the line to the centre, and other points of 20 random bodies under random forces."
     )
     found.heard(
         wrong < 1e-9,
-        only_if="moments are taken about the centre of mass or about a point of the body that has "
-        "no acceleration, such as a pivot",
+        only_if="moments are taken about the centre of mass or about a point of the body whose "
+        "acceleration is zero, as a pivot's, or points along the line to the centre, as at the "
+        "contact of a wheel that rolls",
         inside=inside,
         outside=outside,
     )
@@ -260,8 +263,9 @@ def gyroscopic_term_holds_the_top_up(found):
 
 @claim(
     "A spinning top stands upright.",
-    "An upright top is stable above the spin {formula}, here {critical_rad_per_s:.1f} rad/s, and "
-    "falls below it.",
+    "An upright top is stable above the spin {formula}, here {critical_rad_per_s:.1f} rad/s. Below "
+    "it a small tilt grows: just below to {largest_tilt_below_rad:.2f} rad and back, far below "
+    "until it falls.",
     ask=("Above which spin does an upright symmetric top stand? I1, I3 are about the tip.",
          "spin, omega, w > 2*sqrt(I1*m*g*l)/I3", {
              "sqrt(I1*m*g*l)/I3": "The factor 2 is missing: the condition is I3^2 w^2 > 4 I1 m g "
@@ -366,7 +370,7 @@ def wobble_comes_from_the_term(found):
 
 
 @claim(
-    "Spin about a principal axis is steady.",
+    "Spin about a principal axis is stable: a small disturbance stays small.",
     "About the middle axis a disturbance grows at the rate omega sqrt((I2 - I1)(I3 - I2) / (I1 "
     "I3)), {rate_per_s:.3f} per second at {spin_rad_per_s:g} rad/s and 1 : 2 : 3, and the body "
     "turns over again and again. With two equal moments it grows in proportion to time about the "
@@ -405,8 +409,10 @@ def principal_axis_is_stable(found):
     bodies = [_moments(found.rng) for _ in range(10)]
     found.heard(
         middle[4000] < 1e-6,
-        only_if="its moment is the largest or the smallest, and no other axis has the same",
-        inside=[aside(body, axis).max() < 1e-6 for body in bodies for axis in (0, 2)],
+        only_if="its moment is the largest or the smallest and no other axis has the same, or all "
+        "three are the same",
+        inside=[aside(body, axis).max() < 1e-6 for body in bodies for axis in (0, 2)]
+        + [aside(np.full(3, body[0]), 1).max() < 1e-6 for body in bodies[:3]],
         outside=[aside(body, 1).max() < 1e-6 for body in bodies],
     )
     found.corrected(
