@@ -376,7 +376,7 @@ show("contact_limit_explicit")
 show("semi_implicit_dissipates")
 
 # %% [markdown]
-# On a spring the energy swings about the true value and goes nowhere. A falling ball is different. For a constant
+# On a spring the energy swings within a fixed band and goes nowhere. A falling ball is different. For a constant
 # force the six integrators are only three: the position gains $hv + c\,h^2a$ with $c = 0$ (explicit Euler), $c = 1$
 # (semi-implicit Euler) or $c = \tfrac12$ (all others, and exact). Per step of free fall the energy changes by
 # $mg^2h^2(\tfrac12 - c)$. So explicit Euler gains $\tfrac12 mg^2h^2$ and semi-implicit Euler *loses* as much: what you
