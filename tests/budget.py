@@ -64,7 +64,9 @@ SLOW = (
     "tests/rigid_body/test_planar.py::test_resting_face_contact_properties",
     "tests/simulations/test_models.py",
     "tests/test_compiled.py",
+    "tests/test_tools.py::test_in_the_background",
     "tests/vector_env/test_charts.py",
+    "tests/vector_env/test_sb3.py",
     "tests/vector_env/test_vector_env.py",
 )
 # Processor time that the quick tests may take in all, warm.
