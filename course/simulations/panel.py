@@ -18,6 +18,7 @@ from course.simulations.record import Field
 _PICTURES_PER_SECOND = 40.0
 # As wide as the column of the controls.
 _STYLE = {"style": {"description_width": "118px"}, "layout": {"width": "auto"}}
+_SHORT = {"style": {"description_width": "initial"}}  # the words of a menu need the room
 # After a pause of the kernel the simulation goes on from where it was, it does not catch up [s].
 _LONGEST_ADVANCE = 0.1
 
@@ -222,7 +223,7 @@ def _input(field: Field) -> Any:
         return ipywidgets.Checkbox(description=field.label, indent=False, layout={"width": "auto"})
     if field.choices:
         options = [(words, k) for k, words in enumerate(field.choices)]
-        return ipywidgets.Dropdown(options=options, description=field.label, **_STYLE)
+        return ipywidgets.Dropdown(options=options, description=field.label, **_STYLE | _SHORT)
     label = f"{field.label} [{field.unit}]" if field.unit else field.label
     whole = isinstance(field.default, int)
     kind = ipywidgets.IntSlider if whole else ipywidgets.FloatSlider

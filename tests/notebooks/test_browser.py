@@ -76,15 +76,16 @@ PLACES = """wide => {
   const box = place => place.getBoundingClientRect();
   const [picture, slider] = [box(panel.querySelector('canvas')),
                              box(panel.querySelector('.widget-slider'))];
-  const menu = panel.querySelector('select');
   const ink = document.createElement('canvas').getContext('2d');
-  ink.font = getComputedStyle(menu).font;
   const cut = [...panel.querySelectorAll('.widget-label')]
     .filter(label => label.scrollWidth > label.clientWidth).map(label => label.innerText);
-  const preset = [...menu.options].map(option => option.innerText)
-    .filter(name => ink.measureText(name).width > menu.clientWidth - 24); // its arrow
+  for (const menu of panel.querySelectorAll('select')) {
+    ink.font = getComputedStyle(menu).font;
+    cut.push(...[...menu.options].map(option => option.innerText)
+      .filter(words => ink.measureText(words).width > menu.clientWidth - 24)); // its arrow
+  }
   return {row: slider.left >= picture.right && slider.top < picture.bottom, high: box(panel).height,
-          wide: box(panel).width, picture: picture.width, cut: [...cut, ...preset]};
+          wide: box(panel).width, picture: picture.width, cut};
 }"""
 
 # Notes when the browser has drawn each frame, and when each key came in.

@@ -179,7 +179,7 @@ _COMMA, _FOUND, _LATE = word(", ", ", impacts found in time", ", impacts noticed
 _THIS, _FINE = word("path with these settings, 3 s", "the same box computed finely")
 (_VELOCITY,) = word("velocity")
 _X, _Y, _T, _E = word("x [m]", "height [m]", "time [s]", "energy [J]")
-_NOW, _OVER_TIME, _AT_START = word("energy now", "energy over time", "at start")
+_NOW, _OVER_TIME = word("energy now (dotted: start)", "energy over time")
 _TIME, _CHANGE, _HEIGHT, _HIGHEST = word("time", "energy change", "height", "highest so far")
 _IMPACTS, _UNRESOLVED, _DEEPEST = word("impacts", f"steps > {_MOST} impacts", "deepest in ground")
 
@@ -263,7 +263,7 @@ def _energies(pen, state, controls, first):
     start = state["energy"]
     highest = max(start, past[3, first:end].max(), path[7, :n].max())
     top = 1.18 * highest if highest > 1e-9 else 1.0
-    draw.area(pen, _BARS, (0.0, 3.75, 0.0, top))
+    draw.area(pen, _BARS, (0.0, 3.0, 0.0, top))
     draw.axes(pen, 0, _E, _NOW, 0, 4)
     now = energies(state["box"][:, 0], controls["gravity"])
     for k in range(3):
@@ -272,7 +272,6 @@ def _energies(pen, state, controls, first):
         draw.text(pen, k + 0.5, now[k], 0, draw.INK, 12.0, draw.CENTRE, draw.BOTTOM, 0.0, 2.0)
         draw.number(pen, now[k], 1)
     draw.segment(pen, 0.0, start, 3.0, start, draw.GREY, 1.2, 1.0, 2.0, 3.0)
-    draw.text(pen, 3.0, start, _AT_START, draw.GREY, 11.0, draw.LEFT, draw.MIDDLE, 3.0)
     begin = max(0.0, past[0, end - 1] - _MEMORY)
     draw.area(pen, _STRIP, (begin, begin + _MEMORY, 0.0, top))
     draw.axes(pen, _T, _E, _OVER_TIME, 5, 4)
