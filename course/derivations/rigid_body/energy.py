@@ -368,7 +368,7 @@ def swapping_two_lines(found):
         """Of swings whose energy above the bottom grows more than tenfold in 2000 steps."""
         rate = np.sqrt(params[0])
         start = found.rng.uniform(-1, 1, (2, 1, 200)) * np.reshape((3, rate), (2, 1, 1))
-        q, v = _steps("semi_implicit_euler", (pull, params), *start, u / rate, 2000)
+        q, v = _steps("semi_implicit_euler", (pull, params), start[0], start[1], u / rate, 2000)
         energy = (v / rate) ** 2 / 2 + 1 - np.cos(q)
         return float((energy.max(axis=0) > 10 * energy[0]).mean())
 
