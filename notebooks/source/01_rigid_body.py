@@ -84,6 +84,9 @@ show("state_is_six_quantities")
 # %%
 show("free_body_keeps_angular_velocity")
 
+# %%
+simulation("free_body")
+
 # %% [markdown]
 # Without a torque the **angular momentum** $L = I\omega$ stays. Here $I$ is the **inertia tensor**, a symmetric
 # matrix that says how the mass lies around its centre. It turns with the body. If $L$ must stay and $I$ turns, then
@@ -121,6 +124,9 @@ show("free_body_keeps_angular_velocity")
 # %%
 predict("brick_that_flips")
 
+# %%
+simulation("flip")
+
 # %% [markdown]
 # Linearise the equations about a spin $\Omega$ on the middle axis: a disturbance grows like $e^{\sigma t}$.
 #
@@ -145,6 +151,9 @@ show("principal_axis_is_stable")
 
 # %%
 show("gyroscopic_term_holds_the_top_up")
+
+# %%
+simulation("top")
 
 # %% [markdown]
 # Gravity's torque on a top is *horizontal*. It can turn a large $L$ sideways, which is the slow circling called
@@ -184,6 +193,9 @@ except ValueError as problem:
 # %%
 show("gimbal_lock_is_physical")
 
+# %%
+simulation("gimbal")
+
 # %% [markdown]
 # The angle rates and the angular velocity are connected by a matrix $E$ with $\det E = \pm\cos\theta$. At the lock
 # its rank is two: one direction of $\omega$ corresponds to *no* finite angle rates. The body can still turn that way;
@@ -210,6 +222,9 @@ for angle in (60.0, 89.0, 90.0):
 
 # %%
 show("quaternion_is_unique")
+
+# %%
+simulation("double_cover")
 
 # %% [markdown]
 # Any orientation is one turn by an angle $\alpha$ about a unit axis $n$: the **axis-angle** form. A unit quaternion
@@ -327,6 +342,9 @@ show("symplectic_conserves_energy")
 
 # %%
 predict("spring_and_step")
+
+# %%
+simulation("spring")
 
 # %% [markdown]
 # Near a stable equilibrium every conservative system without gyroscopic forces is a set of springs, $\ddot x =
@@ -796,6 +814,9 @@ print(read("events_order"))
 
 # %%
 show("tunnelling_thickness")
+
+# %%
+simulation("tunnelling")
 
 # %% [markdown]
 # **Tunnelling**: the collision is never looked at, because the body is in front of the wall at one step and behind it

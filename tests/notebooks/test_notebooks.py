@@ -1,11 +1,14 @@
 """The builder of the notebooks, and the notebooks that it built."""
 
 import base64
+import io
 import sys
 from pathlib import Path
 
 import nbformat
+import numpy as np
 import pytest
+from PIL import Image
 
 from course import DIMENSIONS
 from course.simulations import painter
@@ -201,3 +204,16 @@ def test_a_source_that_fails_leaves_the_old_notebook(example: Path) -> None:
         notebooks.build(example)
     assert path.read_bytes() == before
     assert sorted(found.name for found in path.parent.iterdir()) == [path.name, "source"]
+
+
+def test_a_picture_is_kept_in_few_colours_and_stays_the_same_picture() -> None:
+    rng = np.random.default_rng(0)
+    blurred = np.repeat(np.repeat(rng.integers(0, 255, (20, 20, 3)), 8, 0), 8, 1).astype("uint8")
+    blurred[:80] //= 2
+    raw = io.BytesIO()
+    Image.fromarray(blurred).save(raw, "PNG", compress_level=0)
+    png = base64.b64encode(raw.getvalue()).decode()
+    small = notebooks.smaller(png)
+    assert len(small) < 0.5 * len(png)
+    kept = np.asarray(Image.open(io.BytesIO(base64.b64decode(small))).convert("RGB")).astype(int)
+    assert kept.shape == blurred.shape and np.abs(kept - blurred).mean() < 8
