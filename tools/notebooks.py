@@ -181,6 +181,8 @@ def run(notebook: NotebookNode, folder: Path) -> NotebookNode:
             cell.attachments = nbformat.from_dict(attachments)
             shown = True
         for output in cell.get("outputs", []):
+            if (png := output.get("data", {}).get("image/png", "")).startswith(_PNG):
+                output.data["image/png"] = smaller(png)
             if output.get("data", {}).pop(_WIDGET_VIEW, None) and shown:
                 for part in (output.data, output.metadata):
                     part.pop("image/png", None)  # it would stand below the film
