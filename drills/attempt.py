@@ -139,6 +139,7 @@ class Attempt:
         report: what was found so far.
         shown: the slip that the answers show, whichever check has failed; or "".
         in_part: a sentence on what is right where the rest is wrong, or "".
+        factor: a sentence on the factor that all values have too much, or "".
     """
 
     def __init__(self, card: Card, child: Place, report: Report, given: str = "") -> None:
@@ -153,7 +154,7 @@ class Attempt:
         self.card = card
         self.report = report
         self.shown = ""
-        self.in_part = ""
+        self.in_part = self.factor = ""
         self._part = -1
         self.rng = np.random.default_rng(report.seed)
         self.learner = Learner(child, self)

@@ -10,15 +10,18 @@ from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drills.attempt import Attempt, Place, Step, request
 from drills.exercise import Exercise
 from drills.inprocess import InProcess
+from drills.reasons import Reason
 from drills.sandbox import Ended, Handle, Raised
 from drills.values import Failure, close
 
-# Of the answers that either the submission or the slip has wrong, this share must be the same.
-SHARE = 0.75
+# A slip explains a submission when it gives this share of what the submission has wrong, and this
+# one of what either of them has wrong: a mistake may spare an edge case, or come with another.
+EXPLAINED, SHARED = 0.75, 0.4
 CAST = "Cannot cast ufunc"  # how NumPy refuses to add floats into an array of integers
 
 
@@ -27,11 +30,14 @@ def diagnosis(attempt: Attempt, graded: Exercise) -> tuple[str, str]:
     report = attempt.report
     sentences = {slip.name: slip.sentence for slip in graded.slips}
     named = next((c.slip for c in report.checks if c.slip and not c.passed), "") or attempt.shown
-    if not named and report.problem is not None and CAST in report.problem.message:
-        named = "whole_numbers"
-    named = named or matched(attempt, graded)
+    if not named and report.reason is Reason.RAISED and report.problem is not None:
+        named = "whole_numbers" if CAST in report.problem.message else ""
+    if named not in sentences:
+        named = matched(attempt, graded)
     if named:
         return named, sentences[named]
+    if attempt.factor:
+        return "constant_factor", attempt.factor
     return ("one_part_right" if attempt.in_part else ""), attempt.in_part
 
 
@@ -42,12 +48,10 @@ def matched(attempt: Attempt, graded: Exercise) -> str:
             if slip.cause(attempt.learner.last_args):
                 return slip.name
     solution, steps = attempt.card.solution_text(), attempt.learner.steps
-    if not steps:
-        return ""
-    right = _alike(solution, graded, steps)
+    right = np.array([same for same in _alike(solution, graded, steps)], dtype=bool)
     if right.all():
         return ""  # what came back was right as far as it went
-    best, name = 0.0, ""
+    best, name = SHARED, ""
     for slip in graded.slips:
         # One that never answers must not be run here.
         if slip.ends is not None or slip.generic:
@@ -55,28 +59,32 @@ def matched(attempt: Attempt, graded: Exercise) -> str:
         share = _share(right, _alike(slip.text(solution), graded, steps))
         if share > best:
             best, name = share, slip.name
-    return name if best >= SHARE else ""
+    return name
 
 
-def _share(right: Any, same: Any) -> float:
-    """Of the answers that one of the two has wrong, the share in which they agree.
+def _share(right: NDArray[np.bool_], alike: Iterator[bool]) -> float:
+    """How much a slip explains: of what either has wrong, the share that is the same; or 0.
 
     Args:
         right: which answers of the submission are those of the worked answer.
-        same: which are those of the slip.
+        alike: whether an answer is that of the slip, one after the other.
     """
-    # Where the submission is right and unlike the slip, the slip is wrong.
-    told = ~(right & same)
-    return float(np.mean(same[told])) if (told & same).any() else 0.0
+    spared = (1.0 - EXPLAINED) * np.sum(~right)
+    agreed = told = 0
+    for is_right, same in zip(right, alike, strict=True):
+        # Where the submission is right and unlike the slip, the slip is wrong.
+        told += not (is_right and same)
+        agreed += same and not is_right
+        spared -= not same and not is_right
+        if spared < 0:
+            return 0.0
+    return agreed / told
 
 
-def _alike(text: str, graded: Exercise, steps: Sequence[Step]) -> Any:
+def _alike(text: str, graded: Exercise, steps: Sequence[Step]) -> Iterator[bool]:
     """For each recorded request, whether a text of this project gives what came back."""
-    local = InProcess(text, graded.given)
-    found = {id(step): True for step in steps}
-    for step, result in repeated(local, steps):
-        found[id(step)] = close(step.result, result)
-    return np.array(list(found.values()))
+    for step, result in repeated(InProcess(text, graded.given), steps):
+        yield result is step.result or close(step.result, result)
 
 
 def repeated(place: Place | InProcess, steps: Sequence[Step]) -> Iterator[tuple[Step, Any]]:
@@ -100,5 +108,5 @@ def repeated(place: Place | InProcess, steps: Sequence[Step]) -> Iterator[tuple[
             result = Failure(type(error).__name__)
         if isinstance(step.result, Handle) and not isinstance(result, Failure):
             handles[id(step.result)] = result
-            continue
+            result = step.result
         yield step, result

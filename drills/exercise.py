@@ -135,7 +135,11 @@ def value_slips(
             "One part of the answer is right in every case and another is not: look for the "
             "mistake where only the latter is computed."),
     ]  # fmt: skip
-    return tuple(itertools.compress(found, (whole, swapped, in_part)))
+    if not in_part:
+        found.append(_changed("constant_factor", entry, "0.9 * p for p in parts",
+            "Every value is the same multiple of the right one: a factor is missing or one too "
+            "many."))  # fmt: skip
+    return tuple(itertools.compress(found, (whole, swapped, in_part, True)))
 
 
 def _changed(name: str, entry: str, parts: str, told: str) -> Slip:

@@ -20,7 +20,7 @@ from drills.cards import Card
 from drills.diagnosis import diagnosis, repeated
 from drills.exercise import Exercise
 from drills.reasons import SENTENCES, Reason
-from drills.report import Problem, Report
+from drills.report import LEVELS, Check, Problem, Report
 from drills.sandbox import (
     Child,
     Ended,
@@ -219,12 +219,19 @@ def _conclude(attempt: Attempt, graded: Exercise) -> None:
     report = attempt.report
     report.sort()
     failures = [check for check in report.checks if not check.passed]
-    if report.passed and failures:
+    if failures and (report.passed or _is_simpler(failures[0], report)):
         report.reason, report.sentence = failures[0].reason, failures[0].sentence
     if report.passed and not report.checks:
         raise AssertionError(f"the judge of {report.drill} checked nothing")
     if not report.passed:
         report.slip, report.diagnosis = diagnosis(attempt, graded)
+
+
+def _is_simpler(failed: Check, report: Report) -> bool:
+    """Whether a check failed at a level below that of the case at which the run was stopped."""
+    stopped = [report.parts[i].level for i in report.begun - report.ended]
+    level = report.parts[failed.part].level if failed.part >= 0 else LEVELS[-1]
+    return any(LEVELS.index(level) < LEVELS.index(later) for later in stopped)
 
 
 def _entry_text(source: str, entry: str) -> str | None:

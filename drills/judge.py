@@ -134,6 +134,7 @@ def judge_of(
             with np.errstate(all="ignore"):  # what came back may be as large as it likes
                 readable = [a for a in answered if a.parts]
                 attempt.shown = told(readable) or swapped(readable) or whole_numbers(readable)
+                attempt.factor = constant_factor(readable)
                 attempt.in_part = one_part_right(attempt, readable, names)
         if {check.reason for check in attempt.report.checks} & MALFORMED:
             return
@@ -262,6 +263,26 @@ def swapped(answers: Sequence[Answer]) -> str:
         if max(errors) <= 1e-9:
             return "results_swapped"
     return ""
+
+
+def constant_factor(answers: Sequence[Answer]) -> str:
+    """A sentence on values that are all the same multiple of the right ones, or ""."""
+    if len(answers) < 3 or len(answers[0].truth) > 1:
+        return ""
+    try:
+        got = np.concatenate([as_float64(a.parts[0], a.truth[0].shape).ravel() for a in answers])
+    except Mismatch:
+        return ""
+    truth = np.concatenate([a.truth[0].ravel() for a in answers])
+    moving = np.abs(truth) > 1e-9 * np.max(np.abs(truth), initial=0.0)
+    factor = float(np.median(got[moving] / truth[moving])) if moving.any() else 0.0
+    near = np.abs(got - factor * truth) <= 1e-7 * np.abs(truth) + 1e-12
+    if abs(factor) < 1e-9 or not near.all():
+        return ""
+    return (
+        f"Every value is {factor:.4g} times the right one, in every case: the way is right, and a "
+        "factor is missing or one too many."
+    )
 
 
 def whole_numbers(answers: Sequence[Answer]) -> str:

@@ -75,11 +75,11 @@ def cases(rng: np.random.Generator) -> list[Case]:
     return cases
 
 
-def _rests(y: float, v: float, dt: float, e: float, gravity: float = 9.81) -> bool:
-    """Whether infinitely many bounces end within the step."""
+def _rests(y: float, v: float, dt: float, e: float, gravity: float = 9.81, *share: float) -> bool:
+    """Whether infinitely many bounces, or a share of their time, end within the step."""
     impact = math.sqrt(v * v + 2.0 * gravity * y)
     rest = 2.0 * e * impact / (gravity * (1.0 - e)) if e < 1.0 else math.inf
-    return impact == 0.0 or (v + impact) / gravity + rest <= dt
+    return impact == 0.0 or (v + impact) / gravity + math.prod(share) * rest <= dt
 
 
 def _small(speed: float, restitution: float, flights: float) -> Case:
@@ -88,8 +88,19 @@ def _small(speed: float, restitution: float, flights: float) -> Case:
 
 
 def told(answers: Sequence[Answer]) -> str:
-    """A height in free flight that is off by what either Euler method makes of a parabola."""
+    """A height in free flight that is off, a rest that comes too early, another gravity."""
+    wrong = [a for a in answers if not all(a.right)]
+    if wrong and all(a.case.label == "gravity left out" for a in wrong):
+        return "default_gravity"
+    if wrong and all(off(a.parts[0], 0.0) == off(a.parts[1], 0.0) == 0.0 for a in wrong):
+        halved = [_rests(*a.case.args[:4], *a.case.args[4:] or (9.81,), 0.5) for a in answers]
+        still = [off(a.parts[0], 0.0) == off(a.parts[1], 0.0) == 0.0 for a in answers]
+        return "rest_time_halved" if halved == still else "rests_too_early"
     for a in answers:
+        y, v, dt, _, gravity = (*a.case.args, 9.81)[:5]
+        risen = y + v * dt + 0.5 * gravity * dt * dt
+        if a.case.label == "falling" and off(a.parts[0], risen) <= 1e-9:
+            return "gravity_upwards"
         _, _, dt, _, gravity = (*a.case.args, 9.81)[:5]
         if a.case.label == "falling" and not a.right[0]:
             drop = 0.5 * gravity * dt * dt
@@ -202,6 +213,15 @@ def bounce_step(y, v, dt, restitution, gravity=9.81):
         {rest}
     return y + v * dt - 0.5 * gravity * dt * dt, v - gravity * dt
 """
+_WITH = """
+
+def bounce_step(y, v, dt, restitution, gravity=9.81):
+    return exact({})
+"""
+_LAST = "    return max(up * left - 0.5 * gravity * left * left, 0.0), up - gravity * left\n"
+_UPWARDS = """def bounce_step(y, v, dt, restitution, gravity=9.81):
+    return y + v * dt + 0.5 * gravity * dt * dt, v + gravity * dt
+"""
 _PARABOLA = "y + v * dt - 0.5 * gravity * dt * dt"
 _ENDLESS = """def bounce_step(y, v, dt, restitution, gravity=9.81):
     while True:
@@ -241,7 +261,21 @@ SLIPS = slips(
         "    return 0.0, up\n    if gone * (1.0 - restitution) >= up:\n",
         "After the impact the ball waits on the floor for the end of the step. What is left of "
         "dt must be flown too."),
-    restitution_of_energy=("up = restitution * impact", "up = math.sqrt(restitution) * impact",
+    gravity_upwards=(_UPWARDS,
+        "Gravity pulls upwards here: with the velocity counted upwards the height is "
+        "y + v dt - g dt^2 / 2 and the velocity v - g dt."),
+    default_gravity=("gravity: float = 9.81", "gravity: float = 9.8",
+        "It is right where gravity is handed in. Its default is 9.81 m/s^2, as the task says."),
+    restitution_squared=("def bounce_step(", "def exact(", _LAST,
+        _LAST + _WITH.format("y, v, dt, restitution**2, gravity"),
+        "The speed is multiplied by the square of the restitution. That is what the energy is "
+        "multiplied by; the speed only once."),
+    not_turned_round=("    gone = left * gravity / 2.0\n",
+        "    return -up * left - 0.5 * gravity * left * left, -up - gravity * left\n",
+        "The ball goes on downwards after the impact, through the floor: the velocity changes its "
+        "sign there."),
+    restitution_of_energy=("def bounce_step(", "def exact(", _LAST,
+        _LAST + _WITH.format("y, v, dt, math.sqrt(restitution), gravity"),
         "The energy is multiplied by the restitution, so the speed by its square root. "
         "Restitution is the ratio of the speeds; the energy keeps its square."),
     restitution_once=(

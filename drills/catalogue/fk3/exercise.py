@@ -132,6 +132,9 @@ SLIPS = slips(
     links_not_added_up=(POINTS, "np.vstack((np.zeros(2), links))",
         "Each row is one link as seen from its own joint. A joint's position is the sum of all "
         "links before it."),
+    arguments_swapped=("def fk3(lengths: ArrayLike, thetas: ArrayLike)", "def fk3(thetas, lengths)",
+        "if (lengths < 0.0).any():", "if False:",
+        "Lengths and angles are taken for each other. The task's order is fk3(lengths, thetas)."),
     lengths_reversed=("lengths[:, None]", "lengths[::-1, None]",
         "The link lengths are used from tip to base. They come from base to tip."),
     order_reversed=(POINTS, POINTS + "[::-1]",

@@ -67,6 +67,11 @@ def _wrong_orders(coarse: Array, medium: Array, fine: Array, ratio: float = 2.0)
         "fine_taken_for_the_truth": math.log(np.linalg.norm(fine - coarse) / second, ratio),
         "ratio_not_used": math.log2(first / second),
         "natural_logarithm": math.log(first / second),
+        "order_rounded": round(math.log(first / second, ratio)),
+        "order_negative": math.log(second / first, ratio),
+        "another_norm": math.log(
+            np.sum(np.abs(medium - coarse)) / np.sum(np.abs(fine - medium)), ratio
+        ),
     }
 
 
@@ -76,6 +81,10 @@ def _wrong_limits(coarse: Array, medium: Array, fine: Array, ratio: float = 2.0)
         "minus_one_missing": fine + (fine - medium) / growth,
         "extrapolated_backwards": fine - (fine - medium) / (growth - 1.0),
         "not_extrapolated": fine,
+        "order_rounded": fine + (fine - medium) / (ratio ** round(math.log(growth, ratio)) - 1.0)
+        if round(math.log(growth, ratio))
+        else fine,
+        "second_order_assumed": fine + (fine - medium) / 3.0,
     }
 
 
@@ -148,6 +157,19 @@ SLIPS = slips(
         "The logarithm is to the base 2 whatever the ratio of the steps was."),
     natural_logarithm=(_ORDER, "order = math.log(growth)",
         "The natural logarithm of the ratio of the differences is p log(r): divide by log(r)."),
+    order_rounded=(_ORDER, "order = round(math.log(growth) / math.log(ratio))",
+        "The order is rounded to a whole number. The runs show one near it: return what they show, "
+        "and extrapolate with it."),
+    order_negative=(_ORDER, "order = -math.log(growth) / math.log(ratio)",
+        "The order has the wrong sign: the ratio of the differences is upside down. It is the "
+        "first, larger, over the second."),
+    another_norm=("np.linalg.norm(medium - coarse)", "np.sum(np.abs(medium - coarse))",
+        "np.linalg.norm(fine - medium)", "np.sum(np.abs(fine - medium))",
+        "The differences are measured by the sum or the mean of their sizes. The task asks for the "
+        "2-norm; where the runs are not yet in the range of one power of h the two differ."),
+    second_order_assumed=(_LIMIT, "fine + (fine - medium) / 3.0",
+        "The extrapolation divides by 3, which is 2^2 - 1: right for order 2 and halved steps "
+        "only. Divide by r^p - 1 with the order that you have found."),
     largest_component=("np.linalg.norm(medium - coarse)", "np.max(np.abs(medium - coarse))",
         "np.linalg.norm(fine - medium)", "np.max(np.abs(fine - medium))",
         "The differences are measured by their largest component. That is a norm too, but the "
@@ -189,5 +211,5 @@ EXERCISE = Exercise(
     ),
     slips=SLIPS
     + coarse_slips("observed_order", "A difference of two extrapolated results needs the others.")
-    + value_slips("observed_order"),
+    + value_slips("observed_order", swapped=True),
 )

@@ -154,6 +154,10 @@ def _proportional(attempt: Attempt) -> None:
         # Which of the two is differentiated tells a wrong sign from arguments in the wrong order.
         ramp = Controller(attempt, Numbers(kd=1.0)).run(0.1 * np.arange(4.0), 0.0)
         slip = "arguments_swapped" if np.any(np.abs(ramp[1:]) > 1e-3) else "error_sign"
+    elif not np.any(got):
+        slip = "proportional_missing"
+    elif np.all(np.abs(got) == WIDE):
+        slip = "limits_swapped"
     controller.compare("proportional part alone", got, expected, slip=slip)
 
 
@@ -173,6 +177,10 @@ def _integral(attempt: Attempt) -> None:
     slip = ""
     if _near(steps[kept], numbers.ki * errors):
         slip = "integral_without_dt"
+    elif _near(steps[kept] / numbers.dt, numbers.ki * errors * numbers.dt):
+        slip = "dt_twice_in_integral"
+    elif _near(steps[kept], errors * numbers.dt):
+        slip = "integral_gain_missing"
     elif _flattens(steps[:24], expected[0]):
         slip = "integral_clamped_small"
     right = controller.compare(
@@ -226,6 +234,8 @@ def _derivative(attempt: Attempt) -> None:
     slip = "derivative_sign" if abs(last + full) <= 0.01 * abs(full) else ""
     if abs(last / full / dt - 1.0) <= 0.01:
         slip = "derivative_without_dt"
+    elif abs(last + slope) <= 0.01 * abs(slope):
+        slip = "derivative_gain_missing"
     right = controller.compare(
         "derivative of a long ramp",
         last,

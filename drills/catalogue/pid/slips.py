@@ -46,6 +46,19 @@ SLIPS = slips(
         "change = 0.0 if before is None else measurement - before",
         "The update is refused, but too late: something of it was kept before, and the next "
         "commands are others. Check the arguments first, then change the state."),
+    proportional_missing=("self.kp * error + integral", "integral",
+        "The proportional part is missing: with kp alone the command stays at zero."),
+    limits_swapped=("min(max(wanted, self.u_min), self.u_max)",
+        "max(min(wanted, self.u_min), self.u_max)",
+        "The limits are taken for each other: whatever is wanted, a limit comes out. Not below "
+        "u_min and not above u_max: min(max(u, u_min), u_max)."),
+    dt_twice_in_integral=("self.ki * error * self.dt", "self.ki * error * self.dt**2",
+        "The integral grows with dt squared: dt is multiplied twice, perhaps in the sum and once "
+        "more where it is used."),
+    integral_gain_missing=("self.ki * error * self.dt", "error * self.dt",
+        "The integral grows by e dt in a sample: its gain ki is missing."),
+    derivative_gain_missing=("self.kd * self.rate", "self.rate",
+        "The derivative enters the command without its gain kd, also where that is 0."),
     derivative_kick=("else measurement - self.last", "else self.last - (setpoint - measurement)",
         "self.last = measurement", "self.last = setpoint - measurement",
         "The derivative is taken of the error, so a step of the set-point is differentiated too: "

@@ -209,8 +209,14 @@ def _lags(bench: Bench, delayed: Any, actions: list[Array]) -> None:
     if strange:
         place = lags.index(-1)
         said = f"delay returned {describe(got[place, :, 0])} for {describe(sent[place, :, 0])}."
+        cut = [
+            any(_shifted(theirs, ours, k, float(np.trunc(idle))) for k in range(len(actions)))
+            for theirs, ours in zip(got, sent, strict=True)
+        ]
         positive = got[..., 0] > 0.5
-        if (positive & (got[..., 0] < sent[:, :1, 0] - 0.5)).any():
+        if all(cut):
+            slip = "idle_cut_off"
+        elif (positive & (got[..., 0] < sent[:, :1, 0] - 0.5)).any():
             slip = "old_actions_kept"
         elif np.array_equal(got[:, -1], sent[:, -1]):
             slip = "newest_returned"
@@ -406,7 +412,11 @@ def noise_added(bench: Bench, seed: int) -> None:
         tolerance=allowed,
         unit="1",
         why=CHANCE,
-        slip="variance_for_deviation" if abs(ratio / sigma - 1.0) < 0.15 else "",
+        slip="variance_for_deviation"
+        if abs(ratio / sigma - 1.0) < 0.15
+        else "noise_uniform"
+        if abs(ratio * np.sqrt(3.0) - 1.0) < 0.1 and np.abs(noise).max() <= sigma
+        else "",
     )
     mean = float(np.max(np.abs(noise.mean(axis=0)))) / sigma
     attempt.require(

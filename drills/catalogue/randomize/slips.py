@@ -93,6 +93,14 @@ SLIPS = slips(
     action_not_copied=(_COPY, "action = np.asarray(action, dtype=float)",
         "You keep the caller's array itself. When it is written again, all waiting actions "
         "change with it, and the delay is gone. Keep a copy."),
+    idle_cut_off=("np.full(action.shape, self.idle, dtype=float)",
+        "np.full(action.shape, self.idle, dtype=int)",
+        "Until the first action is due, `idle` comes back without the digits behind its point: an "
+        "array of integers takes no fractions. Write dtype=float."),
+    noise_uniform=("rng.normal(0.0, self.noise, size=observation.shape)",
+        "rng.uniform(-self.noise, self.noise, size=observation.shape)",
+        "The noise is uniform between plus and minus `noise`. The task asks for normal noise with "
+        "this standard deviation."),
     noise_in_place=("return observation + rng.normal(0.0, self.noise, size=observation.shape)",
         "observation += rng.normal(0.0, self.noise, size=observation.shape)\n"
         "        return observation",

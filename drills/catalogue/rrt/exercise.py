@@ -29,7 +29,13 @@ SIGMAS = 4.75  # a right answer is beyond them once in 500 000 gradings
 CELLS = 4  # along each axis, for the uniformity of the targets
 LARGEST_CHI2 = 60.0  # 15 degrees of freedom: a right answer is above it once in 4 million
 # Of several slips that let an edge pass, the grossest explains the others.
-GROSSEST = ("nothing_checked", "vertices_only", "coarse_sampling", "last_edge_unchecked")
+GROSSEST = (
+    "start_for_parent",
+    "nothing_checked",
+    "vertices_only",
+    "coarse_sampling",
+    "last_edge_unchecked",
+)
 MOST_TWICE = 0.05
 PARTS = ("path", "nodes", "parents", "samples")
 
@@ -211,6 +217,7 @@ def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
     attempt.require(
         "other targets are new ones",
         twice <= MOST_TWICE,
+        slip="own_generator" if _alike(closed) else "",
         sentence=f"Of the targets that are not the goal, {twice:.1%} have a coordinate that came "
         "before: they are drawn from a few values, or pushed onto the border.",
         got=f"{twice:.3g}",
@@ -220,6 +227,12 @@ def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
         unit="1",
         why="a uniform number of 24 bits comes twice in one draw of 10 000",
     )
+
+
+def _alike(closed: list[tuple[World, Run]]) -> bool:
+    """Whether two runs in one rectangle, with generators of their own, drew the same targets."""
+    first = [run.samples[:9] for world, run in closed if np.array_equal(world.bounds, [LOW, HIGH])]
+    return len(first) > 1 and all(np.array_equal(first[0], other) for other in first[1:])
 
 
 def _report_chance(attempt: Attempt, goals: list[NDArray[np.bool_]]) -> None:

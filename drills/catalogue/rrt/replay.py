@@ -118,19 +118,28 @@ def _tree(world: World, run: Run) -> list[Fault]:
         text = f"Node {i} has the parent {run.parents[i]}, which is not a node before it."
         return [Fault("tree", text)]
     if bounds_faults(run.nodes, world.bounds):
-        return [Fault("tree", "A node lies outside the bounds.")]
+        slip = "always_a_whole_step" if _whole_steps(world, run) else ""
+        return [Fault("tree", "A node lies outside the bounds.", slip)]
     return []
+
+
+def _whole_steps(world: World, run: Run) -> bool:
+    """Whether every edge has the length of the step, but for those to the goal."""
+    edges = run.nodes[1:] - run.nodes[run.parents[1:]]
+    lengths = np.hypot(*edges[~(run.nodes[1:] == world.goal).all(axis=1)].T)
+    return lengths.size > 1 and bool(np.all(np.abs(lengths - world.step) <= TOLERANCE))
 
 
 def _edges(world: World, run: Run) -> list[Fault]:
     found: list[Fault] = []
+    from_start = len(run.nodes) > 4 and not run.parents[1:].any()
     for i in range(1, len(run.nodes)):
         a, b = run.nodes[run.parents[i]], run.nodes[i]
         for fault in edge_faults(a, b, world.discs, world.step, i):
             text = f"{fault.sentence[0].upper()}{fault.sentence[1:]}."
             if fault.kind == "step":
                 is_target = bool((run.samples == b).all(axis=1).any())
-                slip = "no_steering" if is_target else ""
+                slip = "start_for_parent" if from_start else "no_steering" if is_target else ""
                 found.append(Fault("edges are no longer than the step", text, slip))
             else:
                 found.append(Fault("edges are free", text, _unchecked(world, a, b)))
@@ -217,11 +226,18 @@ def _missed(world: World, run: Run, k: int, known: int, nearest: int, end: Array
         aligned = _near((new - origin) * due, (end - origin) * length)
         if parent == nearest and aligned and not explained:
             text = f"Node {known} goes {length:.6g} m towards target {k}, not {due:.6g} m."
-            return Fault("steps are as long as they may be", text)
+            slip = "always_a_whole_step" if _whole_steps(world, run) else ""
+            return Fault("steps are as long as they may be", text, slip)
     text = f"Target {k}, {where}, added no node, though the step from node {nearest} is free."
     kept = [_line_is_free(world, run.nodes[run.parents[i]], run.nodes[i]) for i in range(1, known)]
     refused = not _line_is_free(world, run.nodes[nearest], end)
-    return Fault("free steps are kept", text, "line_for_segment" if refused and all(kept) else "")
+    slip = "line_for_segment" if refused and all(kept) else ""
+    larger = world.discs * [1.0, 1.0, 0.0] + np.sqrt(world.discs * [0.0, 0.0, 1.0])
+    if not slip and clearances(run.nodes[nearest], end, larger).min(initial=1.0) <= 0.0:
+        edges = zip(run.nodes[run.parents[1:known]], run.nodes[1:known], strict=True)
+        if all(clearances(a, b, larger).min(initial=1.0) > -TOLERANCE for a, b in edges):
+            slip = "square_compared_with_radius"
+    return Fault("free steps are kept", text, slip)
 
 
 def _line_is_free(world: World, a: Array, b: Array) -> bool:

@@ -85,6 +85,17 @@ SLIPS = slips(
         "goal if rng.random() < GOAL_BIAS else rng.uniform((low[0], high[0]), (low[1], high[1]))",
         "The rows of bounds are read as the ends of x and the ends of y. They are corners: "
         "(xmin, ymin) and (xmax, ymax)."),
+    always_a_whole_step=("target if distance <= step else origin + step / distance * offset\n",
+        "origin + step / max(distance, 1e-12) * offset\n",
+        "Every edge is a whole step long: a target that is nearer is overshot, and the tree leaves "
+        "the world. A target within one step is reached exactly."),
+    start_for_parent=("        parents.append(near)\n", "        parents.append(0)\n",
+        "Every node has the start as its parent. The parent is the node that the step began at, "
+        "the nearest to the target."),
+    square_compared_with_radius=("np.hypot(gaps[:, 0], gaps[:, 1]) > discs[:, 2]",
+        "gaps[:, 0] ** 2 + gaps[:, 1] ** 2 > discs[:, 2]",
+        "Free edges are refused: the square of a distance is compared with a radius. Take the "
+        "root, or square the radius too."),
     grown_from_the_goal=("    nodes[0] = start\n",
         "    start, goal = goal, start\n    nodes[0] = start\n",
         "Start and goal are taken for each other: the tree grows from the goal. Its first node is "

@@ -150,12 +150,31 @@ def largest_stable_step(stiffness, mass):
     K, M = np.asarray(stiffness, dtype=float), np.asarray(mass, dtype=float)
     return {answer}
 """
+_VALUES = "np.linalg.eigvals(np.linalg.solve(M, K)).real"
 _RETURN = "return 2.0 / math.sqrt(squares[-1]) if squares[-1] > 0.0 else math.inf"
 
 SLIPS = slips(
     stiffest_spring=(_PLAIN.format(answer="2.0 / np.sqrt(np.max(np.diag(K) / np.diag(M)))"),
         "You took the largest k / m on the diagonal. That is a lower bound of omega_max^2: "
         "coupling can double it, and a step chosen in this way explodes."),
+    stiffest_over_lightest=(
+        _PLAIN.format(answer="2.0 / np.sqrt(np.max(np.diag(K)) / np.min(np.diag(M)))"),
+        "You took the stiffest spring and the lightest mass of the diagonals, which need not "
+        "belong together; and the coupling counts too. Solve K x = omega^2 M x for its "
+        "largest value."),
+    slowest_mode=(_PLAIN.format(answer=f"2.0 / np.sqrt(np.abs({_VALUES}).min())"),
+        "That is the limit of the slowest mode. The fastest one is the first to explode: take the "
+        "largest eigenvalue."),
+    arguments_swapped=(
+        _PLAIN.format(answer="2 / np.sqrt(np.linalg.eigvals(np.linalg.pinv(K) @ M).real.max())"),
+        "Stiffness and mass are taken for each other: that is K^-1 M where M^-1 K is due."),
+    hertz=(_PLAIN.format(answer=f"4.0 * np.pi / np.sqrt({_VALUES}.max())"),
+        "The frequency is taken in hertz. The limit 2 / omega is that of the circular frequency, "
+        "in rad/s: leave the 2 pi out."),
+    bound_for_eigenvalue=(
+        _PLAIN.format(answer="2.0 / np.sqrt(np.abs(np.linalg.solve(M, K)).sum(axis=1).max())"),
+        "A sum along a row bounds the largest eigenvalue and is not it (Gershgorin): your step is "
+        "safe, but too short. Compute the eigenvalue."),
     mass_forgotten=(_PLAIN.format(answer="2.0 / np.sqrt(np.linalg.eigvalsh(K)[-1])"),
         "The eigenvalues of K alone have the unit N/m, not 1/s^2: the masses are missing."),
     coupled_masses_ignored=(

@@ -276,6 +276,25 @@ SLIPS = slips(
     truncated_is_not_reset=("if terminated[i] or truncated[i]:", "if terminated[i]:",
         "An environment whose clock ran out is not reset: its episode goes on beyond its end. It "
         "needs a reset as much as one that is terminated."),
+    seed_zero_for_none=("None if seed is None else seed + i", "seed + i if seed else None",
+        "The seed 0 is taken for none: `if seed` is false for it. Ask `seed is None`."),
+    reset_info_lost=("{**reset_info, ", "{",
+        "What the reset of a finished environment says in its info is lost. The info of that step "
+        "is the reset's, with final_obs and final_info added."),
+    final_info_lost=(', "final_info": info}', "}",
+        "The last info of a finished episode is lost: it belongs under final_info."),
+    flags_swapped=("rewards, terminated, truncated, infos\n",
+        "rewards, truncated, terminated, infos\n",
+        "Terminated and truncated come back in the wrong order. Terminated first: the task is "
+        "over; truncated: the clock ran out."),
+    whole_numbers=("rewards = np.zeros(self.num_envs)",
+        "rewards = np.zeros(self.num_envs, dtype=int)",
+        "The rewards lose the digits behind the point: they are written into an array of integers. "
+        "Let it be of floats."),
+    reward_lost=("                observation = first\n",
+        "                observation = first\n                rewards[i] = 0.0\n",
+        "The reward of an episode's last step is lost. Reset what belongs to the new episode only: "
+        "the reward is that of the step just made."),
     seed_shared_by_all=("None if seed is None else seed + i", "seed",
         "All environments get the same seed, so they are copies of one another: n times the work "
         "for the experience of one. Environment i gets seed + i."),

@@ -232,6 +232,15 @@ SLIPS = slips(
     old_acceleration_twice=(_V_NEW, "    v_new = v_half + 0.5 * dt * a\n",
         "Both halves of the velocity's step use the old acceleration. The second half belongs to "
         "the new position: use the acceleration that you have just computed there."),
+    new_acceleration_twice=(_V_NEW, "    v_new = v + dt * a_new\n",
+        "The velocity's whole step uses the new acceleration. Over the step it changes by dt times "
+        "the mean of both, of the old position's and of the new one's."),
+    half_step_velocity=(_V_NEW, "    v_new = v_half\n",
+        "The velocity that you return is that of half way. The other half of the step is missing: "
+        "add dt/2 times the acceleration at the new position."),
+    dt_not_squared=(_Q_NEW, "    q_new = q + dt * v + 0.5 * dt * a\n",
+        "The acceleration moves the position by dt/2 times a, in m/s: the time must stand there "
+        "twice, 0.5 * dt**2 * a."),
     half_missing_in_position=(_Q_NEW, "    q_new = q + dt * v + dt**2 * a\n",
         "The position gets dt^2 * a; it must be half of that. A body that falls from rest then "
         "falls twice as far in its first step."),

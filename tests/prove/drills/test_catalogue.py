@@ -64,3 +64,45 @@ def test_a_tight_limit_is_found(monkeypatch: pytest.MonkeyPatch) -> None:
     assert failed() == set()
     monkeypatch.setattr(verify, "HEADROOM", 10**6)  # no limit leaves as much
     assert failed() == {"the limits leave it 1000000 times its own time"}
+
+
+@pytest.mark.parametrize("name", EXERCISES)
+def test_every_slip_is_named_with_fifty_seeds(name: str) -> None:
+    found = verify.findings_of(name, Effort(1, 50, verify.in_this_process))
+    assert [f"{f.what}: {f.detail}" for f in found if not f.passed] == []
+
+
+@pytest.mark.parametrize("seed", [100, 112, 133, 719625752])
+def test_a_planner_that_never_checks_the_bounds_is_refused(seed: int) -> None:
+    """With these seeds the point out of bounds lay in a disc, and was refused for that."""
+    card = catalogue.card("rrt")
+    slip = next(slip for slip in exercises.of("rrt").slips if slip.name == "bounds_unchecked")
+    text = slip.text(card.solution_text())
+    report = attempt(card, text, seed=seed, place=verify.in_this_process).report
+    assert (report.verdict, report.slip) == ("fail", "bounds_unchecked")
+
+
+def test_an_answer_that_compiles_with_numba_is_told_so() -> None:
+    card = catalogue.card("fk3")
+    text = card.solution_text().replace("def fk3(", "def plain(") + COMPILED
+    report = attempt(card, text, seed=5).report
+    assert report.passed and "Numba compiled" in report.notes[0]
+
+
+COMPILED = """
+from numba import njit
+
+
+@njit
+def positions(lengths, thetas):
+    points, angle = np.zeros((4, 2)), 0.0
+    for i in range(3):
+        angle += thetas[i]
+        points[i + 1, 0] = points[i, 0] + lengths[i] * np.cos(angle)
+        points[i + 1, 1] = points[i, 1] + lengths[i] * np.sin(angle)
+    return points
+
+
+def fk3(lengths, thetas):
+    return positions(np.asarray(lengths, dtype=float), np.asarray(thetas, dtype=float))
+"""

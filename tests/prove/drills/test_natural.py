@@ -1,0 +1,87 @@
+"""Wrong answers as people write them: each is refused, and nine of ten are told why.
+
+`natural.toml` holds the answers and the explanations of each that are true.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from drills import cards
+from drills.cards import Card
+from drills.grade import attempt, start_child
+from drills.report import Report
+from drills.verify import in_this_process
+
+SHARE = 0.9
+ENDLESS = "a loop until the end"  # a text that must not run in this process
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """A wrong answer: what is wrong, its text, the names and reasons that explain it."""
+
+    what: str
+    text: str
+    told: frozenset[str]
+
+    def explained(self, report: Report) -> bool:
+        """Whether a true explanation was given."""
+        return bool({report.slip, str(report.reason)} & self.told)
+
+
+def answers(card: Card) -> list[Wrong]:
+    """The wrong answers to an exercise."""
+    table = tomllib.loads(Path(__file__).with_name("natural.toml").read_text(encoding="utf-8"))
+    rows = table[card.name]
+    found = []
+    for what, told, changed in rows.get("filled", []):
+        text = rows["template"].format(**rows["usual"] | changed)
+        found.append((what, told, f"import math\n\nimport numpy as np\n\n\n{text}"))
+    for what, told, *pairs in rows.get("edited", []):
+        text = card.solution_text()
+        for old, new in zip(pairs[::2], pairs[1::2], strict=True):
+            assert old in text, (what, old)
+            text = text.replace(old, new)
+        found.append((what, told, text))
+    found += rows.get("whole", [])
+    return [Wrong(what, text, frozenset(told.split())) for what, told, text in found]
+
+
+@pytest.fixture(scope="module")
+def reports() -> dict[str, list[tuple[Wrong, Report]]]:
+    """What the grader says of every answer."""
+
+    def graded(card: Card, wrong: Wrong) -> Report:
+        place = start_child if wrong.what == ENDLESS else in_this_process
+        return attempt(card, wrong.text, seed=11, place=place).report
+
+    return {
+        card.name: [(wrong, graded(card, wrong)) for wrong in answers(card)]
+        for card in cards.cards()
+    }
+
+
+def test_no_wrong_answer_passes(reports: dict[str, list[tuple[Wrong, Report]]]) -> None:
+    passed = [(n, w.what) for n, rows in reports.items() for w, report in rows if report.passed]
+    assert passed == []
+
+
+def test_nine_of_ten_are_explained(reports: dict[str, list[tuple[Wrong, Report]]]) -> None:
+    rows = [(name, *row) for name, found in reports.items() for row in found]
+    bare = [(n, w.what, report.sentence) for n, w, report in rows if not w.explained(report)]
+    assert len(rows) >= 150 and len(bare) <= (1.0 - SHARE) * len(rows), bare
+
+
+def test_no_false_reason_is_given(reports: dict[str, list[tuple[Wrong, Report]]]) -> None:
+    false = [
+        (name, wrong.what, report.slip)
+        for name, rows in reports.items()
+        for wrong, report in rows
+        if report.slip and not wrong.explained(report)
+    ]
+    assert false == []
