@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,8 +26,7 @@ def figure_of(report: Report) -> Figure | None:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.4, 4.2), layout="constrained")
-    with np.errstate(all="ignore"):  # what came back may be as large as it likes
-        painter(figure, shown)
+    painter(figure, shown)
     figure.suptitle(f"{report.drill}, {shown.label}", fontsize="medium")
     return figure
 
@@ -37,14 +37,17 @@ def write(report: Report, target: Path) -> Path | None:
     Raises:
         OSError: when the file can't be written.
     """
-    figure = figure_of(report)
-    if figure is None:
-        return None
-    from course.measure.figure import write_picture
-
     try:
-        return write_picture(figure, target)
-    except (ValueError, OverflowError):  # numbers that no axis can hold
+        # What came back may be more than an axis can hold.
+        with np.errstate(all="ignore"), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            figure = figure_of(report)
+            if figure is None:
+                return None
+            from course.measure.figure import write_picture
+
+            return write_picture(figure, target)
+    except (ValueError, OverflowError):
         return None
 
 

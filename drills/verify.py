@@ -26,6 +26,7 @@ from drills.exercise import HEADROOM, Exercise
 from drills.grade import attempt, grade, start_child
 from drills.inprocess import InProcess, Local, StandIn
 from drills.reasons import Reason
+from drills.report import LEVELS
 from drills.sandbox import Handle, Limits
 
 LEAST_SLIPS = 4
@@ -170,6 +171,10 @@ def _solution(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Findin
     if effort.place is start_child:
         yield _headroom(card, exercise.limits or Limits(), runs)
     one = runs[-1]
+    levels = [part.level for part in one.report.parts]
+    ordered = sorted(set(levels), key=LEVELS.index) == list(LEVELS)
+    ordered &= one.report.unreached == 0
+    yield Finding(card.name, "its cases are simple, core and edge", ordered, ", ".join(levels))
     yield _units(card, one)
     yield _shapes(card, one)
 
