@@ -252,6 +252,12 @@ SLIPS = slips(
         "The height below the floor is mirrored and multiplied by the restitution. It is the "
         "speed at the impact that restitution multiplies, and gravity acts on the way up as on "
         "the way down."),
+    whole_step_after_impact=("left = dt - fall", "left = dt",
+        "After the impact the ball flies for the whole dt again. What is left is dt less the time "
+        "of the fall."),
+    first_root=("fall = (v + impact) / gravity", "fall = (v - impact) / gravity",
+        "The impact is taken at the earlier root of the parabola, which lies in the past: the ball "
+        "is on the floor at t = (v + sqrt(v^2 + 2 g y)) / g."),
     only_one_impact=("    if gone * (1.0 - restitution) >= up:\n",
         "    return up * left - 0.5 * gravity * left * left, up - gravity * left\n"
         "    if gone * (1.0 - restitution) >= up:\n",

@@ -135,6 +135,9 @@ SLIPS = slips(
     arguments_swapped=("def fk3(lengths: ArrayLike, thetas: ArrayLike)", "def fk3(thetas, lengths)",
         "if (lengths < 0.0).any():", "if False:",
         "Lengths and angles are taken for each other. The task's order is fk3(lengths, thetas)."),
+    lengths_summed=("lengths[:, None]", "np.cumsum(lengths)[:, None]",
+        "The lengths are summed before the links are: each link is as long as all up to it. Sum "
+        "the angles, then the links, not the lengths."),
     lengths_reversed=("lengths[:, None]", "lengths[::-1, None]",
         "The link lengths are used from tip to base. They come from base to tip."),
     order_reversed=(POINTS, POINTS + "[::-1]",

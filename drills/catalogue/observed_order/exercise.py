@@ -68,6 +68,7 @@ def _wrong_orders(coarse: Array, medium: Array, fine: Array, ratio: float = 2.0)
         "ratio_not_used": math.log2(first / second),
         "natural_logarithm": math.log(first / second),
         "order_rounded": round(math.log(first / second, ratio)),
+        "norm_squared": 2.0 * math.log(first / second, ratio),
         "order_negative": math.log(second / first, ratio),
         "another_norm": math.log(
             np.sum(np.abs(medium - coarse)) / np.sum(np.abs(fine - medium)), ratio
@@ -160,6 +161,9 @@ SLIPS = slips(
     order_rounded=(_ORDER, "order = round(math.log(growth) / math.log(ratio))",
         "The order is rounded to a whole number. The runs show one near it: return what they show, "
         "and extrapolate with it."),
+    norm_squared=(_ORDER, "order = 2.0 * math.log(growth) / math.log(ratio)",
+        "The order is twice what it should be: the differences are measured by the squares of "
+        "their norms."),
     order_negative=(_ORDER, "order = -math.log(growth) / math.log(ratio)",
         "The order has the wrong sign: the ratio of the differences is upside down. It is the "
         "first, larger, over the second."),

@@ -196,6 +196,14 @@ SLIPS = slips(
     absolute_step=("half_turn = 0.5 * dt", "half_turn = 0.5 * abs(dt)",
         "A negative dt turns the body forwards: somewhere its sign is lost, as in a norm or in "
         "abs(). Backwards in time the body turns the other way."),
+    degrees_for_radians=("half_turn = 0.5 * dt", "half_turn = np.pi / 360.0 * dt",
+        "The rate is treated as degrees a second. It comes in rad/s: convert nothing."),
+    dt_missing=("half_turn = 0.5 * dt *", "half_turn = 0.5 *",
+        "The turn does not depend on dt: the angle is the rate times the time."),
+    conjugate_of_the_start=("w, x, y, z = np.asarray(q, dtype=float)",
+        "w, x, y, z = np.asarray(q, dtype=float) * [1.0, -1.0, -1.0, -1.0]",
+        "The start is turned round: its conjugate takes the world into the body. Here q turns body "
+        "coordinates into world ones, and is used as it comes."),
     turned_backwards=("half_turn = 0.5 * dt", "half_turn = -0.5 * dt",
         "The body turns the wrong way: the sign of the rate (or the conjugate of the turn) is "
         "that of the world seen from the body."),

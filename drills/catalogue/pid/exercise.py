@@ -154,6 +154,8 @@ def _proportional(attempt: Attempt) -> None:
         # Which of the two is differentiated tells a wrong sign from arguments in the wrong order.
         ramp = Controller(attempt, Numbers(kd=1.0)).run(0.1 * np.arange(4.0), 0.0)
         slip = "arguments_swapped" if np.any(np.abs(ramp[1:]) > 1e-3) else "error_sign"
+    elif np.array_equal(got, np.trunc(expected)):
+        slip = "whole_numbers"
     elif not np.any(got):
         slip = "proportional_missing"
     elif np.all(np.abs(got) == WIDE):
@@ -183,6 +185,8 @@ def _integral(attempt: Attempt) -> None:
         slip = "integral_gain_missing"
     elif _flattens(steps[:24], expected[0]):
         slip = "integral_clamped_small"
+    elif not np.any(got):
+        slip = "integral_of_the_measurement"  # it is zero all the time
     right = controller.compare(
         "what the integral gains in a sample", steps[kept], expected, slip=slip
     )

@@ -59,6 +59,18 @@ SLIPS = slips(
         "The integral grows by e dt in a sample: its gain ki is missing."),
     derivative_gain_missing=("self.kd * self.rate", "self.rate",
         "The derivative enters the command without its gain kd, also where that is 0."),
+    integral_of_the_measurement=("self.ki * error * self.dt", "self.ki * measurement * self.dt",
+        "The measurement is integrated where the error is due."),
+    derivative_of_the_setpoint=("measurement - self.last", "setpoint - self.last",
+        "self.last = measurement", "self.last = setpoint",
+        "The set-point is differentiated. A joint that moves gets no damping from that: "
+        "differentiate the measurement."),
+    whole_numbers=("return float(command)", "return int(command)",
+        "The command loses the digits behind its point: return a float."),
+    state_of_the_class=("self.integral = 0.0", "PID.integral = 0.0",
+        "            self.integral = integral", "            PID.integral = integral",
+        "Two controllers share something: it is an attribute of the class, not of the object. Keep "
+        "the state in self."),
     derivative_kick=("else measurement - self.last", "else self.last - (setpoint - measurement)",
         "self.last = measurement", "self.last = setpoint - measurement",
         "The derivative is taken of the error, so a step of the set-point is differentiated too: "

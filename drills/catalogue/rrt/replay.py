@@ -81,7 +81,7 @@ def drawn_from(runs: list[tuple[World, Array]]) -> str:
     for world, samples in runs:
         low, high = world.bounds
         points = samples[~(samples == world.goal).all(axis=1)]
-        if len(points) < 20:
+        if len(points) < 60:
             continue
         for slip, first, second in (
             ("bounds_from_zero", np.zeros(2), high),
@@ -90,7 +90,7 @@ def drawn_from(runs: list[tuple[World, Array]]) -> str:
             ("bounds_by_axis", np.array([low[0], high[0]]), np.array([low[1], high[1]])),
         ):
             corners = np.minimum(first, second), np.maximum(first, second)
-            room = 0.3 * (corners[1] - corners[0]) + TOLERANCE
+            room = 0.1 * (corners[1] - corners[0]) + TOLERANCE
             inside = ((points >= corners[0] - TOLERANCE) & (points <= corners[1] + TOLERANCE)).all()
             filled = (points.min(axis=0) <= corners[0] + room).all()
             filled &= (points.max(axis=0) >= corners[1] - room).all()

@@ -175,6 +175,9 @@ SLIPS = slips(
         _PLAIN.format(answer="2.0 / np.sqrt(np.abs(np.linalg.solve(M, K)).sum(axis=1).max())"),
         "A sum along a row bounds the largest eigenvalue and is not it (Gershgorin): your step is "
         "safe, but too short. Compute the eigenvalue."),
+    sum_of_eigenvalues=(_RETURN, "return 2.0 / math.sqrt(squares.sum())",
+        "The squares of all frequencies are added (the trace). The fastest mode alone sets the "
+        "limit: take the largest eigenvalue."),
     mass_forgotten=(_PLAIN.format(answer="2.0 / np.sqrt(np.linalg.eigvalsh(K)[-1])"),
         "The eigenvalues of K alone have the unit N/m, not 1/s^2: the masses are missing."),
     coupled_masses_ignored=(

@@ -215,6 +215,13 @@ SLIPS = slips(
     one_step_off=("range(steps)", "range(steps - 1)",
         "It is right, and one step off: the result is that of a step fewer or more. The loop makes "
         "`steps` of them, and none where that is 0."),
+    inertia_divided_twice=("-np.cross(omega, inertia * omega) / inertia",
+        "-np.cross(omega, inertia * omega) / inertia**2",
+        "The torque omega x (I omega) is divided by the moments twice."),
+    step_halved=("q = q + dt / 6.0 *", "q = q + dt / 12.0 *",
+        "omega = omega + dt / 6.0 *", "omega = omega + dt / 12.0 *",
+        "Each step goes half as far as dt: the weights of the four stages, 1, 2, 2, 1, are divided "
+        "by their sum, 6."),
     half_missing=("q_rate = 0.5 * np.array(", "q_rate = np.array(",
         "The quaternion turns twice as fast as the body: its rate is half the product with omega."),
     rates_in_the_world=("    return q, omega\n",

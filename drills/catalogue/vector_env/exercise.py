@@ -295,6 +295,16 @@ SLIPS = slips(
         "                observation = first\n                rewards[i] = 0.0\n",
         "The reward of an episode's last step is lost. Reset what belongs to the new episode only: "
         "the reward is that of the step just made."),
+    seed_times_index=("None if seed is None else seed + i", "None if seed is None else seed * i",
+        "The seed is multiplied by the number of the environment, so the first always gets 0. "
+        "Environment i gets seed + i."),
+    rewards_of_all=("rewards[i], terminated[i]", "rewards[:], terminated[i]",
+        "Every environment's reward is written into all rows: the last one stays. Write row i."),
+    first_action_for_all=("env.step(actions[i])", "env.step(actions[0])",
+        "All environments get the action of the first row. Environment i gets row i."),
+    reset_twice=("        observation, info = self.envs[i].reset()\n",
+        "        self.envs[i].reset()\n        observation, info = self.envs[i].reset()\n",
+        "A finished environment is reset twice: an episode is thrown away. Reset it once."),
     seed_shared_by_all=("None if seed is None else seed + i", "seed",
         "All environments get the same seed, so they are copies of one another: n times the work "
         "for the experience of one. Environment i gets seed + i."),

@@ -241,6 +241,9 @@ SLIPS = slips(
     dt_not_squared=(_Q_NEW, "    q_new = q + dt * v + 0.5 * dt * a\n",
         "The acceleration moves the position by dt/2 times a, in m/s: the time must stand there "
         "twice, 0.5 * dt**2 * a."),
+    velocity_halved=(_Q_NEW, "    q_new = q + 0.5 * dt * v_half\n",
+        "The position moves for half of the step only: it takes the whole dt with the velocity "
+        "that holds half way."),
     half_missing_in_position=(_Q_NEW, "    q_new = q + dt * v + dt**2 * a\n",
         "The position gets dt^2 * a; it must be half of that. A body that falls from rest then "
         "falls twice as far in its first step."),
