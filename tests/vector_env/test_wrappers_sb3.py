@@ -1,4 +1,7 @@
-"""The adapter for Stable-Baselines3: as the library's own loop over single environments."""
+"""The adapter for Stable-Baselines3: as the library's own loop over single environments.
+
+Its name puts it last in the folder: a process that has loaded torch pays more for each fork.
+"""
 
 import os
 import sys
