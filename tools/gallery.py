@@ -42,14 +42,21 @@ def topic(name: str) -> str:
     return charts.CHARTS[name][0].__module__.split(".")[2]
 
 
+def place(name: str) -> tuple[str, int]:
+    """Where a chart is written, which orders the page however its modules were imported."""
+    experiment = charts.CHARTS[name][0]
+    return experiment.__module__, experiment.__code__.co_firstlineno
+
+
 def gallery() -> str:
     """The page, in Markdown."""
     charts.load()
     titles = {chapter.topic: f"{chapter.number} · {chapter.title}" for chapter in CHAPTERS}
     titles["vector_env"] = "Many environments stepped as one"
     parts = [HEAD]
-    for place, title in titles.items():
-        names = [name for name in charts.CHARTS if topic(name) == place]
+    in_order = sorted(charts.CHARTS, key=place)
+    for room, title in titles.items():
+        names = [name for name in in_order if topic(name) == room]
         parts += [f"## {title}\n"] if names else []
         for name in names:
             drawn = (charts.FOLDER / f"{name}.png").is_file()

@@ -232,11 +232,12 @@ def run_notebook(page: Any) -> Any:
 
 
 def run_simulation(page: Any) -> None:
-    """Run the first cell of code, which is the simulation."""
+    """Run the cell of the simulation; the kernel has run those before it."""
     page.evaluate(
         """async () => {
           const notebook = window.panel.content;
-          notebook.activeCellIndex = notebook.widgets.findIndex(c => c.model.type === 'code');
+          notebook.activeCellIndex = notebook.widgets.findIndex(
+            c => c.model.type === 'code' && c.model.sharedModel.source.trim() === 'simulation()');
           await window.jupyterapp.commands.execute('notebook:run-cell');
         }"""
     )
