@@ -87,14 +87,19 @@ def draw(picture: Picture, axes: Any) -> None:
                     shape(patches.Circle((x, y), item.style[0], **look))
         elif item.kind == pen.ARROW:
             ink, width, head, alpha = item.style
-            (x0, x1), (y0, y1) = points
-            shape(
-                patches.FancyArrowPatch(
-                    (x0, y0), (x1, y1), zorder=order, alpha=alpha, color=colour(ink),
-                    arrowstyle=f"-|>,head_length={head * size},head_width={0.4 * head * size}",
-                    mutation_scale=1.0, linewidth=width * size, shrinkA=0.0, shrinkB=0.0,
-                )
-            )  # fmt: skip
+            tail, tip = points.T
+            way = float(np.hypot(*(tip - tail)))
+            if way > 0.0:
+                long = min(head * (xmax - xmin) / paper.width, way)
+                back = long * (tip - tail) / way
+                side = 0.4 * np.array([-back[1], back[0]])
+                (artist,) = axes.plot(
+                    *zip(tail, tip - back, strict=True), color=colour(ink), alpha=alpha,
+                    linewidth=width * size, solid_capstyle="butt", zorder=order,
+                )  # fmt: skip
+                artist.set_clip_box(cut)
+                corners = [tip, tip - back + side, tip - back - side]
+                shape(patches.Polygon(corners, color=colour(ink), lw=0, zorder=order, alpha=alpha))
         elif item.kind == pen.TEXT:
             x, y, ink, letters, align, baseline, right, up, turn, bold, alpha = item.style
             shift = ScaledTranslation(
