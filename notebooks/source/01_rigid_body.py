@@ -31,7 +31,7 @@ simulation()
 # ones that the tests run. These exercises wait in section 7:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, card, check
+from drills.notebook import badges, card, check, checkpoint
 
 badges(1)
 
@@ -44,7 +44,7 @@ import numpy as np
 from IPython.display import Markdown
 
 from course import rigid_body
-from course.cards import checkpoint, figures, interview
+from course.cards import figures, interview
 from course.charts import read
 from course.charts.rigid_body import accuracy
 from course.derivations import answer, show
