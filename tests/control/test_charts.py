@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from course.charts import build
-from course.charts.control import JAM, LOOP, STEP
+from course.charts.control.pid import JAM, LOOP, STEP
 
 
 def test_the_map_of_the_loop_has_its_boundary_where_theory_has_it() -> None:

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from course.charts import control as charts
-from course.charts.control import LOOP, Loop, WindingPID
+from course.charts.control import pid as charts
+from course.charts.control.pid import LOOP, Loop, WindingPID
 from course.drills import PID, Joint, closed_loop
 from course.oracles.mujoco import kit as mujoco_kit
 from course.oracles.mujoco.joint import MotorJoint

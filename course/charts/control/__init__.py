@@ -1,0 +1,1 @@
+"""The charts of chapter 6; importing a file registers its charts."""
