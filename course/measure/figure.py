@@ -164,7 +164,7 @@ class Panel:
         scale: one of `SCALES`.
         lines: straight lines across, ("x" or "y", value, words).
         spans: grey regions, ("x" or "y", low, high, words for the legend).
-        grid, z: growth over x and y, drawn as a map with its measured boundary, and what it shows.
+        grid: a quantity over x and y, drawn as a map with its measured boundary.
         ticks: the labelled values of x; for bars () leaves the names out.
         xlim, ylim: limits of the axes, either end None for matplotlib's.
         legend: matplotlib's place for it, "outside", or "" for none.
@@ -182,7 +182,6 @@ class Panel:
     lines: Sequence[tuple[str, float, str]] = ()
     spans: Sequence[tuple[str, float, float, str]] = ()
     grid: Map | None = None
-    z: str = "log10(growth per step): purple decays, orange grows"
     ticks: Sequence[float] | None = None
     xlim: tuple[float | None, float | None] = (None, None)
     ylim: tuple[float | None, float | None] = (None, None)
@@ -261,7 +260,11 @@ def draw(
             ax.set_ylabel("")
         if rows > 1 and i + across < len(shown):
             ax.set_xlabel("")
-    maps = [(ax, panel.z) for ax, panel in zip(axes.flat, shown, strict=False) if panel.grid]
+    maps = [
+        (ax, panel.grid.label)
+        for ax, panel in zip(axes.flat, shown, strict=False)
+        if panel.grid is not None
+    ]
     if maps:
         owners = [ax for ax, _ in maps]
         bar = figure.colorbar(owners[0].collections[0], ax=owners, extend="both", shrink=0.85)
@@ -396,13 +399,13 @@ def _draw_bars(ax: Axes, series: Series, colour: str, height: float) -> None:
 
 def _draw_grid(ax: Axes, grid: Map) -> None:
     with np.errstate(divide="ignore"):
-        shown = np.clip(np.log10(np.maximum(grid.growth, 1e-300)), -0.5, 0.5)
-    # Purple decays, orange grows: told apart by any colour vision.
+        shown = np.clip(np.log10(np.maximum(grid.values, 1e-300)), -0.5, 0.5)
+    # Purple below the bound, orange above: told apart by any colour vision.
     ax.pcolormesh(grid.x, grid.y, shown, cmap="PuOr_r", vmin=-0.5, vmax=0.5, shading="nearest",
                   rasterized=True)  # fmt: skip
-    stable = grid.stable()
-    if stable.any() and not stable.all():
-        ax.contour(grid.x, grid.y, stable.astype(float), levels=[0.5], colors="black",
+    within = grid.within()
+    if within.any() and not within.all():
+        ax.contour(grid.x, grid.y, within.astype(float), levels=[0.5], colors="black",
                    linewidths=2.5)  # fmt: skip
         ax.plot([], [], color="black", linewidth=2.5, label="measured")
     ax.set(xlim=(grid.x[0], grid.x[-1]), ylim=(grid.y[0], grid.y[-1]))

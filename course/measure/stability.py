@@ -149,30 +149,40 @@ def is_stable_by_iteration(
 
 @dataclass(frozen=True)
 class Map:
-    """Growth per step over two parameters.
+    """A quantity over two parameters, and where it is within its bound of 1.
 
     Attributes:
-        x, y: the values, shapes (nx,) and (ny,), ascending.
-        growth: shape (ny, nx); at most 1 where stable, infinite where the run overflowed.
-        slack: how far above 1 still counts as stable (rounding).
+        x, y: the parameters, shapes (nx,) and (ny,), ascending.
+        values: shape (ny, nx); at most 1 where all is well, infinite where the run overflowed.
+        slack: how far above 1 still counts as within (rounding).
+        quantity: what the values are, such as "growth per step" or "gain over its bound".
+        unit: of the values; empty for a ratio.
     """
 
     x: Array
     y: Array
-    growth: Array
+    values: Array
     slack: float = 1e-9
+    quantity: str = "growth per step"
+    unit: str = ""
 
-    def stable(self) -> NDArray[np.bool_]:
-        """Where nothing grows, shape (ny, nx)."""
-        return self.growth <= 1.0 + self.slack
+    @property
+    def label(self) -> str:
+        """What the colours of a picture say."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        return f"log10({self.quantity}{unit}): purple below 1, orange above"
+
+    def within(self) -> NDArray[np.bool_]:
+        """Where the quantity keeps to its bound (where nothing grows), shape (ny, nx)."""
+        return self.values <= 1.0 + self.slack
 
     def boundary(self) -> Array:
-        """For every y the middle between the last stable x and the first unstable one.
+        """For every y the middle between the last x within the bound and the first one beyond.
 
-        Shape (ny,); 0 where the first x is unstable already, infinity where every x is stable.
+        Shape (ny,); 0 where the first x is beyond already, infinity where every x is within.
         """
         edge = np.empty(self.y.size)
-        for i, row in enumerate(self.stable()):
+        for i, row in enumerate(self.within()):
             if np.all(row):
                 edge[i] = math.inf
             else:
@@ -186,24 +196,27 @@ def stability_map(
     x_values: Sequence[float] | Array,
     y_values: Sequence[float] | Array,
     slack: float = 1e-9,
+    quantity: str = "growth per step",
+    unit: str = "",
 ) -> Map:
-    """Growth per step at every point of a grid.
+    """A quantity whose bound is 1 at every point of a grid, growth per step for instance.
 
     Args:
-        f: (x, y) -> growth per step, for instance the spectral radius of the step's matrix.
+        f: (x, y) -> the quantity, such as the spectral radius of the step's matrix.
         x_values, y_values: ascending.
-        slack: how far above 1 counts as stable.
+        slack: how far above 1 counts as within the bound.
+        quantity, unit: what f gives.
 
     Returns:
         The `Map`; what is not finite becomes infinity.
     """
     x, y = np.asarray(x_values, dtype=float), np.asarray(y_values, dtype=float)
-    for name, values in (("x_values", x), ("y_values", y)):
-        if values.ndim != 1 or values.size < 2 or not np.all(np.diff(values) > 0.0):
-            raise refused(name, values, "two or more ascending numbers")
-    growth = np.array([[f(float(a), float(b)) for a in x] for b in y], dtype=float)
-    growth[~np.isfinite(growth)] = math.inf
-    return Map(x, y, growth, slack)
+    for name, given in (("x_values", x), ("y_values", y)):
+        if given.ndim != 1 or given.size < 2 or not np.all(np.diff(given) > 0.0):
+            raise refused(name, given, "two or more ascending numbers")
+    values = np.array([[f(float(a), float(b)) for a in x] for b in y], dtype=float)
+    values[~np.isfinite(values)] = math.inf
+    return Map(x, y, values, slack, quantity, unit)
 
 
 def batch_map(
@@ -211,16 +224,17 @@ def batch_map(
     x_values: Array,
     y_values: Array,
     slack: float = 1e-9,
+    quantity: str = "growth per step",
 ) -> Map:
     """The same for a linear step of one degree of freedom, all points of the grid as one batch.
 
     Args:
         step: (q, v, x, y), each of shape (1, N) -> (q, v) after the step.
-        x_values, y_values, slack: as for `stability_map`.
+        x_values, y_values, slack, quantity: as for `stability_map`.
     """
     x, y = (grid.reshape(1, -1) for grid in np.meshgrid(x_values, y_values))
     one, zero = np.ones(x.shape), np.zeros(x.shape)
     columns = [np.concatenate(step(q, v, x, y)) for q, v in ((one, zero), (zero, one))]
-    values = np.linalg.eigvals(np.stack(columns, axis=1).transpose(2, 0, 1))
-    growth = np.max(np.abs(values), axis=1)
-    return Map(x_values, y_values, growth.reshape(y_values.size, x_values.size), slack)
+    moduli = np.abs(np.linalg.eigvals(np.stack(columns, axis=1).transpose(2, 0, 1)))
+    growth = np.max(moduli, axis=1).reshape(y_values.size, x_values.size)
+    return Map(x_values, y_values, growth, slack, quantity)

@@ -96,3 +96,16 @@ def test_map_without_a_boundary():
     assert measured.boundary().tolist() == [math.inf, 1.5, 0.0]
     with pytest.raises(ValueError, match="x_values"):
         stability.stability_map(lambda a, b: a, [2.0, 1.0], [0.1, 0.5])
+
+
+def test_a_map_names_its_quantity():
+    """The same map for a gain over its bound: s / (s^2 + lambda^2) is at most 1 / (2 lambda)."""
+    s, damping = np.geomspace(1e-3, 1.0, 31), np.geomspace(0.01, 1.0, 9)
+    gain = stability.stability_map(
+        lambda a, b: 2.0 * b * a / (a * a + b * b), s, damping, quantity="gain over its bound"
+    )
+    assert gain.within().all() and (gain.boundary() == math.inf).all()
+    assert gain.label.startswith("log10(gain over its bound):")
+    bare = stability.stability_map(lambda a, b: 1.0 / a, s, damping, 0.0, "gain", "rad/m")
+    assert bare.label.startswith("log10(gain [rad/m]):") and not bare.within()[:, :-1].any()
+    assert stability.stability_map(lambda a, b: a, s, damping).label.startswith("log10(growth per")

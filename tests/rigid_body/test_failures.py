@@ -57,7 +57,7 @@ def test_the_boundary_of_a_map_is_within_half_a_cell_of_theory(method):
     assert failures.boundary_error(found, method) <= 0.51
     for i, j in ((3, 10), (15, 60)):
         theory = stability.spectral_radius(oscillator.step_matrix(method, x[j], zeta[i]))
-        assert found.growth[i, j] == pytest.approx(theory, rel=1e-7)
+        assert found.values[i, j] == pytest.approx(theory, rel=1e-7)
 
 
 # --- the stiff spring -----------------------------------------------------------------------------

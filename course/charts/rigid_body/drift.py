@@ -136,11 +136,11 @@ def symplectic_not_enough(
         omega_dt: its step.
     """
     h = np.linspace(0.0, 2.0, side + 1)[1:]
-    pairs = batch_map(_pair, h, h, slack=1e-6)
+    pairs = batch_map(_pair, h, h, slack=1e-6, quantity="growth per pair of steps")
     # |trace| = 2 is h1 h2 = 2 + h1 - h2 and h1 h2 = 2 - h1 + h2.
     left = Panel(
         "h1 and h2 in turn: unstable below 2", "omega h1", "omega h2", grid=pairs,
-        z="log10(growth per pair of steps)", legend="lower left",
+        legend="lower left",
     )  # fmt: skip
     left.series = [
         Series("|trace| = 2", (2.0 + h) / (1.0 + h), h, "theory on a map", "--"),
@@ -151,10 +151,10 @@ def symplectic_not_enough(
     trace = np.abs(2.0 - (a + b) ** 2 + (a * b) ** 2)
     theory = np.maximum(1.0, 0.5 * trace + np.sqrt(np.maximum(0.25 * trace**2 - 1.0, 0.0)))
     clear = np.abs(trace - 2.0) > 1e-6  # on the boundary itself rounding decides
-    off = np.max(np.abs(pairs.growth - theory)[clear])
+    off = np.max(np.abs(pairs.values - theory)[clear])
     left.notes.append(
         "h1, h2 in turn, both below the limit: unstable on "
-        f"{np.mean(~pairs.stable()):.1%} of the square; measured and theoretical growth differ by "
+        f"{np.mean(~pairs.within()):.1%} of the square; measured and theoretical growth differ by "
         f"{off:.1e} at most"
     )
     yield left

@@ -205,7 +205,7 @@ def stability_maps(nx: int = 200, ny: int = 101) -> Iterator[Panel]:
         theory = [oscillator.limit(method, float(z)) for z in zeta]
         panel.series.append(Series("theory", theory, zeta, "theory on a map", "--"))
         panel.notes.append(
-            f"{method:<20} stable on {np.mean(found.stable()):6.1%} of the map; boundary within "
+            f"{method:<20} stable on {np.mean(found.within()):6.1%} of the map; boundary within "
             f"{boundary_error(found, method):.2f} cells"
         )
         if method == "rk4":

@@ -1,0 +1,156 @@
+"""How much is solved, and for how much: the share of problems solved against a budget.
+
+A method that fails has cost infinitely much: it stays in every share and every median. Seeds are
+runs of one method on the same problems; what is drawn is the median over them, and Wilson's
+interval for the number of problems says how far chance in choosing them may have moved it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import count, finite, positive, refused, vector
+from course.measure.figure import Series, key_of
+
+Array = NDArray[np.float64]
+Problem = TypeVar("Problem")
+
+TWO_SIGMA = 1.959963984540054  # the normal quantile of a two-sided 95 %
+
+
+def wilson(solved: ArrayLike, tried: int, z: float = TWO_SIGMA) -> tuple[Array, Array]:
+    """Wilson's interval for a share (Wilson, J. Am. Stat. Assoc. 22, 1927).
+
+    Inside 0 and 1 and right for shares near them, where the usual p +- z sqrt(p (1 - p) / n) has no
+    width: of 100 tries without a failure it says that up to 3.7 % may fail.
+
+    Args:
+        solved: how many of the tries worked; any shape, need not be whole (a median of counts).
+        tried: of how many, from 1 on.
+        z: normal quantile of the confidence, 1.96 for 95 %.
+
+    Returns:
+        Both ends, each of the shape of `solved`.
+    """
+    count("tried", tried, 1)
+    square = positive("z", z) ** 2
+    share = vector("solved", solved, low=0.0, high=float(tried)) / tried
+    middle = share + 0.5 * square / tried
+    half = np.sqrt(square * (share * (1.0 - share) + 0.25 * square / tried) / tried)
+    low, high = ((middle + sign * half) / (1.0 + square / tried) for sign in (-1.0, 1.0))
+    return np.minimum(np.maximum(low, 0.0), share), np.maximum(np.minimum(high, 1.0), share)
+
+
+@dataclass(frozen=True)
+class Success:
+    """What one method took for each problem, with each seed.
+
+    Attributes:
+        name: as in the legend.
+        cost: shape (seeds, problems), infinite where it failed.
+        unit: of the cost, such as "s" or "iterations".
+    """
+
+    name: str
+    cost: Array
+    unit: str
+
+    def __post_init__(self) -> None:
+        cost = np.asarray(self.cost, dtype=float)
+        if cost.ndim != 2 or not cost.size:
+            raise refused("cost.shape", cost.shape, "(seeds, problems), each from 1 on")
+        if np.isnan(cost).any() or (cost < 0.0).any():
+            raise refused("cost", cost, "numbers from 0 on, infinite for a failure")
+        object.__setattr__(self, "cost", cost)
+
+    def shares(self, budgets: ArrayLike) -> Array:
+        """Share solved within each budget by each seed, shape (seeds, budgets)."""
+        within = vector("budgets", budgets, (None,), low=0.0)
+        return np.mean(self.cost[:, :, None] <= within, axis=1)
+
+    def share(self, budgets: ArrayLike) -> Array:
+        """Share solved within each budget, the median over the seeds, shape (budgets,)."""
+        return np.median(self.shares(budgets), axis=0)
+
+    def band(self, budgets: ArrayLike, z: float = TWO_SIGMA) -> tuple[Array, Array]:
+        """Wilson's interval around `share`, two arrays (budgets,).
+
+        It counts the problems once: more seeds on the same problems say nothing about others.
+        """
+        problems = self.cost.shape[1]
+        return wilson(self.share(budgets) * problems, problems, z)
+
+    @property
+    def ever(self) -> float:
+        """Share solved at all, the median over the seeds."""
+        return float(np.median(np.mean(np.isfinite(self.cost), axis=1)))
+
+    def budget(self, share: float = 0.5) -> tuple[float, float, float]:
+        """The budget within which a share of the problems is solved.
+
+        Args:
+            share: of the problems, failures counted; above 0, at most 1.
+
+        Returns:
+            Median, least and largest over the seeds; infinite where so much is never solved.
+        """
+        problems = self.cost.shape[1]
+        rank = math.ceil(finite("share", share, 1e-12, 1.0) * problems * (1.0 - 1e-12)) - 1
+        needed = np.sort(self.cost, axis=1)[:, rank]
+        # Two infinite values around the middle are no number minus itself: the upper one counts.
+        median = float(np.sort(needed)[needed.size // 2])
+        if needed.size % 2 == 0 and math.isfinite(median):
+            median = float(np.median(needed))
+        return median, float(needed.min()), float(needed.max())
+
+    def series(self, budgets: ArrayLike, key: str = "", style: str = "-") -> Series:
+        """Share solved against budget, with its band, for a `Panel`."""
+        low, high = self.band(budgets)
+        median, *_ = self.budget()
+        half = "never" if math.isinf(median) else f"within {median:.3g} {self.unit}"
+        note = f"{self.name:<32} solves {self.ever:7.2%}, half of all {half}"
+        return Series(
+            self.name, np.asarray(budgets, float), self.share(budgets), key or key_of(self.name),
+            style, low=low, high=high, note=note,
+        )  # fmt: skip
+
+
+def collect(
+    name: str,
+    solve: Callable[[Problem, np.random.Generator], float],
+    problems: Sequence[Problem],
+    seeds: Sequence[int],
+    unit: str,
+    clock: Callable[[], float] = time.process_time,
+) -> tuple[Success, Success]:
+    """Run one method on every problem with every seed.
+
+    Args:
+        name: of the method.
+        solve: (problem, rng) -> its count, infinite where it failed.
+        problems: the same for all seeds.
+        seeds: one generator each; a problem's stream does not depend on the ones before it.
+        unit: of the count.
+        clock: what time is taken from; that of this process by default.
+
+    Returns:
+        By count, and by time [s]. A failure costs infinitely much in both.
+    """
+    if not problems or not seeds:
+        raise refused("problems and seeds", (len(problems), len(seeds)), "one or more of each")
+    costs, times = np.empty((2, len(seeds), len(problems)))
+    for i, seed in enumerate(seeds):
+        for j, problem in enumerate(problems):
+            rng = np.random.default_rng((seed, j))
+            start = clock()
+            costs[i, j] = solve(problem, rng)
+            times[i, j] = clock() - start
+    times[np.isinf(costs)] = math.inf
+    return Success(name, costs, unit), Success(name, times, "s")
