@@ -1,0 +1,35 @@
+"""Chapter 2: contact and friction, from bounding boxes to the forces between bodies.
+
+Geometry: shapes as data (`sphere`, `capsule`, `box`, `points`, `plane`; `dim=2` or sizes of two
+numbers for the plane), `overlapping_pairs` of bounding boxes, `distance` of two shapes (signed,
+with the nearest points and the unit normal from a to b), `contacts` of a scene (points, normals
+from the first to the second body, signed distances), `time_of_impact`.
+
+A pose is (x, y, z, qw, qx, qy, qz) in space and (x, y, angle) in the plane; components along
+axis 0, a batch last.
+"""
+
+from course.contact.broad import SweepAndPrune, brute_force, overlapping_pairs, uniform_grid
+from course.contact.shapes import Shape, bounds, box, capsule, plane, points, sphere
+
+__all__ = [
+    "Shape",
+    "SweepAndPrune",
+    "bounds",
+    "box",
+    "brute_force",
+    "capsule",
+    "overlapping_pairs",
+    "plane",
+    "points",
+    "sphere",
+    "uniform_grid",
+    "warm",
+]
+
+
+def warm() -> None:
+    """Compile, or load from the cache, everything in this chapter that is compiled."""
+    from course.contact import broad
+
+    broad.warm()

@@ -1,0 +1,301 @@
+"""Broad phase: which pairs of bounding boxes overlap, without asking all of them.
+
+Boxes are lower and upper corners, shape (2, d, N) in any dimension d. They are closed: boxes that
+touch overlap. Every method returns the same pairs (i, j), i < j, sorted, shape (2, K), and counts
+its overlap tests, as a count does not depend on the machine.
+"""
+
+import functools
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numba import float64, int64, types
+from numba.extending import register_jitable
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import count, one_of, positive, refused
+from course.compiled import VECTOR, compiled
+from course.contact.shapes import Array
+
+Pairs = NDArray[np.int64]
+
+_BOXES = types.Array(float64, 3, "C")
+_INDICES = types.Array(int64, 1, "C")
+_PAIRS = types.Array(int64, 2, "C")
+_TWO = types.UniTuple(int64, 2)
+
+
+def _boxes(boxes: ArrayLike) -> Array:
+    """Boxes from outside; an infinite one is allowed, as a plane has no other."""
+    given = np.ascontiguousarray(boxes, dtype=float)
+    if given.ndim != 3 or given.shape[0] != 2 or not given.shape[1]:
+        raise refused("boxes.shape", given.shape, "(2, d, N), lower and upper corners")
+    wrong = np.argwhere(~(given[0] <= given[1]))
+    if wrong.size:
+        axis, i = (int(k) for k in wrong[0])
+        ends = (float(given[0, axis, i]), float(given[1, axis, i]))
+        raise refused(f"boxes[:, {axis}, {i}]", ends, "a lower end, and an upper one not below it")
+    return given
+
+
+@register_jitable
+def aabb_overlap(boxes, i, j):
+    """Whether box i and box j overlap: they do unless some axis separates them.
+
+    Args:
+        boxes: shape (2, d, N).
+        i, j: which.
+    """
+    for axis in range(boxes.shape[1]):
+        if boxes[0, axis, i] > boxes[1, axis, j] or boxes[0, axis, j] > boxes[1, axis, i]:
+            return False
+    return True
+
+
+@register_jitable
+def _note(pairs, found, i, j):
+    """Write the pair down where there is room; how many there are."""
+    if found < pairs.shape[1]:
+        pairs[0, found] = min(i, j)
+        pairs[1, found] = max(i, j)
+    return found + 1
+
+
+def _all_pairs(boxes, pairs):
+    found = 0
+    n = boxes.shape[2]
+    for i in range(n):
+        for j in range(i + 1, n):
+            if aabb_overlap(boxes, i, j):
+                found = _note(pairs, found, i, j)
+    return found, n * (n - 1) // 2
+
+
+def _sort(keys, order):
+    """Insertion sort of `order` by its keys, which costs one swap for each pair out of order."""
+    swaps = 0
+    for k in range(1, order.size):
+        this = order[k]
+        key = keys[this]
+        at = k
+        while at > 0 and keys[order[at - 1]] > key:
+            order[at] = order[at - 1]
+            at -= 1
+        order[at] = this
+        swaps += k - at
+    return swaps
+
+
+def _sweep(boxes, axis, order, pairs):
+    """Walk along the axis; a box is tested against those that begin before it ends."""
+    found = 0
+    tests = 0
+    for k in range(order.size):
+        i = order[k]
+        end = boxes[1, axis, i]
+        for other in range(k + 1, order.size):
+            j = order[other]
+            if boxes[0, axis, j] > end:
+                break
+            tests += 1
+            if aabb_overlap(boxes, i, j):
+                found = _note(pairs, found, i, j)
+    return found, tests
+
+
+def _cells(boxes, first, shape, cell, keys, members):
+    """Every cell that a box lies in, as one number, and the box; how many there are."""
+    dim = boxes.shape[1]
+    low = np.zeros(dim, np.int64)
+    span = np.zeros(dim, np.int64)
+    filled = 0
+    for i in range(boxes.shape[2]):
+        many = 1
+        for axis in range(dim):
+            low[axis] = int((boxes[0, axis, i] - first[axis]) / cell)
+            span[axis] = int((boxes[1, axis, i] - first[axis]) / cell) - low[axis] + 1
+            many *= span[axis]
+        for k in range(many if filled + many <= keys.size else 0):
+            rest = k
+            key = 0
+            for axis in range(dim):
+                key = key * shape[axis] + low[axis] + rest % span[axis]
+                rest //= span[axis]
+            keys[filled + k] = key
+            members[filled + k] = i
+        filled += many
+    return filled
+
+
+def _grid(boxes, first, shape, cell, keys, members, pairs):
+    """Test the boxes that share a cell; a pair counts in the cell where their overlap begins."""
+    found = 0
+    tests = 0
+    for p in range(keys.size):
+        i = members[p]
+        for q in range(p + 1, keys.size):
+            if keys[q] != keys[p]:
+                break
+            j = members[q]
+            tests += 1
+            if aabb_overlap(boxes, i, j):
+                key = 0
+                for axis in range(boxes.shape[1]):
+                    begin = max(boxes[0, axis, i], boxes[0, axis, j])
+                    key = key * shape[axis] + int((begin - first[axis]) / cell)
+                if key == keys[p]:
+                    found = _note(pairs, found, i, j)
+    return found, tests
+
+
+_KERNELS = {
+    _all_pairs: _TWO(_BOXES, _PAIRS),
+    _sort: int64(VECTOR, _INDICES),
+    _sweep: _TWO(_BOXES, int64, _INDICES, _PAIRS),
+    _cells: int64(_BOXES, VECTOR, _INDICES, float64, _INDICES, _INDICES),
+    _grid: _TWO(_BOXES, VECTOR, _INDICES, float64, _INDICES, _INDICES, _PAIRS),
+}
+
+
+@functools.cache
+def _kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    return compiled(function, _KERNELS[function])
+
+
+def _collect(function: Callable[..., Any], n: int, *arguments: Any) -> tuple[Pairs, int]:
+    """Run a kernel that writes pairs, again with more room if there was too little."""
+    room = 4 * n + 16
+    while True:
+        pairs = np.empty((2, room), np.int64)
+        found, tests = _kernel(function)(*arguments, pairs)
+        if found <= room:
+            order = np.lexsort((pairs[1, :found], pairs[0, :found]))
+            return pairs[:, :found][:, order], int(tests)
+        room = found
+
+
+def brute_force(boxes: ArrayLike) -> tuple[Pairs, int]:
+    """All n (n - 1) / 2 tests.
+
+    Args:
+        boxes: lower and upper corners, shape (2, d, N).
+
+    Returns:
+        The overlapping pairs, and the number of tests.
+
+    Raises:
+        ValueError: for a NaN, or an upper end below the lower one.
+    """
+    given = _boxes(boxes)
+    return _collect(_all_pairs, given.shape[2], given)
+
+
+@dataclass
+class SweepAndPrune:
+    """Sort the lower ends along one axis, and test what overlaps there (Baraff, 1992).
+
+    The order is kept: where little moved, insertion sort brings it up to date with few swaps
+    (Cohen, Lin, Manocha and Ponamgi, I-COLLIDE, 1995).
+
+    Attributes:
+        axis: along which is swept; None for the axis on which the boxes of the first call spread
+            most.
+        order: of the boxes after the last call, shape (N,).
+        tests: overlap tests of the last call.
+        swaps: swaps of neighbours in the order in the last call; 0 for the first, which sorts.
+    """
+
+    axis: int | None = None
+    order: Pairs | None = field(default=None, init=False)
+    tests: int = field(default=0, init=False)
+    swaps: int = field(default=0, init=False)
+
+    def pairs(self, boxes: ArrayLike) -> Pairs:
+        """The overlapping pairs.
+
+        Raises:
+            ValueError: as for `brute_force`, and for another number of boxes than before.
+        """
+        given = _boxes(boxes)
+        if self.axis is None:
+            # An infinite box says nothing about the spread.
+            real = given[:, :, np.isfinite(given).all(axis=(0, 1))]
+            spread = real[0].std(axis=1) if real.size else np.zeros(given.shape[1])
+            self.axis = int(np.argmax(spread))
+        axis = count("axis", self.axis, 0, given.shape[1] - 1)
+        keys = np.ascontiguousarray(given[0, axis])
+        if self.order is None:
+            self.order, self.swaps = np.argsort(keys, kind="stable"), 0
+        elif self.order.size != keys.size:
+            raise refused("boxes.shape[2]", keys.size, f"{self.order.size}, as in the call before")
+        else:
+            self.swaps = int(_kernel(_sort)(keys, self.order))
+        found, self.tests = _collect(_sweep, keys.size, given, axis, self.order)
+        return found
+
+
+def uniform_grid(boxes: ArrayLike, cell: float | None = None) -> tuple[Pairs, int]:
+    """Test only boxes that share a cell of a grid.
+
+    Args:
+        boxes: lower and upper corners, shape (2, d, N), finite.
+        cell: edge of a cell [m]; None for twice the mean length of the boxes' edges, doubled until
+            no more than 16 cells a box are filled.
+
+    Returns:
+        The overlapping pairs, and the number of tests; boxes that share two cells are tested twice.
+
+    Raises:
+        ValueError: as for `brute_force`, for an infinite box, or a cell so small that the boxes
+            fill more than 10^8 or the grid has more than 2^62.
+    """
+    given = _boxes(boxes)
+    if not np.isfinite(given).all():
+        raise refused("boxes", given, "finite for a grid")
+    n = given.shape[2]
+    if not n:
+        return np.empty((2, 0), np.int64), 0
+    edge = 2.0 * float((given[1] - given[0]).mean()) if cell is None else positive("cell", cell)
+    first, extent = given[0].min(axis=1), float((given[1].max(axis=1) - given[0].min(axis=1)).max())
+    edge = max(edge, 1e-9 * extent) or 1.0 if cell is None else edge
+    while True:
+        ends = np.floor((given - first[:, None]) / edge)
+        filled = (ends[1] - ends[0] + 1.0).prod(axis=0).sum()
+        shape = ends[1].max(axis=1) + 1.0
+        if cell is not None or (filled <= 16 * n and shape.prod() < 2.0**62):
+            break
+        edge *= 2.0
+    if filled > 1e8 or shape.prod() >= 2.0**62:
+        raise refused("cell", cell, "a larger edge: the boxes fill too many such cells")
+    keys, members = np.empty((2, int(filled)), np.int64)
+    whole = shape.astype(np.int64)
+    _kernel(_cells)(given, first, whole, edge, keys, members)
+    order = np.argsort(keys, kind="stable")
+    return _collect(_grid, n, given, first, whole, edge, keys[order], members[order])
+
+
+def overlapping_pairs(boxes: ArrayLike, method: str = "sweep") -> Pairs:
+    """The pairs of boxes that overlap or touch.
+
+    Args:
+        boxes: lower and upper corners, shape (2, d, N).
+        method: "sweep" (sweep and prune), "grid" or "brute_force".
+
+    Returns:
+        Indices i < j, sorted, shape (2, K).
+
+    Raises:
+        ValueError: for a NaN, an upper end below the lower one, or another method.
+    """
+    one_of("method", method, ("sweep", "grid", "brute_force"))
+    if method == "sweep":
+        return SweepAndPrune().pairs(boxes)
+    return (uniform_grid if method == "grid" else brute_force)(boxes)[0]
+
+
+def warm() -> None:
+    """Compile every loop of this file."""
+    for function in _KERNELS:
+        _kernel(function)

@@ -1,0 +1,171 @@
+"""Shapes as data: a core (a point, a segment, a box or a set of points) and a radius around it.
+
+A sphere is a point with a radius, a capsule a segment with one. So whatever compares two cores only
+ever sees polytopes, and ends exactly; the radii are added afterwards (van den Bergen, Collision
+Detection in Interactive 3D Environments, 2003, sec. 4.3.2).
+
+A pose in space is (x, y, z, qw, qx, qy, qz), shape (7,) or (7, N); in the plane (x, y, angle),
+shape (3,) or (3, N) [m, rad].
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import finite, one_of, positive, refused, vector
+from course.rigid_body.quaternion import normalise, to_matrix, unit_quaternion
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """The points within `radius` of a core: the vertices, each swept over the box of `half`.
+
+    A shape of the plane stands in the plane z = 0 of its core. Make one by `sphere`, `capsule`,
+    `box`, `points` or `plane`.
+
+    Attributes:
+        name: which of these made it.
+        dim: 2 or 3.
+        vertices: in the shape's frame, shape (3, n) [m].
+        half: half lengths of a box about each vertex, along the shape's axes, shape (3,) [m].
+        radius: [m].
+    """
+
+    name: str
+    dim: int
+    vertices: Array
+    half: Array
+    radius: float
+
+    @property
+    def corners(self) -> Array:
+        """All corners of the core in the shape's frame, shape (3, n) [m]."""
+        used = np.flatnonzero(self.half)
+        signs = np.zeros((3, 1))
+        for axis in used:
+            step = self.half[axis] * np.eye(3)[:, axis : axis + 1]
+            signs = np.hstack((signs - step, signs + step))
+        return (self.vertices[:, :, None] + signs[:, None, :]).reshape(3, -1)
+
+    @property
+    def size(self) -> float:
+        """Distance of the farthest point from the shape's origin [m]; infinite for a plane."""
+        if self.name == "plane":
+            return math.inf
+        return float(np.linalg.norm(self.corners, axis=0).max()) + self.radius
+
+
+def _shape(name: str, dim: int, half: tuple[float, ...] = (), radius: float = 0.0) -> Shape:
+    whole = np.zeros(3)
+    whole[: len(half)] = half
+    return Shape(name, one_of("dim", dim, (2, 3)), np.zeros((3, 1)), whole, radius)
+
+
+def sphere(radius: float, dim: int = 3) -> Shape:
+    """A ball about its origin; with `dim` 2 a disc.
+
+    Raises:
+        ValueError: for a radius that is not positive, or a `dim` that is neither 2 nor 3.
+    """
+    return _shape("sphere", dim, (), positive("radius", radius, unit="m"))
+
+
+def capsule(radius: float, half_length: float, dim: int = 3) -> Shape:
+    """A ball swept along a segment: along z in space, along x in the plane.
+
+    Args:
+        radius: of the ball [m].
+        half_length: of the segment [m].
+        dim: 2 or 3.
+
+    Raises:
+        ValueError: for a size that is not positive, or a `dim` that is neither 2 nor 3.
+    """
+    half = positive("half_length", half_length, unit="m")
+    along = (half,) if dim == 2 else (0.0, 0.0, half)
+    return _shape("capsule", dim, along, positive("radius", radius, unit="m"))
+
+
+def box(half: ArrayLike, radius: float = 0.0) -> Shape:
+    """A box about its origin, in as many dimensions as it has half sizes.
+
+    Args:
+        half: half sizes along its axes, shape (2,) or (3,) [m].
+        radius: by which edges and corners are rounded [m]; it adds to the size.
+
+    Raises:
+        ValueError: for a half size that is not positive or a negative radius.
+    """
+    sizes = vector("half", half, (2,), (3,), unit="m")
+    for i, value in enumerate(sizes):
+        positive(f"half[{i}]", value, unit="m")
+    return _shape("box", sizes.size, tuple(sizes), finite("radius", radius, 0.0, unit="m"))
+
+
+def points(vertices: ArrayLike, radius: float = 0.0) -> Shape:
+    """The convex hull of points; they need not be its corners, and may lie in a plane.
+
+    Args:
+        vertices: shape (2, n) or (3, n), n at least 1 [m].
+        radius: by which the hull is rounded [m].
+
+    Raises:
+        ValueError: for no point, a NaN or a negative radius.
+    """
+    given = vector("vertices", vertices, (2, None), (3, None), unit="m")
+    if not given.shape[1]:
+        raise refused("vertices.shape", given.shape, "at least one point")
+    inside = np.zeros((3, given.shape[1]))
+    inside[: len(given)] = given
+    size = finite("radius", radius, 0.0, unit="m")
+    return Shape("points", len(given), inside, np.zeros(3), size)
+
+
+def plane(dim: int = 3) -> Shape:
+    """All below z = 0 of its frame, in the plane all below y = 0: ground, a wall, a ramp."""
+    return _shape("plane", dim)
+
+
+def poses(name: str, value: ArrayLike, dim: int) -> Array:
+    """Poses from outside as poses in space, one a column.
+
+    Args:
+        name: of the argument.
+        value: shape (7,) or (7, N) where `dim` is 3, (3,) or (3, N) where it is 2.
+        dim: 2 or 3.
+
+    Returns:
+        Shape (7, N), contiguous.
+
+    Raises:
+        ValueError: for another shape, a NaN, or a quaternion that is not of unit length.
+    """
+    rows = {2: 3, 3: 7}[dim]
+    given = vector(name, value, (rows,), (rows, None)).reshape(rows, -1)
+    if dim == 2:
+        zero, half = np.zeros_like(given[0]), given[2] / 2
+        return np.stack((given[0], given[1], zero, np.cos(half), zero, zero, np.sin(half)))
+    turned = unit_quaternion(given[3:], f"{name}[3:]")
+    return np.concatenate((given[:3], normalise(turned)))
+
+
+def bounds(shape: Shape, pose: ArrayLike) -> Array:
+    """The axis-aligned bounding boxes of a shape, as tight as they can be.
+
+    Args:
+        shape: the shape; a plane has an infinite box.
+        pose: see the top of this file.
+
+    Returns:
+        Lower and upper corners, shape (2, dim) or (2, dim, N) [m].
+    """
+    where = poses("pose", pose, shape.dim)
+    turned = np.einsum("ij...,jk->ik...", to_matrix(where[3:]), shape.vertices)
+    reach = np.einsum("ij...,j->i...", np.abs(to_matrix(where[3:])), shape.half) + shape.radius
+    reach = np.full_like(reach, np.inf) if shape.name == "plane" else reach
+    low, high = turned.min(axis=1) + where[:3] - reach, turned.max(axis=1) + where[:3] + reach
+    return np.stack((low, high))[:, : shape.dim].reshape(2, shape.dim, *np.shape(pose)[1:])
