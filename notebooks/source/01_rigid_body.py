@@ -298,7 +298,7 @@ show("swapping_two_lines")
 # <tr><td>explicit midpoint</td> <td>full step with the derivative half way</td> <td>2</td> <td>2</td> <td>no</td>
 # <td>none: always unstable</td></tr>
 # <tr><td>implicit midpoint</td> <td>the same, half way solved for</td> <td>2</td> <td>4 and more</td> <td>yes</td>
-# <td>none: always stable</td></tr>
+# <td>none on a spring</td></tr>
 # <tr><td>RK4 (on rotations: Munthe-Kaas)</td> <td>four slopes, weights $\tfrac16,\tfrac13,\tfrac13,\tfrac16$</td>
 # <td>4</td> <td>4</td> <td>no</td> <td>$\omega h \le 2\sqrt2$</td></tr>
 # </table>
@@ -844,7 +844,9 @@ predict("impacts_at_rest")
 
 # %% [markdown]
 # A ball's bounces get shorter by the factor $e$ each time, infinitely many in a finite time. A box that should lie
-# still "bounces" at every step, unless an impact slower than the rest speed is taken to be the last:
+# still "bounces" at every step: gravity gives it the speed $gh$, and the impact turns it round. A rest speed, below which
+# an impact is the last, ends that where impacts are found within the step, and at the end of a step only if it is
+# above $gh$:
 #
 # ![Chatter](../docs/charts/chatter.png)
 
@@ -853,6 +855,7 @@ figures(
     read("chatter"),
     "semi_implicit_euler, in the step, rest speed 0.01",
     "semi_implicit_euler, end of step, rest speed 0  ",
+    "semi_implicit_euler, end of step, rest speed 0.01",
     "MuJoCo Euler, impulse",
     "MuJoCo Euler, spring",
     summary="All methods and contacts",
@@ -888,7 +891,8 @@ figures(
 #
 # <details><summary>What people get wrong there</summary>
 #
-# $\sqrt{k/m}$ of the stiffest single spring is only a lower bound: coupling can double it (a chain of equal masses).
+# $\sqrt{k/m}$ of the stiffest single spring is only a lower bound: coupling can multiply it (two fingers on one part, a
+# chain of masses). And the limit is for springs that stay in touch; an elastic contact gains energy below it.
 # An explicit damper lowers the limit of semi-implicit Euler to $\omega h < 2(\sqrt{1+\zeta^2}-\zeta)$; testing $\omega
 # h < 2$ and $hc/m < 2$ one by one, as one often reads, passes $\zeta = 1$ at $\omega h = 0.9$, beyond the limit of
 # $2(\sqrt2-1)$. On an undamped spring a smaller step cures nothing if the integrator is explicit Euler, which needs
@@ -899,11 +903,11 @@ figures(
 # </div>
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Objects pass through each other.* Compare the distance travelled per step, $vh$, with the *sum* of
-# both thicknesses. If it is larger, the collision may never be looked at, and no integrator helps: sweep the motion, or
-# find the impact time (MuJoCo: `speculative`). If it is smaller, the contact was seen and was too soft: with MuJoCo's
-# defaults a ball sinks in by a length proportional to its speed (printed under the chart above), whatever the step;
-# stiffen it.
+# **Debugging tip.** *Objects pass through each other.* Compare the distance travelled per step, $vh$, of one against the
+# other, with the *sum* of both thicknesses. If it is larger, the collision may never be looked at, and no integrator
+# helps: sweep the motion, or find the impact time (MuJoCo: `speculative`). From half of it on, it may first be seen past
+# the middle: the same cure. If it is much smaller, the contact was seen and was too soft: with MuJoCo's defaults a ball
+# sinks in by a length proportional to its speed (printed under the chart above), whatever the step; stiffen it.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
@@ -929,8 +933,8 @@ predict("perfect_energy_wrong_momentum")
 # Verlet or RK4</td></tr>
 # <tr><td>energy fine in flight, wrong after bounces</td> <td>bounce rule at the end of the step</td> <td>drop with
 # $e=1$, compare apex heights</td> <td>resolve the impact time</td></tr>
-# <tr><td>box jitters on the floor for ever</td> <td>no rest threshold: ever smaller bounces</td> <td>count impacts
-# per second</td> <td>rest threshold, or contact at velocity level</td></tr>
+# <tr><td>box jitters on the floor for ever</td> <td>each step's $gh$ is turned round by the impact</td> <td>count
+# impacts per second</td> <td>a rest speed above $gh$, or contact at velocity level</td></tr>
 # <tr><td>fast object passes a thin wall</td> <td>$vh$ larger than both thicknesses together, or a contact that is too
 # soft</td> <td>print $vh/d$; record the depth</td> <td>sweep the motion or find the impact time; stiffen the
 # contact</td></tr>
@@ -953,8 +957,8 @@ predict("drift_of_joints")
 # $I\dot\omega=-\omega\times(I\omega)$</td></tr>
 # <tr><td>satellite speeds up without torque</td> <td>gyroscopic term explicit at a large step</td> <td>kinetic energy
 # over time</td> <td>RK4, implicit midpoint, smaller step</td></tr>
-# <tr><td>joints creep with no command</td> <td>gravity on and no motor holds it; or a soft constraint, not the
-# integrator</td> <td>switch gravity off; halve $h$</td> <td>compensate gravity; stiffen the constraint</td></tr>
+# <tr><td>joints creep with no command</td> <td>gravity on and no motor holds it; or friction that the engine
+# models softly</td> <td>switch gravity off; halve $h$</td> <td>compensate gravity; harder friction</td></tr>
 # </table>
 #
 # ## 7 · Exercises
@@ -1305,7 +1309,7 @@ for dt in (1e-2, 1e-3):
 #
 # **Interview tip.** Asked about integrators, give three numbers for each: order, cost per step, stability limit; then
 # say what your scene needs. "Semi-implicit Euler: first order, one evaluation, $\omega h<2$, no energy drift at a
-# fixed step while forces depend on position alone and masses are constant. RK4: fourth order, four evaluations,
+# small fixed step while forces depend on position alone and masses are constant. RK4: fourth order, four evaluations,
 # $\omega h<2.83$, loses $(\omega h)^6/72$ of the energy per step. With contacts at 1 kHz both make a first-order
 # error at the impact, so I take the cheap one; for a satellite I take the other."
 #

@@ -116,9 +116,11 @@ def explicit_in_the_listing_grows(found):
 
 @claim(
     "An object flies through another when it moves farther than its own thickness in a step.",
-    "What counts is the sum of both thicknesses along the motion, w + d. Up to v dt = w + d some "
-    "step always overlaps ({limit_m_per_s:g} m/s for {body_mm:g} mm, {wall_mm:g} mm and "
-    "{step_ms:g} ms); beyond it the overlap is missed with probability 1 - (w + d) / (v dt).",
+    "What counts is the sum of both thicknesses along the motion, w + d, and the speed of one "
+    "against the other, v. Up to v dt = w + d some step always overlaps ({limit_m_per_s:g} m/s for "
+    "{body_mm:g} mm, {wall_mm:g} mm and {step_ms:g} ms); beyond it a throw from a place drawn at "
+    "random is missed with probability 1 - (w + d) / (v dt), and one from a given place always or "
+    "never.",
     ask=Ask("A body of thickness d flies at a wall of thickness w; overlap is tested once per step "
             "dt. Up to which speed is an overlap certain to be seen?", "v, speed < (w + d)/dt", {
                 "w/dt": "The body has a thickness too; it overlaps for longer.",
