@@ -5,15 +5,24 @@ numbers for the plane), `overlapping_pairs` of bounding boxes, `distance` of two
 with the nearest points and the unit normal from a to b), `contacts` of a scene (points, normals
 from the first to the second body, signed distances), `time_of_impact`.
 
+Forces: a `Problem` is one step of bodies in contact, `solve(model, problem)` answers with impulses
+and says whether it solved it, `residuals` judges the impulses of any model or engine.
+
 A pose is (x, y, z, qw, qx, qy, qz) in space and (x, y, angle) in the plane; components along
 axis 0, a batch last.
 """
 
 from course.contact.broad import SweepAndPrune, brute_force, overlapping_pairs, uniform_grid
+from course.contact.models import MODELS, Problem, Solution, solve
+from course.contact.residuals import Residuals, residuals
 from course.contact.shapes import Shape, bounds, box, capsule, plane, points, sphere
 
 __all__ = [
+    "MODELS",
+    "Problem",
+    "Residuals",
     "Shape",
+    "Solution",
     "SweepAndPrune",
     "bounds",
     "box",
@@ -22,6 +31,8 @@ __all__ = [
     "overlapping_pairs",
     "plane",
     "points",
+    "residuals",
+    "solve",
     "sphere",
     "uniform_grid",
     "warm",
@@ -30,6 +41,7 @@ __all__ = [
 
 def warm() -> None:
     """Compile, or load from the cache, everything in this chapter that is compiled."""
-    from course.contact import broad
+    from course.contact import broad, models
 
     broad.warm()
+    models.warm()

@@ -1,0 +1,661 @@
+"""Contact models: from masses, contacts and a free velocity to the impulses of one step.
+
+A `Problem` is one step: mass matrix M, Jacobian J of the contacts, the velocity v_free that the
+bodies would have without contact, gaps, friction. A model answers with one impulse for each row of
+J, f, so that v = v_free + M^-1 J^T f. With A = J M^-1 J^T the contacts then move at
+u = J v_free + A f.
+
+Coulomb's law asks of each contact f_n >= 0, w_n = u_n - wanted >= 0, f_n w_n = 0, and friction
+within |f_t| <= mu f_n that takes out as much as it can. What the models make of it:
+
+- "penalty": spring, damper, friction regularised by a slip speed. Nothing is solved.
+- "lcp": a pyramid for the cone, exactly, by Lemke's pivots.
+- "pgs": the true cone, contact after contact, a number of sweeps.
+- "coulomb": the true cone, by Newton's method on one projection.
+- "convex": the cone's own (associated) law, a convex problem with one velocity for an answer; what
+  slides also separates, by u_n = mu |u_t| (Anitescu 2006).
+- MuJoCo's soft model is in `course.contact.soft`.
+
+Inside, rows are scaled by the friction coefficients, g = (f_n, f_t / mu), so that every cone is
+|g_t| <= g_n, and sliding, torsion and rolling need no case of their own.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numba
+import numpy as np
+from numba.extending import register_jitable
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import count, finite, one_of, positive, refused, vector
+from course.compiled import MATRIX, VECTOR, compiled
+
+Array = NDArray[np.float64]
+
+LAWS = ("coulomb", "convex")
+
+
+# --- the problem and its solution -----------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One step of some bodies with n contacts of d rows each, and nv degrees of freedom.
+
+    Attributes:
+        mass: M, shape (nv, nv), symmetric and positive definite.
+        jacobian: J, shape (n, d, nv): generalised velocity -> velocity of the contact; row 0 along
+            the normal (positive: apart) [m/s], then tangents, then spin and rolling [rad/s].
+        velocity: generalised velocity before the step, shape (nv,).
+        free: what it would be after the step without contact, shape (nv,).
+        gap: signed distance before the step, shape (n,) [m].
+        friction: coefficient of each row after the first, shape (n, d - 1) [1, or m for rotations].
+        dt: step [s].
+        restitution: Newton's coefficient, 0 to 1.
+        recovery: share of a penetration that is to be taken back in the step, 0 to 1.
+
+    Raises:
+        ValueError: for numbers or shapes that are none of this.
+    """
+
+    mass: Array
+    jacobian: Array
+    velocity: Array
+    free: Array
+    gap: Array
+    friction: Array
+    dt: float
+    restitution: float = 0.0
+    recovery: float = 0.2
+
+    def __post_init__(self) -> None:
+        keep = functools.partial(object.__setattr__, self)
+        keep("jacobian", vector("jacobian", self.jacobian, (None, None, None)))
+        n, d, nv = self.jacobian.shape
+        if not n or not d:
+            raise refused("jacobian.shape", self.jacobian.shape, "one or more contacts with rows")
+        keep("mass", vector("mass", self.mass, (nv, nv)))
+        try:
+            np.linalg.cholesky(self.mass)
+        except np.linalg.LinAlgError:
+            raise refused("mass", self.mass, "a positive definite matrix") from None
+        if np.max(np.abs(self.mass - self.mass.T)) > 1e-9 * np.max(np.abs(self.mass)):
+            raise refused("mass", self.mass, "a symmetric matrix")
+        keep("friction", vector("friction", self.friction, (n, d - 1), low=0.0))
+        positive("dt", self.dt, unit="s")
+        finite("restitution", self.restitution, 0.0, 1.0)
+        finite("recovery", self.recovery, 0.0, 1.0)
+        for name, size in (("velocity", nv), ("free", nv), ("gap", n)):
+            keep(name, vector(name, getattr(self, name), (size,)))
+
+    def moved(self, velocity: ArrayLike, free: ArrayLike, gap: ArrayLike) -> Problem:
+        """The same bodies and contacts in another state; what depends on M and J alone is kept."""
+        other = object.__new__(Problem)
+        nv, n = self.mass.shape[0], self.gap.size
+        other.__dict__.update(
+            self.__dict__,
+            velocity=vector("velocity", velocity, (nv,)),
+            free=vector("free", free, (nv,)),
+            gap=vector("gap", gap, (n,)),
+        )
+        return other
+
+    @functools.cached_property
+    def rows(self) -> Array:
+        """J with all rows below each other, shape (n d, nv)."""
+        return np.ascontiguousarray(self.jacobian.reshape(-1, self.mass.shape[0]))
+
+    @functools.cached_property
+    def response(self) -> Array:
+        """M^-1 J^T: generalised velocity for an impulse on each row, shape (nv, n d)."""
+        return np.asarray(np.linalg.solve(self.mass, self.rows.T), dtype=np.float64)
+
+    @functools.cached_property
+    def delassus(self) -> Array:
+        """A = J M^-1 J^T, shape (n d, n d)."""
+        return self.rows @ self.response
+
+    @functools.cached_property
+    def scale(self) -> Array:
+        """1 for a normal row, the friction coefficient for the others, shape (n d,)."""
+        n = self.gap.size
+        return np.hstack((np.ones((n, 1)), self.friction)).ravel()
+
+    @functools.cached_property
+    def scaled(self) -> Array:
+        """A in scaled rows."""
+        return self.scale[:, None] * self.delassus * self.scale
+
+    @property
+    def wanted(self) -> Array:
+        """Least normal velocity after the step, shape (n,) [m/s]: an open gap may just close, what
+        would close within the step bounces."""
+        wanted = np.where(self.gap > 0.0, -1.0, -self.recovery) * self.gap / self.dt
+        closes = self.gap + self.dt * (self.jacobian[:, 0] @ self.free) <= 0.0
+        bounce = -self.restitution * (self.jacobian[:, 0] @ self.velocity)
+        return np.where(closes & (bounce > 0.0), np.maximum(wanted, bounce), wanted)
+
+    @property
+    def offset(self) -> Array:
+        """b: contact velocity without contact, less what is wanted, in scaled rows, (n d,)."""
+        b = self.scale * (self.rows @ self.free)
+        b[:: self.jacobian.shape[1]] -= self.wanted
+        return b
+
+    def after(self, impulses: ArrayLike) -> Array:
+        """Generalised velocity after the step, (nv,), for impulses (n, d)."""
+        velocity: Array = self.free + self.response @ np.asarray(impulses, dtype=float).ravel()
+        return velocity
+
+
+@dataclass(frozen=True)
+class Solution:
+    """What a model answers.
+
+    Attributes:
+        model: its name.
+        impulses: shape (n, d), in the rows of J [N s, N m s].
+        velocity: generalised velocity after the step, shape (nv,).
+        iterations: pivots, sweeps or Newton steps.
+        residual: how far its own law is missed, see `defect` [m/s].
+        converged: whether the residual is within the tolerance that was asked for. If not, the
+            impulses are the last ones there were, and no solution.
+    """
+
+    model: str
+    impulses: Array
+    velocity: Array
+    iterations: int
+    residual: float
+    converged: bool
+
+    def __str__(self) -> str:
+        how = "solved" if self.converged else "NOT solved"
+        return f"{self.model}: {how} in {self.iterations}, residual {self.residual:.1e} m/s"
+
+
+def defect(problem: Problem, impulses: ArrayLike, law: str = "coulomb") -> float:
+    """By how much impulses miss a law of the round cone [m/s]; 0 for a solution.
+
+    r |g - P(g - w / r)|, the largest over the contacts, r the trace of the contact's block of A, P
+    the projection on the cone (the natural map; Facchinei and Pang 2003, sec. 1.5). Coulomb's law
+    has w_n + |w_t| in place of w_n (De Saxce and Feng 1998).
+
+    Args:
+        problem: the step.
+        impulses: shape (n, d).
+        law: one of `LAWS`.
+    """
+    one_of("law", law, LAWS)
+    n, d, _ = problem.jacobian.shape
+    g = _in_scaled_rows(problem, vector("impulses", impulses, (n, d)))
+    missed, _ = natural_map(problem.scaled, problem.offset, g, d, law == "convex")
+    return float(np.max(np.abs(missed)))
+
+
+def solve(model: str, problem: Problem, **options: Any) -> Solution:
+    """The impulses of one step by one of `MODELS`.
+
+    Args:
+        model: its name.
+        problem: the step.
+        **options: of the model, see its function.
+
+    Returns:
+        The solution; look at `converged` before you use it.
+
+    Raises:
+        ValueError: for an unknown model.
+        TypeError: for an option that the model has not.
+    """
+    one_of("model", model, MODELS)
+    return MODELS[model](problem, **options)
+
+
+def _answer(
+    name: str, problem: Problem, scaled: Array, iterations: int, missed: float, tolerance: float
+) -> Solution:
+    n, d, _ = problem.jacobian.shape
+    impulses = (problem.scale * scaled).reshape(n, d)
+    velocity = problem.after(impulses)
+    return Solution(name, impulses, velocity, iterations, missed, missed <= tolerance)
+
+
+def _in_scaled_rows(problem: Problem, impulses: ArrayLike | None) -> Array:
+    n, d, _ = problem.jacobian.shape
+    if impulses is None:
+        return np.zeros(n * d)
+    f, scale = vector("start", impulses, (n, d)).ravel(), problem.scale
+    return np.divide(f, scale, out=np.zeros_like(f), where=scale > 0.0)
+
+
+# --- penalty --------------------------------------------------------------------------------------
+
+
+@register_jitable
+def penalty_force(depth, u, stiffness, damping, friction, slip, pull, force):
+    """Force of one contact, written into `force` (d,), from its depth [m] and velocity u (d,).
+
+    Normal: stiffness times depth less damping times the speed apart. A damper alone would hold back
+    what leaves (the pull-back artefact); it is clipped unless `pull`. Friction grows with the slip
+    up to the speed `slip`, and is Coulomb's beyond.
+
+    Args:
+        friction: coefficients (d - 1,).
+    """
+    force[:] = 0.0
+    if depth <= 0.0:
+        return
+    force[0] = stiffness * depth - damping * u[0]
+    if not pull:
+        force[0] = max(force[0], 0.0)
+    speed = 0.0
+    for j in range(1, u.size):
+        speed += (friction[j - 1] * u[j]) ** 2
+    if u.size > 1:
+        speed = max(math.sqrt(speed), slip * friction[0], 1e-300)
+    for j in range(1, u.size):
+        force[j] = -max(force[0], 0.0) * friction[j - 1] ** 2 * u[j] / speed
+
+
+def penalty(
+    problem: Problem,
+    *,
+    stiffness: float = 1e5,
+    damping: float = 1e2,
+    slip: float = 1e-3,
+    pull: bool = False,
+) -> Solution:
+    """Spring, damper and regularised friction, from the state before the step.
+
+    Nothing is solved: the step that follows is stable only while it is short (see the claims), and
+    friction that holds creeps.
+
+    Args:
+        stiffness: [N/m].
+        damping: [N s/m].
+        slip: speed from which friction is full [m/s].
+        pull: keep the damper's pull while the bodies part.
+    """
+    positive("stiffness", stiffness, unit="N/m")
+    finite("damping", damping, 0.0)
+    positive("slip", slip, unit="m/s")
+    u = problem.jacobian @ problem.velocity
+    impulses = np.zeros_like(u)
+    for i, depth in enumerate(-problem.gap):
+        penalty_force(depth, u[i], stiffness, damping, problem.friction[i], slip, pull, impulses[i])
+    impulses *= problem.dt
+    return Solution("penalty", impulses, problem.after(impulses), 0, 0.0, True)
+
+
+# --- projected Gauss-Seidel -----------------------------------------------------------------------
+
+
+@register_jitable
+def project(g):
+    """Project g (d,) on the cone |g_t| <= g_n, in place."""
+    t = 0.0
+    for j in range(1, g.size):
+        t += g[j] * g[j]
+    t = math.sqrt(t)
+    if t <= g[0]:
+        return
+    if t <= -g[0]:  # in the polar cone: the apex is nearest
+        g[:] = 0.0
+        return
+    side = 0.5 * (g[0] + t)
+    for j in range(1, g.size):
+        g[j] *= side / t
+    g[0] = side
+
+
+@register_jitable
+def pgs_sweep(A, g, w, d, associated):
+    """One visit to every contact; returns the largest correction, as a velocity [m/s].
+
+    Args:
+        A: of the scaled rows, shape (n d, n d); compliance, if there is some, on its diagonal.
+        g: impulses in scaled rows, (n d,), changed in place.
+        w: A g + b, with b the velocity without contact; kept up to date.
+        d: rows of a contact.
+        associated: whether the contact is one block, projected on its cone (the convex law).
+            Otherwise the normal comes first and friction is cut back to it (Coulomb's law).
+    """
+    largest = 0.0
+    new = np.empty(d)
+    for i in range(0, g.size, d):
+        # Gershgorin's bounds on the block's eigenvalues: exact where its rows are independent.
+        whole, side = 0.0, 0.0
+        for j in range(d):
+            row = 0.0
+            for m in range(d):
+                row += abs(A[i + j, i + m])
+            whole = max(whole, row)
+            if j > 0:
+                side = max(side, row - abs(A[i + j, i]))
+        if associated:
+            for j in range(d):
+                new[j] = g[i + j] - w[i + j] / whole
+            project(new)
+        else:
+            new[0] = max(0.0, g[i] - w[i] / A[i, i])
+            moved, length = new[0] - g[i], 0.0
+            for j in range(1, d):
+                slide = w[i + j] + A[i + j, i] * moved
+                new[j] = g[i + j] - (slide / side if side > 0.0 else 0.0)
+                length += new[j] ** 2
+            if length > new[0] ** 2:
+                for j in range(1, d):
+                    new[j] *= new[0] / math.sqrt(length)
+        for j in range(d):
+            change = new[j] - g[i + j]
+            if change != 0.0:
+                g[i + j] = new[j]
+                largest = max(largest, abs(change) * whole)
+                for m in range(g.size):
+                    w[m] += A[m, i + j] * change
+    return largest
+
+
+def _pgs(A: Array, b: Array, g: Array, d: int, associated: bool, most: int, small: float) -> int:
+    """Sweeps until the correction is small; returns how many, changes g in place."""
+    w = A @ g + b
+    for sweep in range(most):
+        if pgs_sweep(A, g, w, d, associated) <= small:
+            return sweep + 1
+    return most
+
+
+_PGS = numba.int64(MATRIX, VECTOR, VECTOR, numba.int64, numba.boolean, numba.int64, numba.float64)
+
+
+def gauss_seidel(
+    A: Array, b: Array, g: Array, d: int, *, associated: bool, sweeps: int, tolerance: float
+) -> int:
+    """Sweep over scaled contacts until no correction is above the tolerance [m/s].
+
+    Args:
+        A, b, g, d, associated: as for `pgs_sweep`; g is changed in place.
+        sweeps: at most.
+        tolerance: [m/s].
+
+    Returns:
+        How many sweeps it took.
+    """
+    return int(compiled(_pgs, _PGS)(A, b, g, d, associated, sweeps, tolerance))
+
+
+def pgs(
+    problem: Problem,
+    *,
+    sweeps: int = 1000,
+    tolerance: float = 1e-10,
+    start: ArrayLike | None = None,
+    law: str = "coulomb",
+) -> Solution:
+    """Projected Gauss-Seidel: contact after contact, each as if the others were right.
+
+    Args:
+        sweeps: at most.
+        tolerance: of the residual [m/s].
+        start: impulses (n, d) to start from, such as those of the last step.
+        law: "coulomb", or "convex" for the associated one.
+    """
+    count("sweeps", sweeps, 1)
+    positive("tolerance", tolerance, unit="m/s")
+    one_of("law", law, ("coulomb", "convex"))
+    g = _in_scaled_rows(problem, start)
+    taken = gauss_seidel(
+        problem.scaled, problem.offset, g, problem.jacobian.shape[1],
+        associated=law == "convex", sweeps=sweeps, tolerance=0.1 * tolerance,
+    )  # fmt: skip
+    missed, _ = natural_map(
+        problem.scaled, problem.offset, g, problem.jacobian.shape[1], law == "convex"
+    )
+    return _answer("pgs", problem, g, taken, float(np.max(np.abs(missed))), tolerance)
+
+
+# --- the linear complementarity problem -----------------------------------------------------------
+
+
+@functools.cache
+def _edges(d: int, edges: int) -> Array:
+    """Directions of a pyramid's edges in the scaled friction rows, shape (edges, d - 1)."""
+    if d == 3:
+        angles = 2.0 * math.pi * np.arange(edges) / edges
+        return np.round(np.column_stack((np.cos(angles), np.sin(angles))), 15)
+    return np.repeat(np.eye(d - 1), 2, axis=0) * np.tile([1.0, -1.0], d - 1)[:, None]
+
+
+def lemke(M: ArrayLike, q: ArrayLike, pivots: int = 1000) -> tuple[Array, int, bool]:
+    """z >= 0 with w = M z + q >= 0 and z w = 0, by complementary pivots.
+
+    Exact but for rounding; ends on a ray where it finds none, which for a matrix that is
+    copositive plus means that there is none (Cottle, Pang and Stone 1992, alg. 4.4.5).
+
+    Returns:
+        z (n,), the pivots taken, and whether it is a solution.
+    """
+    q = vector("q", q, (None,))
+    n = q.size
+    M = vector("M", M, (n, n))
+    if n == 0 or np.min(q) >= 0.0:
+        return np.zeros(n), 0, True
+    # Columns: w, z, the artificial z0, right side with powers of a small number beside it, by
+    # which ties are broken (lexicographically), so that it cannot cycle.
+    table = np.hstack((np.eye(n), -M, -np.ones((n, 1)), q[:, None], np.eye(n)))
+    basis = np.arange(n)
+    entering, row = 2 * n, int(np.argmin(q))
+    small = 1e-12 * max(1.0, float(np.max(np.abs(M))))
+    for pivot in range(1, pivots + 1):
+        leaving = int(basis[row])
+        table[row] /= table[row, entering]
+        others = np.arange(n) != row
+        table[others] -= np.outer(table[others, entering], table[row])
+        basis[row] = entering
+        if leaving == 2 * n:
+            z = np.zeros(2 * n + 1)
+            z[basis] = table[:, 2 * n + 1]
+            return z[n : 2 * n], pivot, True
+        entering = leaving + n if leaving < n else leaving - n
+        can = np.flatnonzero(table[:, entering] > small)
+        if not can.size:
+            break
+        ratios = table[can, 2 * n + 1 :] / table[can, entering][:, None]
+        least = ratios[:, 0] <= np.min(ratios[:, 0]) + 1e-14 * np.max(np.abs(q))
+        tied = can[least]
+        # The artificial variable leaves as soon as it can.
+        row = int(next((r for r in tied if basis[r] == 2 * n), tied[0]))
+        if tied.size > 1 and basis[row] != 2 * n:
+            row = int(tied[np.lexsort(ratios[least][:, :0:-1].T)[0]])
+    z = np.zeros(2 * n + 1)
+    z[basis] = table[:, 2 * n + 1]
+    return z[n : 2 * n], pivot, False
+
+
+def lcp(problem: Problem, *, edges: int = 4, tolerance: float = 1e-9) -> Solution:
+    """Coulomb's law with a pyramid, exactly (Stewart and Trinkle 1996; Anitescu and Potra 1997).
+
+    Unknowns: normal impulse, share on each edge, and the slip that the edges have in common.
+
+    Args:
+        edges: of the pyramid where there are two tangents, an even number from 4 on; else each
+            friction row has two.
+        tolerance: of the residual [m/s].
+    """
+    if count("edges", edges, 4) % 2:
+        raise refused("edges", edges, "an even number from 4 on")
+    n, d, _ = problem.jacobian.shape
+    faces = _edges(d, edges) if d > 1 else np.zeros((0, 0))
+    m = len(faces)
+    # B: normals and edges of every contact -> scaled rows.
+    B = np.zeros((n * d, n * (1 + m)))
+    for i in range(n):
+        B[i * d, i * (1 + m)] = 1.0
+        if m:
+            B[i * d + 1 : i * d + d, i * (1 + m) + 1 : (i + 1) * (1 + m)] = faces.T
+    size = B.shape[1]
+    M = np.zeros((size + n, size + n)) if m else np.zeros((size, size))
+    M[:size, :size] = B.T @ problem.scaled @ B
+    q = np.zeros(M.shape[0])
+    q[:size] = B.T @ problem.offset
+    for i in range(n if m else 0):
+        shares = slice(i * (1 + m) + 1, (i + 1) * (1 + m))
+        M[shares, size + i] = 1.0
+        M[size + i, shares] = -1.0
+        M[size + i, i * (1 + m)] = 1.0
+    z, pivots, _ = lemke(M, q)
+    stiff = float(np.max(np.diag(problem.scaled)))
+    unit = np.where(np.arange(q.size) < size, stiff, 1.0)  # the last unknowns are slips already
+    missed = np.minimum(z * unit, (M @ z + q) * stiff / unit)
+    worst = float(np.max(np.abs(missed)))
+    return _answer("lcp", problem, B @ z[:size], pivots, worst, tolerance)
+
+
+# --- the round cone: Newton's method on the natural map -------------------------------------------
+
+
+def natural_map(A: Array, b: Array, g: Array, d: int, associated: bool) -> tuple[Array, Array]:
+    """r (g - P(g - w / r)) for all contacts, (n d,) [m/s], and its derivative by g, (n d, n d).
+
+    Args:
+        A, b, g, d, associated: as for `pgs_sweep`; Coulomb's law takes w_n + |w_t| for w_n.
+    """
+    w = A @ g + b
+    value, slope = np.empty_like(g), np.empty_like(A)
+    for i in range(0, g.size, d):
+        here = slice(i, i + d)
+        change = A[here].copy()
+        raised = w[here].copy()
+        if not associated and d > 1:
+            slip = math.sqrt(w[i + 1 : i + d] @ w[i + 1 : i + d])
+            raised[0] += slip
+            if slip > 0.0:
+                change[0] += w[i + 1 : i + d] / slip @ A[i + 1 : i + d]
+        r = float(np.trace(A[here, here]))
+        y = g[here] - raised / r
+        t = math.sqrt(y[1:] @ y[1:])
+        if t <= y[0]:  # sticks
+            bend = np.eye(d)
+        elif t <= -y[0]:  # lets go
+            bend = np.zeros((d, d))
+        else:  # slides: the projection on the cone's side
+            bend = (1.0 + y[0] / t) * np.eye(d)
+            bend[0, 0] = 1.0
+            bend[0, 1:] = bend[1:, 0] = y[1:] / t
+            bend[1:, 1:] -= y[0] / t**3 * np.outer(y[1:], y[1:])
+            bend *= 0.5
+        project(y)
+        value[here] = r * (g[here] - y)
+        slope[here] = bend @ change
+        slope[here, here] += r * (np.eye(d) - bend)
+    return value, slope
+
+
+def _round_cone(
+    name: str, problem: Problem, rounds: int, tolerance: float, start: ArrayLike | None
+) -> Solution:
+    """Sweeps to come near, Newton's method to arrive; again while it does not."""
+    count("rounds", rounds, 1)
+    positive("tolerance", tolerance, unit="m/s")
+    A, b, d = problem.scaled, problem.offset, problem.jacobian.shape[1]
+    associated = name == "convex"
+    g = _in_scaled_rows(problem, start)
+    taken, best, best_g = 0, math.inf, g
+    for attempt in range(rounds):
+        value, slope = natural_map(A, b, g, d, associated)
+        for _ in range(30):
+            size = float(np.max(np.abs(value)))
+            if size < best:
+                best, best_g = size, g
+            if size <= 0.01 * tolerance:
+                break
+            taken += 1
+            step = np.linalg.lstsq(slope, -value, rcond=1e-13)[0]
+            share, fell = 1.0, False
+            while share > 1e-3 and not fell:
+                near = g + share * step
+                value_near, slope_near = natural_map(A, b, near, d, associated)
+                fell = bool(
+                    np.linalg.norm(value_near) < (1.0 - 0.1 * share) * np.linalg.norm(value)
+                )
+                share *= 0.5
+            if not fell:
+                break
+            g, value, slope = near, value_near, slope_near
+        if best <= tolerance:
+            break
+        g = best_g.copy()
+        sweeps = 20 * 2**attempt
+        taken += gauss_seidel(A, b, g, d, associated=associated, sweeps=sweeps, tolerance=1e-15)
+    return _answer(name, problem, best_g, taken, best, tolerance)
+
+
+def convex(
+    problem: Problem, *, rounds: int = 12, tolerance: float = 1e-9, start: ArrayLike | None = None
+) -> Solution:
+    """The associated law: the least change of the velocity that keeps it in the dual cones.
+
+    Args:
+        rounds: of sweeps and Newton steps, at most.
+        tolerance: of the residual [m/s], and of the duality gap by the sum of normal impulses.
+        start: impulses (n, d) to start from.
+    """
+    found = _round_cone("convex", problem, rounds, tolerance, start)
+    gap, outside = duality_gap(problem, found.impulses)
+    small = max(abs(gap) / max(float(np.sum(found.impulses[:, 0])), 1e-12), outside) <= tolerance
+    return replace(found, converged=found.converged and small)
+
+
+def coulomb(
+    problem: Problem, *, rounds: int = 8, tolerance: float = 1e-9, start: ArrayLike | None = None
+) -> Solution:
+    """Coulomb's law on the true cone (Alart and Curnier 1991, with De Saxce's one projection).
+
+    Where the law has no solution there is none to find, and it says so.
+
+    Args:
+        rounds: of sweeps and Newton steps, at most.
+        tolerance: of the residual [m/s].
+        start: impulses (n, d) to start from.
+    """
+    return _round_cone("coulomb", problem, rounds, tolerance, start)
+
+
+def duality_gap(problem: Problem, impulses: ArrayLike) -> tuple[float, float]:
+    """Cost of the convex problem less the bound that its dual gives [J].
+
+    Args:
+        problem: the step.
+        impulses: in their cones, shape (n, d).
+
+    Returns:
+        The gap f w, and by how much w is outside its cone [m/s]: only within it the gap is a bound.
+    """
+    n, d, _ = problem.jacobian.shape
+    g = _in_scaled_rows(problem, impulses)
+    w = problem.scaled @ g + problem.offset
+    rows = w.reshape(n, d)
+    outside = np.linalg.norm(rows[:, 1:], axis=1) - rows[:, 0]
+    return float(g @ w), float(max(0.0, np.max(outside)))
+
+
+Model = Callable[..., Solution]
+MODELS: dict[str, Model] = {
+    "penalty": penalty,
+    "lcp": lcp,
+    "pgs": pgs,
+    "coulomb": coulomb,
+    "convex": convex,
+}
+
+
+def warm() -> None:
+    """Compile, or load from the cache, what is compiled here."""
+    gauss_seidel(np.eye(1), np.zeros(1), np.zeros(1), 1, associated=False, sweeps=1, tolerance=1.0)

@@ -1,0 +1,65 @@
+"""What a contact solution owes to physics, whoever computed it.
+
+Models answer to their own laws, which differ; these five numbers are the same for all of them, and
+for every engine that tells its impulses.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from course.check import vector
+from course.contact.models import Problem
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """All are 0 for Coulomb's rigid contact, but for the energy, which is then not positive.
+
+    Attributes:
+        penetration: the deepest overlap after the step [m].
+        signorini: largest of |min(f_n A_nn, u_n - wanted)|, force against gap [m/s].
+        cone: by how much friction leaves its cone, in the normal's units [N s].
+        dissipation: what friction could take out and leaves, at its normal force [J]; it must act
+            straight against the slip, with all the cone gives.
+        energy: kinetic energy that the contacts put in [J]; a passive contact has none to give.
+    """
+
+    penetration: float
+    signorini: float
+    cone: float
+    dissipation: float
+    energy: float
+
+
+def residuals(problem: Problem, impulses: ArrayLike) -> Residuals:
+    """Judge the impulses of a step.
+
+    Args:
+        problem: the step.
+        impulses: shape (n, d), in the rows of the problem's Jacobian [N s, N m s].
+
+    Raises:
+        ValueError: for impulses of another shape, or that are not finite.
+    """
+    n, d, _ = problem.jacobian.shape
+    f = vector("impulses", impulses, (n, d))
+    u = problem.jacobian @ problem.after(f)
+    before = problem.jacobian @ problem.free
+    stiff = np.diag(problem.delassus)[::d]
+    mu = problem.friction
+    share = np.linalg.norm(
+        np.divide(f[:, 1:], mu, out=np.where(f[:, 1:] == 0.0, 0.0, np.inf), where=mu > 0.0), axis=1
+    )
+    able = np.maximum(f[:, 0], 0.0) * np.linalg.norm(mu * u[:, 1:], axis=1)
+    lost = able + np.sum(f[:, 1:] * u[:, 1:], axis=1)
+    return Residuals(
+        penetration=float(np.max(np.maximum(0.0, -(problem.gap + problem.dt * u[:, 0])))),
+        signorini=float(np.max(np.abs(np.minimum(f[:, 0] * stiff, u[:, 0] - problem.wanted)))),
+        cone=float(np.max(np.maximum(0.0, np.maximum(share - f[:, 0], -f[:, 0])))),
+        dissipation=float(np.max(np.maximum(0.0, lost))),
+        energy=float(0.5 * np.sum(f * (u + before))),
+    )

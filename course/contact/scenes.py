@@ -1,0 +1,258 @@
+"""The smallest scenes that the contact models are asked about.
+
+All of them have a constant mass matrix and a constant contact Jacobian, so a gap is linear in q:
+what differs between models is the contact alone. `run` steps one with a model, semi-implicitly.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course.check import POSITIVE, count, finite, positive, vector
+from course.contact.models import Problem, Solution, solve
+
+Array = NDArray[np.float64]
+GRAVITY = 9.81  # m/s^2
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Bodies with linear gaps under a constant force.
+
+    Attributes:
+        mass: (nv, nv).
+        jacobian: (n, d, nv), as in `Problem`.
+        distance: gaps at q = 0, shape (n,) [m].
+        force: generalised, (nv,).
+        friction: (n, d - 1).
+        q, v: state at the start, (nv,).
+        restitution: Newton's coefficient.
+    """
+
+    mass: Array
+    jacobian: Array
+    distance: Array
+    force: Array
+    friction: Array
+    q: Array
+    v: Array
+    restitution: float = 0.0
+
+    @functools.cached_property
+    def _first(self) -> Problem:
+        return Problem(
+            self.mass, self.jacobian, self.v, self.v, self.distance, self.friction, 1.0,
+            self.restitution,
+        )  # fmt: skip
+
+    @functools.cached_property
+    def _acceleration(self) -> Array:
+        return np.asarray(np.linalg.solve(self.mass, self.force), dtype=np.float64)
+
+    def problem(self, dt: float, q: Array | None = None, v: Array | None = None) -> Problem:
+        """One step of `dt` from (q, v), or from the start."""
+        q, v = self.q if q is None else q, self.v if v is None else v
+        positive("dt", dt, unit="s")
+        gap = self.distance + self.jacobian[:, 0] @ q
+        step = self._first.moved(v, v + dt * self._acceleration, gap)
+        object.__setattr__(step, "dt", dt)
+        return step
+
+
+@dataclass(frozen=True)
+class Run:
+    """A motion: times (k,), q and v (nv, k), impulses (n, d, k - 1), work done [iterations]."""
+
+    times: Array
+    q: Array
+    v: Array
+    impulses: Array
+    iterations: int
+    unsolved: int
+    worst: float
+
+
+def run(scene: Scene, model: str, dt: float, steps: int, **options: Any) -> Run:
+    """Step a scene: impulses from the model, then the position with the new velocity.
+
+    Args:
+        scene: what moves.
+        model: one of `course.contact.models.MODELS`.
+        dt: [s].
+        steps: how many.
+        **options: of the model.
+
+    Returns:
+        The motion, how many of its steps were not solved, and the worst residual [m/s].
+    """
+    count("steps", steps, 1)
+    q, v = scene.q.copy(), scene.v.copy()
+    path_q, path_v = [q], [v]
+    found: list[Solution] = []
+    for _ in range(steps):
+        found.append(solve(model, scene.problem(dt, q, v), **options))
+        v = found[-1].velocity
+        q = q + dt * v
+        path_q.append(q)
+        path_v.append(v)
+    return Run(
+        np.arange(steps + 1, dtype=float) * dt,
+        np.array(path_q).T,
+        np.array(path_v).T,
+        np.stack([s.impulses for s in found], axis=-1),
+        sum(s.iterations for s in found),
+        sum(not s.converged for s in found),
+        max(s.residual for s in found),
+    )
+
+
+# --- the scenes -----------------------------------------------------------------------------------
+
+
+def ball_drop(height: float = 0.1, mass: float = 1.0, restitution: float = 0.0) -> Scene:
+    """A ball above the ground: one degree of freedom, q = height of its lowest point [m]."""
+    finite("height", height)
+    positive("mass", mass, unit="kg")
+    return Scene(
+        np.array([[mass]]), np.ones((1, 1, 1)), np.zeros(1), np.array([-mass * GRAVITY]),
+        np.zeros((1, 0)), np.array([height]), np.zeros(1), restitution,
+    )  # fmt: skip
+
+
+def block(
+    angle: float = 0.0,
+    friction: float = 0.5,
+    velocity: Sequence[float] = (0.0, 0.0),
+    mass: float = 1.0,
+) -> Scene:
+    """A block on an incline, which slides and does not turn: q = (along the slope, across, off it).
+
+    Args:
+        angle: of the slope [rad]; positive goes down along x.
+        friction: coefficient.
+        velocity: along the slope and across [m/s].
+        mass: [kg].
+    """
+    finite("angle", angle, -0.5 * math.pi, 0.5 * math.pi, unit="rad")
+    finite("friction", friction, 0.0)
+    positive("mass", mass, unit="kg")
+    vx, vy = vector("velocity", velocity, (2,), unit="m/s")
+    rows = np.array([[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
+    force = mass * GRAVITY * np.array([math.sin(angle), 0.0, -math.cos(angle)])
+    return Scene(
+        mass * np.eye(3), rows, np.zeros(1), force, np.full((1, 2), friction),
+        np.zeros(3), np.array([vx, vy, 0.0]),
+    )  # fmt: skip
+
+
+def spinning_disc(spin: float = 10.0, friction: float = 0.5, torsion: float = 0.01) -> Scene:
+    """A disc of 1 kg and 10 cm that spins on a point: q = (x, y, z, angle about z).
+
+    Args:
+        spin: [rad/s].
+        friction: of sliding.
+        torsion: of spin [m]; 0 is what a contact of three rows has.
+    """
+    base = block(0.0, friction)
+    rows = np.zeros((1, 4, 4))
+    rows[0, :3, :3] = base.jacobian[0]
+    rows[0, 3, 3] = 1.0
+    return Scene(
+        np.diag([1.0, 1.0, 1.0, 0.005]), rows, np.zeros(1), np.append(base.force, 0.0),
+        np.array([[friction, friction, finite("torsion", torsion, 0.0)]]), np.zeros(4),
+        np.array([0.0, 0.0, 0.0, finite("spin", spin, unit="rad/s")]),
+    )  # fmt: skip
+
+
+def tower(masses: Sequence[float]) -> Scene:
+    """Boxes on top of each other, the lowest first: q_i = how far each is above its place [m]."""
+    weights = vector("masses", masses, (None,), low=POSITIVE, unit="kg")
+    n = count("len(masses)", len(weights), 1)
+    rows = (np.eye(n) - np.eye(n, k=-1))[:, None]
+    return Scene(
+        np.diag(weights), rows, np.zeros(n), -GRAVITY * weights, np.zeros((n, 0)),
+        np.zeros(n), np.zeros(n),
+    )  # fmt: skip
+
+
+def table(load: Sequence[float] = (0.0, 0.0), side: float = 1.0, mass: float = 10.0) -> Scene:
+    """A stiff table on four legs: q = (height, roll, pitch); its weight acts at the point `load`.
+
+    Three equations and four legs: one combination, (1, -1, 1, -1) in turn around the table, can be
+    added to the forces and nothing moves.
+
+    Args:
+        load: where the weight acts, from the middle, within the legs [m].
+        side: between the legs [m].
+        mass: [kg].
+    """
+    half = 0.5 * positive("side", side, unit="m")
+    x, y = vector("load", load, (2,), low=-half, high=half, unit="m")
+    positive("mass", mass, unit="kg")
+    legs = np.array([(half, half), (-half, half), (-half, -half), (half, -half)])
+    rows = np.column_stack((np.ones(4), legs[:, 1], -legs[:, 0]))[:, None]
+    moment = mass * side**2 / 6.0
+    weight = mass * GRAVITY
+    return Scene(
+        np.diag([mass, moment, moment]), rows, np.zeros(4),
+        np.array([-weight, -weight * y, weight * x]), np.zeros((4, 0)), np.zeros(3), np.zeros(3),
+    )  # fmt: skip
+
+
+def pinch(squeeze: float = 5.0, friction: float = 0.5, mass: float = 0.2) -> Scene:
+    """A glass between two fingers: q = (left finger x, right finger x, glass x, glass z).
+
+    The fingers of 50 g press with a force; it is held from mu = m g / (2 squeeze) on.
+
+    Args:
+        squeeze: of each finger [N].
+        friction: coefficient.
+        mass: of the glass [kg].
+    """
+    positive("squeeze", squeeze, unit="N")
+    finite("friction", friction, 0.0)
+    positive("mass", mass, unit="kg")
+    left = [[-1.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+    right = [[0.0, 1.0, -1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
+    return Scene(
+        np.diag([0.05, 0.05, mass, mass]), np.array([left, right]), np.zeros(2),
+        np.array([squeeze, -squeeze, 0.0, -mass * GRAVITY]), np.full((2, 1), friction),
+        np.zeros(4), np.zeros(4),
+    )  # fmt: skip
+
+
+def rod(angle: float, friction: float, speed: float = 1.0, spin: float = 0.0) -> Scene:
+    """Painleve's rod: 1 kg, 2 m, its end on the ground; q = (x, z, angle) of the middle.
+
+    The end is below the middle and to the right of it, and slides to the right. Where
+    mu > (1 + 3 cos^2) / (3 sin cos) a normal force, with the friction that it makes, turns the end
+    into the ground faster than it lifts the rod.
+
+    Args:
+        angle: from the ground [rad].
+        friction: coefficient.
+        speed: of the end [m/s].
+        spin: [rad/s]; its arc lifts the end by sin spin^2.
+    """
+    finite("angle", angle, 0.0, 0.5 * math.pi, unit="rad")
+    s, c = math.sin(angle), math.cos(angle)
+    rows = np.array([[[0.0, 1.0, c], [1.0, 0.0, s]]])
+    v = np.array([speed - s * spin, -c * spin, spin])
+    # A turning rod moves its end along an arc: that acceleration, spin^2 (-c, s), acts too.
+    force = np.array([-c * spin**2, -GRAVITY + s * spin**2, 0.0])
+    return Scene(
+        np.diag([1.0, 1.0, 1.0 / 3.0]), rows, np.zeros(1), force,
+        np.full((1, 1), finite("friction", friction, 0.0)), np.zeros(3), v,
+    )  # fmt: skip
+
+
+def with_friction(scene: Scene, friction: float) -> Scene:
+    """The same scene with another coefficient everywhere."""
+    return replace(scene, friction=np.full_like(scene.friction, finite("friction", friction, 0.0)))

@@ -1,0 +1,385 @@
+"""The contact models: closed forms, each other, chapter 1's impact, what none of them can do."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from course.contact import Problem, residuals, solve
+from course.contact.models import defect, duality_gap, gauss_seidel, lemke
+from course.contact.scenes import (
+    GRAVITY,
+    ball_drop,
+    block,
+    pinch,
+    rod,
+    run,
+    spinning_disc,
+    table,
+    tower,
+    with_friction,
+)
+from course.rigid_body import planar_contact
+from tests.budget import examples
+
+RIGID = ("lcp", "pgs", "coulomb")
+SOLVED = (*RIGID, "convex")
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def drawn(seed: int, contacts: int, rows: int, bodies: int = 0) -> Problem:
+    """A step of some bodies with contacts drawn at random, which can be kept: a velocity is drawn
+    that moves all of them apart, by more than what a gap wants."""
+    rng = np.random.default_rng(seed)
+    nv = bodies or contacts * rows
+    root = rng.normal(size=(nv, nv))
+    jacobian = rng.normal(size=(contacts, rows, nv))
+    if contacts > nv:  # all normals into one half space
+        jacobian[:, 0] *= np.sign(jacobian[:, 0, :1])
+    v = rng.normal(size=nv)
+    return Problem(
+        root @ root.T + np.eye(nv), jacobian, v, v + 0.1 * rng.normal(size=nv),
+        rng.uniform(-1e-3, 1e-3, contacts), rng.uniform(0.0, 0.5, (contacts, rows - 1)), 0.01,
+    )  # fmt: skip
+
+
+# --- the law itself -------------------------------------------------------------------------------
+
+
+@given(seed=SEEDS, contacts=st.integers(1, 4), rows=st.sampled_from([1, 2, 3, 4, 6]))
+@examples(15)
+def test_newton_on_the_true_cone_obeys_coulomb(seed: int, contacts: int, rows: int) -> None:
+    """The residuals are written from the physics and share nothing with the solver's own."""
+    problem = drawn(seed, contacts, rows)
+    found = solve("coulomb", problem)
+    if found.converged:
+        owed = residuals(problem, found.impulses)
+        assert max(owed.signorini, owed.cone, owed.dissipation) < 1e-8
+    else:  # with strong coupling the law may have no solution; then nobody finds one
+        assert not solve("pgs", problem, sweeps=500).converged
+
+
+def test_newton_finds_a_solution_nearly_always() -> None:
+    solved = [solve("coulomb", drawn(seed, 3, 3)).converged for seed in range(60)]
+    assert np.mean(solved) > 0.9
+
+
+@given(seed=SEEDS, contacts=st.integers(1, 4), rows=st.sampled_from([1, 2, 3, 4, 6]))
+@examples(40)
+def test_the_convex_law_is_the_least_change_of_velocity(
+    seed: int, contacts: int, rows: int
+) -> None:
+    """Its optimality conditions: force and velocity in dual cones, and no power between them."""
+    problem = drawn(seed, contacts, rows)
+    found = solve("convex", problem)
+    assert found.converged
+    u = problem.jacobian @ found.velocity
+    w = u[:, 0] - problem.wanted - np.linalg.norm(problem.friction * u[:, 1:], axis=1)
+    gap, outside = duality_gap(problem, found.impulses)
+    assert np.min(w) > -1e-8 and outside < 1e-8
+    assert abs(gap) < 1e-8 * max(1.0, np.sum(found.impulses[:, 0]))
+    assert residuals(problem, found.impulses).cone < 1e-9
+    # No other velocity that keeps the cones is nearer to the free one, in the metric of the mass.
+    change = found.velocity - problem.free
+    cost = change @ problem.mass @ change
+    rng = np.random.default_rng(seed)
+    for _ in range(20):
+        near = found.velocity + 0.1 * rng.normal(size=change.size)
+        v = problem.jacobian @ near
+        open_ = v[:, 0] - problem.wanted >= np.linalg.norm(problem.friction * v[:, 1:], axis=1)
+        if np.all(open_):
+            assert (near - problem.free) @ problem.mass @ (near - problem.free) > cost - 1e-9
+
+
+@given(seed=SEEDS, contacts=st.integers(1, 3))
+@examples(30)
+def test_with_one_tangent_pyramid_and_cone_are_the_same(seed: int, contacts: int) -> None:
+    problem = drawn(seed, contacts, 2)
+    pyramid = solve("lcp", problem)
+    assert pyramid.converged
+    assert defect(problem, pyramid.impulses) < 1e-8
+
+
+@given(seed=SEEDS)
+@examples(30)
+def test_sweeps_reach_what_newton_does(seed: int) -> None:
+    problem = drawn(seed, 3, 3)
+    swept = solve("pgs", problem, sweeps=20000)
+    if swept.converged:
+        again = solve("coulomb", problem, start=swept.impulses)
+        assert again.converged
+        assert np.allclose(again.velocity, swept.velocity, atol=1e-8)
+    convex = solve("pgs", problem, law="convex", sweeps=20000)
+    assert np.allclose(convex.velocity, solve("convex", problem).velocity, atol=1e-7)
+
+
+@given(
+    angle=st.floats(0.05, 1.5), vx=st.floats(-3.0, 3.0), spin=st.floats(-5.0, 5.0),
+    mu=st.floats(0.0, 1.0),
+)  # fmt: skip
+@examples(60)
+def test_one_corner_is_the_impact_of_chapter_1(
+    angle: float, vx: float, spin: float, mu: float
+) -> None:
+    """Stronge's impact without restitution, unless its slip turns round on the way, which one
+    impulse for the whole step cannot follow."""
+    rx, rz = -math.cos(angle), -math.sin(angle)
+    mass, inertia = 2.0, 0.3
+    rows = np.array([[[0.0, 1.0, rx], [1.0, 0.0, -rz]]])
+    v = np.array([vx, -2.0, spin])
+    vn, vt = (rows[0] @ v).tolist()
+    if vn >= -0.01:
+        return
+    pt, pn = planar_contact.impact(vt, vn, rx, rz, 1 / mass, 1 / inertia, 0.0, mu)[:2]
+    problem = Problem(
+        np.diag([mass, mass, inertia]), rows, v, v, np.zeros(1), np.array([[mu]]), 1e-3
+    )
+    stronge = problem.after([[pn, pt]])
+    if (rows[0, 1] @ stronge) * vt < -1e-9:
+        return
+    for model in RIGID:
+        found = solve(model, problem, **({"sweeps": 100000} if model == "pgs" else {}))
+        if found.converged and defect(problem, [[pn, pt]]) < 1e-9:
+            same = np.allclose(found.velocity, stronge, atol=1e-7)
+            # Painleve: where the coupling is strong the law has several solutions.
+            a = problem.delassus
+            assert same or mu * abs(a[0, 1]) >= a[0, 0]
+
+
+# --- the scenes -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", SOLVED)
+@pytest.mark.parametrize("mu", [0.1, 0.5, 1.2])
+def test_a_block_sticks_below_the_angle_of_friction_and_slides_above(model: str, mu: float) -> None:
+    holds = run(block(math.atan(mu) - 1e-3, mu), model, 0.01, 20)
+    assert np.max(np.abs(holds.v)) < 1e-9
+    angle = math.atan(mu) + 0.2
+    slides = run(block(angle, mu), model, 0.01, 20)
+    acceleration = slides.v[0, -1] / slides.times[-1]
+    expected = GRAVITY * (math.sin(angle) - mu * math.cos(angle))
+    if model == "convex":  # it hops, but the mean normal force is the weight's
+        assert acceleration == pytest.approx(expected, rel=0.2)
+        assert np.max(slides.q[2]) > 1e-4
+    else:
+        assert acceleration == pytest.approx(expected, rel=1e-6)
+        assert np.max(np.abs(slides.q[2])) < 1e-12
+
+
+def test_a_penalty_block_creeps_where_the_others_stick() -> None:
+    """Regularised friction holds with a speed: mg sin(a) = mu f_n v / slip."""
+    angle, mu, slip = 0.2, 0.5, 1e-3
+    scene = block(angle, mu)
+    crept = run(scene, "penalty", 1e-4, 2000, stiffness=1e5, damping=400.0, slip=slip)
+    assert crept.v[0, -1] == pytest.approx(slip * math.tan(angle) / mu, rel=1e-6)
+    assert -crept.q[2, -1] == pytest.approx(GRAVITY * math.cos(angle) / 1e5, rel=1e-6)
+
+
+def test_a_damper_that_may_pull_holds_back_what_leaves() -> None:
+    scene = ball_drop(0.0)
+    problem = scene.problem(1e-3, np.array([-1e-4]), np.array([1.0]))
+    sprung = {"stiffness": 1e4, "damping": 50.0}
+    assert solve("penalty", problem, **sprung, pull=True).impulses[0, 0] == pytest.approx(
+        1e-3 * (1e4 * 1e-4 - 50.0)
+    )
+    assert solve("penalty", problem, **sprung).impulses[0, 0] == 0.0
+
+
+def braked(model: str, degrees: float, dt: float = 1e-3, **options: float) -> tuple[float, float]:
+    """(way to a stop over Coulomb's, its direction [degrees])."""
+    mu, speed, t = 0.5, 1.0, math.radians(degrees)
+    scene = block(0.0, mu, (speed * math.cos(t), speed * math.sin(t)))
+    end = run(scene, model, dt, round(1.6 * speed / (mu * GRAVITY) / dt), **options).q[:2, -1]
+    way = np.linalg.norm(end) / (speed**2 / (2.0 * mu * GRAVITY))
+    return float(way), math.degrees(math.atan2(end[1], end[0]))
+
+
+@pytest.mark.parametrize("degrees", [0.0, 22.5, 45.0])
+def test_the_pyramid_steers_and_stretches(degrees: float) -> None:
+    """Its edges on the axes: friction is limited by |f_x| + |f_y|, so it acts along the axis of
+    the faster component until both are equal."""
+    t = math.radians(degrees)
+    way, direction = braked("lcp", degrees)
+    assert way == pytest.approx(math.sqrt(1.0 + math.sin(2.0 * t) ** 2), rel=5e-3)
+    assert direction == pytest.approx(math.degrees(math.atan(math.sin(2.0 * t))), abs=0.3)
+    for model in ("pgs", "coulomb"):
+        way, direction = braked(model, degrees, 4e-3)
+        assert way == pytest.approx(1.0, rel=2e-2)
+        assert direction == pytest.approx(degrees, abs=1e-6)
+
+
+def test_more_edges_steer_less() -> None:
+    ways = [braked("lcp", 180.0 / edges, 4e-3, edges=edges)[0] for edges in (4, 8, 16)]
+    assert ways[0] > ways[1] > ways[2] > 0.98
+
+
+def test_what_slides_on_the_convex_cone_separates() -> None:
+    """u_n = mu |u_t| at the end of a step that slides; then it flies and falls (mu v / (1 + mu^2)
+    is what one step leaves of mu v)."""
+    mu, speed, dt = 0.5, 1.0, 1e-3
+    first = solve("convex", block(0.0, mu, (speed, 0.0)).problem(dt))
+    assert first.velocity[2] == pytest.approx(mu * first.velocity[0], rel=1e-9)
+    hop = run(block(0.0, mu, (speed, 0.0)), "convex", dt, 120).q[2].max()
+    assert hop == pytest.approx((mu * speed / (1 + mu**2)) ** 2 / (2 * GRAVITY), rel=0.03)
+
+
+@pytest.mark.parametrize("model", RIGID)
+def test_only_torsion_stops_a_spinning_disc(model: str) -> None:
+    torsion, spin, dt, steps = 0.01, 10.0, 1e-3, 200
+    left = run(spinning_disc(spin, 0.5, 0.0), model, dt, steps).v[3, -1]
+    assert left == pytest.approx(spin, abs=1e-12)
+    braked = run(spinning_disc(spin, 0.5, torsion), model, dt, steps)
+    expected = spin - torsion * GRAVITY / 0.005 * dt * steps
+    assert braked.v[3, -1] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("model", SOLVED)
+@pytest.mark.parametrize("ratio", [1.0, 100.0, 10000.0])
+def test_a_tower_carries_its_weight_at_any_mass_ratio(model: str, ratio: float) -> None:
+    options = {"sweeps": 300000} if model == "pgs" else {}
+    found = solve(model, tower([1.0, ratio]).problem(0.01), **options)
+    assert found.converged
+    weights = GRAVITY * np.array([1.0 + ratio, ratio])
+    assert found.impulses[:, 0] / 0.01 == pytest.approx(weights, rel=1e-6)
+
+
+def test_sweeps_grow_with_the_mass_on_top() -> None:
+    """Two bodies: the error falls by r / (1 + r) a sweep, so (1 + r) ln(1 / tolerance) sweeps."""
+    for ratio in (30.0, 300.0):
+        problem = tower([1.0, ratio]).problem(0.01)
+        truth = 0.01 * GRAVITY * np.array([1.0 + ratio, ratio])
+        g = np.zeros(2)
+        counted = 0
+        while np.max(np.abs(g / truth - 1.0)) > 1e-6:
+            gauss_seidel(
+                problem.scaled, problem.offset, g, 1, associated=False, sweeps=1, tolerance=1e-300
+            )
+            counted += 1
+        assert counted == pytest.approx((1.0 + ratio) * math.log(1e6), rel=0.05)
+
+
+def test_a_table_has_one_motion_and_many_forces() -> None:
+    problem = table((0.1, 0.05)).problem(0.01)
+    found = {model: solve(model, problem) for model in SOLVED}
+    for one in found.values():
+        assert one.converged
+        assert np.allclose(one.velocity, 0.0, atol=1e-9)
+        assert np.sum(one.impulses) == pytest.approx(10.0 * GRAVITY * 0.01, rel=1e-9)
+    lcp, pgs = found["lcp"].impulses[:, 0], found["pgs"].impulses[:, 0]
+    turn = np.array([1.0, -1.0, 1.0, -1.0])
+    assert np.max(np.abs(lcp - pgs)) > 0.01  # a vertex against a mean
+    assert np.allclose((lcp - pgs) - turn * (lcp - pgs)[0], 0.0, atol=1e-8)
+
+
+@pytest.mark.parametrize("model", SOLVED)
+def test_fingers_hold_a_glass_from_the_right_friction_on(model: str) -> None:
+    squeeze, mass = 5.0, 0.2
+    needed = mass * GRAVITY / (2.0 * squeeze)
+    held = run(pinch(squeeze, 1.001 * needed, mass), model, 0.01, 20)
+    lost = run(pinch(squeeze, 0.999 * needed, mass), model, 0.01, 20)
+    assert abs(held.v[3, -1]) < 1e-8
+    assert lost.v[3, -1] < -1e-3
+
+
+@pytest.mark.parametrize("model", SOLVED)
+def test_a_ball_comes_back_to_the_height_of_its_restitution(model: str) -> None:
+    fall = run(ball_drop(0.1, restitution=0.8), model, 1e-3, 350)
+    assert np.max(fall.q[0, 200:]) == pytest.approx(0.64 * 0.1, rel=0.03)
+
+
+# --- no solution, no claim ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("model", RIGID)
+def test_painleves_rod_jams_in_any_step_however_short(model: str) -> None:
+    """Slides on: no normal force is enough, as friction presses harder than it lifts. Forces have
+    no answer; one step has, an impulse that stops its end and does not vanish with the step."""
+    least = [1.0 + 3.0 * math.cos(1.0) ** 2, 3.0 * math.sin(1.0) * math.cos(1.0)]
+    critical = least[0] / least[1]
+    jammed = [solve(model, rod(1.0, critical + 1.5).problem(dt)) for dt in (1e-3, 1e-5, 1e-7)]
+    for found in jammed:
+        assert found.converged and found.impulses[0, 0] > 0.3
+        end = rod(1.0, 3.0).jacobian[0] @ found.velocity
+        assert np.allclose(end, 0.0, atol=1e-9)
+    mild = [solve(model, rod(1.0, critical - 0.3).problem(dt)) for dt in (1e-3, 1e-5)]
+    assert mild[1].impulses[0, 0] == pytest.approx(0.01 * mild[0].impulses[0, 0], rel=1e-3)
+
+
+def test_painleves_rod_that_lifts_its_end_has_two_answers() -> None:
+    """With enough spin the end may fly off, or jam; models choose, each by its own way."""
+    problem = rod(1.0, 3.0, spin=6.0).problem(1e-4)
+    flies, jams = solve("coulomb", problem), solve("lcp", problem)
+    assert flies.converged and jams.converged
+    assert flies.impulses[0, 0] == 0.0 and jams.impulses[0, 0] > 0.3
+    assert max(defect(problem, flies.impulses), defect(problem, jams.impulses)) < 1e-9
+
+
+def test_what_cannot_be_kept_is_not_claimed() -> None:
+    """A weight between a floor that rises and a ceiling that does not."""
+    rows = np.array([[[1.0]], [[-1.0]]])
+    problem = Problem(
+        np.eye(1), rows, np.zeros(1), np.zeros(1), np.array([-0.01, 0.0]), np.zeros((2, 0)), 0.01
+    )
+    for model in SOLVED:
+        found = solve(model, problem)
+        assert not found.converged and found.residual > 1e-3
+        assert "NOT solved" in str(found)
+
+
+def test_too_few_sweeps_say_so() -> None:
+    problem = tower([1.0, 1000.0]).problem(0.01)
+    found = solve("pgs", problem, sweeps=50)
+    assert not found.converged
+    assert found.residual == pytest.approx(defect(problem, found.impulses))
+    assert found.residual > 1e-6
+
+
+def test_lemke_ends_on_a_ray_where_there_is_nothing() -> None:
+    z, _, solved = lemke([[-1.0]], [-1.0])
+    assert not solved
+    z, _, solved = lemke([[2.0, 1.0], [1.0, 2.0]], [-5.0, -6.0])
+    assert solved
+    assert np.allclose(z, [4.0 / 3.0, 7.0 / 3.0])
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "text"),
+    [
+        ("mass", [[0.0]], "mass"),
+        ("mass", [[np.nan]], "mass"),
+        ("jacobian", np.ones((1, 1, 2)), "mass.shape"),
+        ("jacobian", np.zeros((0, 1, 1)), "jacobian.shape"),
+        ("gap", [np.nan], "gap"),
+        ("gap", [0.0, 0.0], "gap.shape"),
+        ("velocity", [np.inf], "velocity"),
+        ("dt", 0.0, "dt"),
+        ("restitution", 1.5, "restitution"),
+        ("recovery", -0.1, "recovery"),
+        ("friction", np.ones((1, 1)), "friction.shape"),
+    ],
+)
+def test_bad_input_is_named(name: str, value: object, text: str) -> None:
+    good: dict[str, object] = {
+        "mass": np.eye(1), "jacobian": np.ones((1, 1, 1)), "velocity": np.zeros(1),
+        "free": np.zeros(1), "gap": np.zeros(1), "friction": np.zeros((1, 0)), "dt": 0.01,
+    }  # fmt: skip
+    arguments: Any = good | {name: value}
+    with pytest.raises(ValueError, match=text.replace(".", r"\.")):
+        Problem(**arguments)
+
+
+def test_friction_below_zero_and_asymmetric_masses_are_refused() -> None:
+    with pytest.raises(ValueError, match="friction"):
+        with_friction(block(), -0.1)
+    with pytest.raises(ValueError, match="symmetric"):
+        Problem(
+            np.array([[1.0, 0.5], [0.0, 1.0]]), np.ones((1, 1, 2)), np.zeros(2), np.zeros(2),
+            np.zeros(1), np.zeros((1, 0)), 0.01,
+        )  # fmt: skip
+    with pytest.raises(ValueError, match="model is 'bullet'"):
+        solve("bullet", ball_drop().problem(0.01))
+    with pytest.raises(ValueError, match="edges"):
+        solve("lcp", block().problem(0.01), edges=5)
