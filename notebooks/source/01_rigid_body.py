@@ -893,6 +893,7 @@ figures(
 #
 # $\sqrt{k/m}$ of the stiffest single spring is only a lower bound: coupling can multiply it (two fingers on one part, a
 # chain of masses). And the limit is for springs that stay in touch; an elastic contact gains energy below it.
+#
 # An explicit damper lowers the limit of semi-implicit Euler to $\omega h < 2(\sqrt{1+\zeta^2}-\zeta)$; testing $\omega
 # h < 2$ and $hc/m < 2$ one by one, as one often reads, passes $\zeta = 1$ at $\omega h = 0.9$, beyond the limit of
 # $2(\sqrt2-1)$. On an undamped spring a smaller step cures nothing if the integrator is explicit Euler, which needs
@@ -906,16 +907,14 @@ figures(
 # **Debugging tip.** *Objects pass through each other.* Compare the distance travelled per step, $vh$, of one against the
 # other, with the *sum* of both thicknesses. If it is larger, the collision may never be looked at, and no integrator
 # helps: sweep the motion, or find the impact time (MuJoCo: `speculative`). From half of it on, it may first be seen past
-# the middle: the same cure. If it is much smaller, the contact was seen and was too soft: with MuJoCo's defaults a ball
-# sinks in by a length proportional to its speed (printed under the chart above), whatever the step; stiffen it.
+# the middle: the same cure. If it is much smaller, the contact was too soft: stiffen it.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Energy grows and nothing pushes.* Log kinetic and potential energy separately, without contacts
 # first. Growth by the factor $1+(\omega h)^2$ per step is explicit Euler; a jump at every impact is the bounce rule;
-# slow growth of a tumbling body is an explicit gyroscopic term. An added quaternion cannot do it: a free body's rates
-# do not depend on its attitude.
+# slow growth of a tumbling body is an explicit gyroscopic term.
 #
 # </div>
 
