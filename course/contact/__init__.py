@@ -14,11 +14,13 @@ axis 0, a batch last.
 
 from course.contact.broad import SweepAndPrune, brute_force, overlapping_pairs, uniform_grid
 from course.contact.models import MODELS, Problem, Solution, solve
+from course.contact.narrow import Distance, distance
 from course.contact.residuals import Residuals, residuals
 from course.contact.shapes import Shape, bounds, box, capsule, plane, points, sphere
 
 __all__ = [
     "MODELS",
+    "Distance",
     "Problem",
     "Residuals",
     "Shape",
@@ -28,6 +30,7 @@ __all__ = [
     "box",
     "brute_force",
     "capsule",
+    "distance",
     "overlapping_pairs",
     "plane",
     "points",
@@ -41,7 +44,8 @@ __all__ = [
 
 def warm() -> None:
     """Compile, or load from the cache, everything in this chapter that is compiled."""
-    from course.contact import broad, models
+    from course.contact import broad, models, narrow
 
     broad.warm()
+    narrow.warm()
     models.warm()

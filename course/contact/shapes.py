@@ -10,6 +10,7 @@ shape (3,) or (3, N) [m, rad].
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -41,7 +42,7 @@ class Shape:
     half: Array
     radius: float
 
-    @property
+    @cached_property
     def corners(self) -> Array:
         """All corners of the core in the shape's frame, shape (3, n) [m]."""
         used = np.flatnonzero(self.half)
@@ -51,7 +52,7 @@ class Shape:
             signs = np.hstack((signs - step, signs + step))
         return (self.vertices[:, :, None] + signs[:, None, :]).reshape(3, -1)
 
-    @property
+    @cached_property
     def size(self) -> float:
         """Distance of the farthest point from the shape's origin [m]; infinite for a plane."""
         if self.name == "plane":
