@@ -1,0 +1,55 @@
+"""Chapter 6: control. Limits that are computed before they are tuned, and what a simulator hides.
+
+The public names of the chapter; each lives in the file of its section.
+"""
+
+from course.control.joint import (
+    Actuator,
+    Encoder,
+    Joint,
+    Record,
+    StepMetrics,
+    run_joint,
+    step_metrics,
+)
+from course.control.pid import Controller, Gains
+from course.control.sampled import (
+    Margins,
+    growth,
+    held,
+    joint_system,
+    loop_matrix,
+    margins,
+    pid_law,
+    ultimate_gain,
+)
+from course.drills import PID, closed_loop
+
+__all__ = [
+    "PID",
+    "Actuator",
+    "Controller",
+    "Encoder",
+    "Gains",
+    "Joint",
+    "Margins",
+    "Record",
+    "StepMetrics",
+    "closed_loop",
+    "growth",
+    "held",
+    "joint_system",
+    "loop_matrix",
+    "margins",
+    "pid_law",
+    "run_joint",
+    "step_metrics",
+    "ultimate_gain",
+    "warm",
+]
+
+
+def warm() -> None:
+    """Compile, or load from the cache, everything in this chapter that is compiled."""
+    Controller(Gains(1.0), 1e-3).update(0.0, 0.0)
+    run_joint(Joint(1.0), Actuator(), Encoder(), Gains(1.0), 1.0, 1e-3, 1e-2)

@@ -1,0 +1,389 @@
+"""A sampled loop as a matrix: what holding, waiting and estimating cost, before anything is tuned.
+
+A plant x' = A x + B u is solved exactly from sample to sample while the command is held and comes
+late by any time; `stepped` gives the same for a simulator's own steps instead. A law is a small
+linear system that maps the measurement (q, v) to a command. Both together are one matrix, whose
+largest eigenvalue is the growth per sample (Astrom and Wittenmark, Computer-Controlled Systems,
+1997, ch. 2, 3). The last part holds the limits that have a closed form.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import count, finite, one_of, positive, refused, vector
+
+Array = NDArray[np.float64]
+System = tuple[Array, Array]
+
+RATES = ("filtered", "observer", "exact")
+STABLE = 1.0 + 1e-9  # a growth up to here is 1 but for rounding
+
+
+# --- the plant between samples --------------------------------------------------------------------
+
+
+def joint_system(
+    inertia: float, damping: float = 0.0, stiffness: float = 0.0, lag: float = 0.0
+) -> System:
+    """inertia q'' + damping q' + stiffness q = torque as x' = A x + B u with x = (q, v).
+
+    Args:
+        inertia, damping, stiffness: [kg m^2, N m s/rad, N m/rad], or [kg, N s/m, N/m].
+        lag: time constant of the current loop [s]; above 0 the torque is a third state.
+
+    Returns:
+        A, shape (n, n), and B, shape (n,), with n = 2, or 3 with a lag.
+    """
+    positive("inertia", inertia)
+    finite("damping", damping, 0.0)
+    finite("stiffness", stiffness, 0.0)
+    pull = [-stiffness / inertia, -damping / inertia]
+    if finite("lag", lag, 0.0, unit="s") == 0.0:
+        return np.array([[0.0, 1.0], pull]), np.array([0.0, 1.0 / inertia])
+    A = np.array([[0.0, 1.0, 0.0], [*pull, 1.0 / inertia], [0.0, 0.0, -1.0 / lag]])
+    return A, np.array([0.0, 0.0, 1.0 / lag])
+
+
+@dataclass(frozen=True)
+class Held:
+    """x[k+1] = transition x[k] + now u[k - whole] + before u[k - whole - 1].
+
+    Attributes:
+        transition, now, before: shapes (n, n), (n,) and (n,).
+        whole: samples that the command waits.
+        dt: sample time [s].
+    """
+
+    transition: Array
+    now: Array
+    before: Array
+    whole: int
+    dt: float
+
+
+def _driven(A: Array, B: Array, seconds: float) -> System:
+    """The state's transition over a time, and what a command held meanwhile adds."""
+    from scipy.linalg import expm
+
+    n = B.size
+    block = np.zeros((n + 1, n + 1))
+    block[:n, :n], block[:n, n] = A * seconds, B * seconds
+    full = expm(block)
+    return full[:n, :n], full[:n, n]
+
+
+def held(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> Held:
+    """A plant behind a zero-order hold whose command comes late, exactly.
+
+    Args:
+        A, B: x' = A x + B u, shapes (n, n) and (n,).
+        dt: sample time [s].
+        delay: of the command [s], any length; within a sample it switches once.
+
+    Raises:
+        ValueError: for shapes that do not fit, dt that is not positive, a negative delay.
+    """
+    A = vector("A", A, (None, None))
+    B = vector("B", B, (A.shape[0],))
+    whole, rest = split_delay(delay, dt)
+    first, late = _driven(A, B, rest)
+    second, now = _driven(A, B, dt - rest)
+    return Held(second @ first, now, second @ late, whole, dt)
+
+
+def split_delay(delay: float, dt: float) -> tuple[int, float]:
+    """A delay as whole samples and the rest of one [s]."""
+    positive("dt", dt, unit="s")
+    whole = math.floor(finite("delay", delay, 0.0, unit="s") / dt + 1e-9)
+    return whole, max(0.0, delay - whole * dt)
+
+
+def stepped(
+    inertia: float, damping: float, dt: float, steps: int, delay: float = 0.0, stiffness: float = 0
+) -> Held:
+    """What semi-implicit Euler makes of the joint, with so many steps a sample.
+
+    Damping is taken implicitly and the spring explicitly, as in MuJoCo's Euler and implicitfast
+    (its documentation, Computation, Numerical integration). The delay is rounded to a step.
+    """
+    h = positive("dt", dt, unit="s") / count("steps", steps, 1)
+    slow = 1.0 / (1.0 + h * damping / inertia)
+    pull = -h * stiffness / inertia * slow
+    one = np.array([[1.0 + h * pull, h * slow], [pull, slow]])
+    kick = h / inertia * slow * np.array([h, 1.0])
+    whole, rest = split_delay(delay, dt)
+    late = round(rest / h)
+    transition, added = np.eye(2), [np.zeros(2), np.zeros(2)]
+    for i in range(steps):
+        old = i < late
+        transition = one @ transition
+        added = [one @ a for a in added]
+        added[old] = added[old] + kick
+    return Held(transition, added[0], added[1], whole, dt)
+
+
+# --- laws -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Law:
+    """c[k+1] = A c[k] + B y[k], u[k] = C c[k] + D y[k], with y = (q, v) and the set-point 0.
+
+    Attributes:
+        A, B, C, D: shapes (m, m), (m, 2), (m,) and (2,).
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    D: Array
+
+
+def observer_gains(tau: float, dt: float) -> tuple[float, float]:
+    """(alpha, beta) of the tracking observer with both poles at tau / (tau + dt).
+
+    It predicts x + dt r, and corrects x by alpha and r by beta / dt times what it missed
+    (Benedict and Bordner, 1962). tau = 0 is the plain difference.
+    """
+    pole = tau / (tau + dt)
+    return 1.0 - pole**2, (1.0 - pole) ** 2
+
+
+def pid_law(
+    kp: float,
+    ki: float = 0.0,
+    kd: float = 0.0,
+    *,
+    dt: float,
+    rate: str = "filtered",
+    tau: float = 0.0,
+) -> Law:
+    """P, PD or PID around an estimate of the rate, as `course.control.pid` runs it.
+
+    Args:
+        kp, ki, kd: gains [u/y, u/(y s), u s/y].
+        dt: sample time [s].
+        rate: "filtered", the backward difference behind a low-pass (a plain one with tau = 0);
+            "observer", see `observer_gains`; "exact", v itself.
+        tau: time constant of the low-pass or the observer [s].
+    """  # fmt: skip
+    one_of("rate", rate, RATES)
+    finite("tau", tau, 0.0, unit="s")
+    # The state is (integral, rate, last or predicted place); rows that nothing reads are cut.
+    A, B = np.zeros((3, 3)), np.zeros((3, 2))
+    rated, seen = np.zeros(3), np.zeros(2)  # the rate's estimate as rows of c and y
+    A[0, 0], B[0, 0] = 1.0, -ki * dt
+    used = [ki != 0.0, False, False]
+    if rate == "filtered":
+        rated[1:], seen[0] = (tau / (tau + dt), -1.0 / (tau + dt)), 1.0 / (tau + dt)
+        A[1], B[1], B[2, 0] = rated, seen, 1.0
+        used[1:] = [tau > 0.0 and kd != 0.0, kd != 0.0]
+    elif rate == "observer":
+        alpha, beta = observer_gains(tau, dt)
+        rated[1:], seen[0] = (1.0 - beta, -beta / dt), beta / dt
+        A[1], B[1] = rated, seen
+        A[2, 1:], B[2, 0] = ((1.0 - alpha) * dt, 1.0 - alpha), alpha
+        used[1:] = [kd != 0.0, kd != 0.0]
+    else:
+        seen[1] = 1.0
+    C, D = A[0] - kd * rated, B[0] - kd * seen - np.array([kp, 0.0])
+    return Law(A[np.ix_(used, used)], B[used], C[used], D)
+
+
+# --- the loop -------------------------------------------------------------------------------------
+
+
+def loop_matrix(plant: Held, law: Law) -> Array:
+    """The closed loop as one matrix over (x, commands under way, newest first, law's state)."""
+    n, waiting, m = plant.now.size, plant.whole + bool(np.any(plant.before)), law.C.size
+    F = np.zeros((n + waiting + m, n + waiting + m))
+    F[:n, :n] = plant.transition
+    fed = np.zeros(n + waiting)  # how the command of this sample enters
+    if waiting:
+        fed[n] = 1.0
+        F[n + 1 : n + waiting, n : n + waiting - 1] = np.eye(waiting - 1)
+        if plant.whole:
+            F[:n, n + plant.whole - 1] += plant.now
+        if waiting > plant.whole:
+            F[:n, n + plant.whole] += plant.before
+    if not plant.whole:
+        fed[:n] = plant.now
+    F[: n + waiting, :2] += np.outer(fed, law.D)
+    F[: n + waiting, n + waiting :] = np.outer(fed, law.C)
+    F[n + waiting :, :2], F[n + waiting :, n + waiting :] = law.B, law.A
+    return F
+
+
+def growth(matrix: ArrayLike) -> float:
+    """Growth per sample in the long run: the largest modulus of an eigenvalue."""
+    return float(np.max(np.abs(np.linalg.eigvals(np.asarray(matrix, dtype=float)))))
+
+
+def open_loop(plant: Held, law: Law, w: ArrayLike) -> NDArray[np.complex128]:
+    """The loop's transfer function, opened at the command, at angular frequencies w [rad/s]."""
+    z = np.exp(1j * np.asarray(w, dtype=float) * plant.dt)[:, None, None]
+    fed = plant.now * z[:, :, 0] ** -plant.whole + plant.before * z[:, :, 0] ** (-plant.whole - 1)
+    x = np.linalg.solve(z * np.eye(plant.now.size) - plant.transition, fed[:, :, None])
+    y = x[:, :2]
+    if law.C.size:
+        state = np.linalg.solve(z * np.eye(law.C.size) - law.A, law.B @ y)
+        return np.asarray(-(law.C @ state + law.D @ y)[:, 0])
+    return np.asarray(-(law.D @ y)[:, 0])
+
+
+@dataclass(frozen=True)
+class Margins:
+    """How far a stable loop is from its limits; all 0 for one that is not stable.
+
+    Attributes:
+        gain, lower: the factors on all gains between which the loop stays stable, above and below
+            1; infinity and 0 where there is no limit.
+        phase: lag that it stands [rad].
+        delay: further delay that it stands [s], from the loop's matrix with that delay.
+    """
+
+    gain: float
+    lower: float
+    phase: float
+    delay: float
+
+
+def _crossings(plant: Held, law: Law) -> tuple[Array, list[tuple[float, float]]]:
+    """Where the open loop has the size 1 [rad/s], and (factor on the gains, frequency) where it is
+    real and negative: there the loop with these gains swings for ever."""
+    top = math.pi / plant.dt
+    w = np.concatenate((np.geomspace(1e-6, 0.2, 400), np.linspace(0.2, 1.0, 300)[1:-1])) * top
+    L = open_loop(plant, law, w)
+
+    def roots(side: Callable[[NDArray[np.complex128]], Array]) -> Array:
+        sign = np.sign(side(L))
+        at = np.flatnonzero(sign[1:] * sign[:-1] < 0)
+        low, high = w[at], w[at + 1]
+        for _ in range(50):
+            middle = 0.5 * (low + high)
+            left = np.sign(side(open_loop(plant, law, middle))) == sign[at]
+            low, high = np.where(left, middle, low), np.where(left, high, middle)
+        return 0.5 * (low + high)
+
+    flat = np.append(roots(np.imag), top)  # at half the sample rate it is always real
+    values = open_loop(plant, law, flat).real
+    swings = [(-1.0 / x, float(f)) for x, f in zip(values.tolist(), flat, strict=True) if x < 0.0]
+    return roots(lambda value: np.abs(value) - 1.0), swings
+
+
+def margins(A: ArrayLike, B: ArrayLike, law: Law, dt: float, delay: float = 0.0) -> Margins:
+    """Gain, phase and delay margin of a law on a plant, all of one sampled loop.
+
+    Args:
+        A, B: the plant, see `joint_system`.
+        law: with the gains as they are.
+        dt, delay: sample time, and the delay that there is already [s].
+    """
+
+    def holds(extra: float) -> bool:
+        return growth(loop_matrix(held(A, B, dt, delay + extra), law)) <= STABLE
+
+    if not holds(0.0):
+        return Margins(0.0, 0.0, 0.0, 0.0)
+    plant = held(A, B, dt, delay)
+    w, swings = _crossings(plant, law)
+    gain = min((factor for factor, _ in swings if factor >= 1.0), default=math.inf)
+    lower = max((factor for factor, _ in swings if factor < 1.0), default=0.0)
+    if not w.size:
+        return Margins(gain, lower, math.inf, math.inf)
+    lag = np.mod(np.angle(open_loop(plant, law, w)) + math.pi, 2.0 * math.pi)
+    # Lag over frequency would be the delay, but for what the hold does to a part of a sample.
+    step = float(np.min(lag / w)) / 8.0
+    last = next((k for k in range(1, 40) if not holds(k * step)), 40) * step
+    low, high = last - step, last
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return Margins(gain, lower, float(np.min(lag)), low)
+
+
+def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> tuple[float, float]:
+    """The gain at which P alone oscillates for ever, and the period of that [s].
+
+    Args:
+        A, B: the plant, see `joint_system`.
+        dt, delay: of the loop [s].
+
+    Raises:
+        ValueError: if there is none: without friction no gain holds, and some hold for ever.
+    """
+    plant = held(A, B, dt, delay)
+    _, swings = _crossings(plant, pid_law(1.0, dt=dt))
+    gain, w = min(swings, default=(0.0, 1.0))
+    if not gain or growth(loop_matrix(plant, pid_law(0.99 * gain, dt=dt))) > STABLE:
+        system = np.asarray(A).tolist(), np.asarray(B).tolist()
+        raise refused("(A, B)", system, "a plant that P holds up to some gain")
+    return gain, 2.0 * math.pi / w
+
+
+# --- limits with a closed form --------------------------------------------------------------------
+
+
+def delay_limit(inertia: float, damping: float, lateness: float) -> tuple[float, float]:
+    """Largest gain of P on a joint whose command is late, and its period [s].
+
+    w tan(w lateness) = damping / inertia and K = w sqrt((inertia w)^2 + damping^2); a hold is half
+    a sample of lateness (Franklin, Powell and Workman, Digital Control, 1998, sec. 4.3).
+
+    Args:
+        inertia, damping: both positive [kg m^2, N m s/rad].
+        lateness: delay + dt / 2 [s], positive.
+    """
+    b = positive("damping", damping) / positive("inertia", inertia)
+    low, high = 0.0, 0.5 * math.pi / positive("lateness", lateness, unit="s")
+    for _ in range(80):
+        w = 0.5 * (low + high)
+        low, high = (w, high) if w * math.tan(w * lateness) < b else (low, w)
+    return w * math.hypot(inertia * w, damping), 2.0 * math.pi / w
+
+
+def pd_limit(kd: float, inertia: float, dt: float, rate: str = "exact") -> float:
+    """Largest kp of PD on a free inertia; 0 where none is stable.
+
+    Args:
+        kd: [N m s/rad].
+        inertia, dt: [kg m^2, s].
+        rate: "exact", v itself; "difference" of the last two angles; "late", v itself and the
+            command a sample late.
+    """
+    one_of("rate", rate, ("exact", "difference", "late"))
+    unit = positive("inertia", inertia) / positive("dt", dt, unit="s") ** 2
+    V = finite("kd", kd, 0.0) * dt / inertia  # and P = kp / (2 unit)
+    if rate == "exact":  # kp dt / 2 < kd < 2 I / dt
+        return 2.0 * unit * V if V < 2.0 else 0.0
+    if rate == "difference":  # P < 2 c (1 - c) / (1 + c) with c = V / 2
+        return max(0.0, 2.0 * unit * V * (2.0 - V) / (2.0 + V))
+    return unit * (2.0 * V - 3.0 + math.sqrt(9.0 - 8.0 * V)) if V < 1.0 else 0.0
+
+
+def force_limit(damping: float, wall: float, lateness: float) -> float:
+    """Largest gain of P on the force at a wall, while the delay is short beside the oscillation.
+
+    Args:
+        damping: of the arm [N s/m].
+        wall: its stiffness [N/m].
+        lateness: delay + dt / 2 [s].
+    """
+    return finite("damping", damping, 0.0) / (
+        positive("wall", wall) * positive("lateness", lateness)
+    )
+
+
+def passive_stiffness(damping: float, dt: float, delay: float = 0.0) -> float:
+    """Largest stiffness that an arm shows at any wall by its own damping: 2 b / (dt + 2 delay).
+
+    Colgate and Schenkel, Passivity of a class of sampled-data systems, 1997, with the delay added
+    to half a sample.
+    """
+    return 2.0 * finite("damping", damping, 0.0) / (positive("dt", dt, unit="s") + 2.0 * delay)
