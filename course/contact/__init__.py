@@ -13,6 +13,7 @@ axis 0, a batch last.
 """
 
 from course.contact.broad import SweepAndPrune, brute_force, overlapping_pairs, uniform_grid
+from course.contact.features import Contacts, contacts, enumerated, separating_axes
 from course.contact.models import MODELS, Problem, Solution, solve
 from course.contact.narrow import Distance, distance
 from course.contact.residuals import Residuals, residuals
@@ -20,6 +21,7 @@ from course.contact.shapes import Shape, bounds, box, capsule, plane, points, sp
 
 __all__ = [
     "MODELS",
+    "Contacts",
     "Distance",
     "Problem",
     "Residuals",
@@ -30,11 +32,14 @@ __all__ = [
     "box",
     "brute_force",
     "capsule",
+    "contacts",
     "distance",
+    "enumerated",
     "overlapping_pairs",
     "plane",
     "points",
     "residuals",
+    "separating_axes",
     "solve",
     "sphere",
     "uniform_grid",
@@ -44,8 +49,9 @@ __all__ = [
 
 def warm() -> None:
     """Compile, or load from the cache, everything in this chapter that is compiled."""
-    from course.contact import broad, models, narrow
+    from course.contact import broad, features, models, narrow
 
     broad.warm()
     narrow.warm()
+    features.warm()
     models.warm()

@@ -423,7 +423,7 @@ def _epa(va, vb, pair, s, share, best, corner, beyond, face, key, link, stack):
 
 
 @register_jitable
-def _turn(w, x, y, z, out, at):
+def rotation(w, x, y, z, out, at):
     """Write the rotation matrix of a unit quaternion into nine places of out, row by row."""
     out[at], out[at + 4], out[at + 8] = (y * y + z * z, x * x + z * z, x * x + y * y)
     for k in range(0, 9, 4):
@@ -466,10 +466,10 @@ def measure(va, vb, halves, sizes, qa, qb, i, out, work):
     s, pair, small, corner, beyond, face, key, link, stack = work
     share, v = small[0], small[1]
     w, x, y, z = qa[3, i], qa[4, i], qa[5, i], qa[6, i]
-    _turn(w, x, y, z, pair, 19)
+    rotation(w, x, y, z, pair, 19)
     d, e, f, g = qb[3, i], qb[4, i], qb[5, i], qb[6, i]
     # Of equal rotations the difference is exactly none.
-    _turn(
+    rotation(
         w * d + x * e + y * f + z * g,
         w * e - x * d - y * g + z * f,
         w * f - y * d - z * e + x * g,

@@ -164,9 +164,15 @@ def bounds(shape: Shape, pose: ArrayLike) -> Array:
     Returns:
         Lower and upper corners, shape (2, dim) or (2, dim, N) [m].
     """
-    where = poses("pose", pose, shape.dim)
-    turned = np.einsum("ij...,jk->ik...", to_matrix(where[3:]), shape.vertices)
-    reach = np.einsum("ij...,j->i...", np.abs(to_matrix(where[3:])), shape.half) + shape.radius
-    reach = np.full_like(reach, np.inf) if shape.name == "plane" else reach
-    low, high = turned.min(axis=1) + where[:3] - reach, turned.max(axis=1) + where[:3] + reach
-    return np.stack((low, high))[:, : shape.dim].reshape(2, shape.dim, *np.shape(pose)[1:])
+    box = bounds_in_space(shape, poses("pose", pose, shape.dim))
+    return box[:, : shape.dim].reshape(2, shape.dim, *np.shape(pose)[1:])
+
+
+def bounds_in_space(shape: Shape, q: Array) -> Array:
+    """`bounds` for poses in space that are checked, shape (7, N): shape (2, 3, N)."""
+    if shape.name == "plane":
+        return np.stack((np.full((3, q.shape[1]), -np.inf), np.full((3, q.shape[1]), np.inf)))
+    R = to_matrix(q[3:])
+    turned = np.einsum("ijn,jk->ikn", R, shape.vertices)
+    reach = np.einsum("ijn,j->in", np.abs(R), shape.half) + shape.radius
+    return np.stack((turned.min(axis=1) + q[:3] - reach, turned.max(axis=1) + q[:3] + reach))
