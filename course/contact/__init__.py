@@ -18,11 +18,13 @@ from course.contact.models import MODELS, Problem, Solution, solve
 from course.contact.narrow import Distance, distance
 from course.contact.residuals import Residuals, residuals
 from course.contact.shapes import Shape, bounds, box, capsule, plane, points, sphere
+from course.contact.sweep import Impact, spheres_time_of_impact, time_of_impact
 
 __all__ = [
     "MODELS",
     "Contacts",
     "Distance",
+    "Impact",
     "Problem",
     "Residuals",
     "Shape",
@@ -42,6 +44,8 @@ __all__ = [
     "separating_axes",
     "solve",
     "sphere",
+    "spheres_time_of_impact",
+    "time_of_impact",
     "uniform_grid",
     "warm",
 ]
