@@ -14,8 +14,9 @@ axis 0, a batch last.
 
 from course.contact.broad import SweepAndPrune, brute_force, overlapping_pairs, uniform_grid
 from course.contact.features import Contacts, contacts, enumerated, separating_axes
-from course.contact.models import MODELS, Problem, Solution, solve
+from course.contact.models import MODELS, solve
 from course.contact.narrow import Distance, distance
+from course.contact.problem import Problem, Solution
 from course.contact.residuals import Residuals, residuals
 from course.contact.shapes import Shape, bounds, box, capsule, plane, points, sphere
 from course.contact.sweep import Impact, spheres_time_of_impact, time_of_impact

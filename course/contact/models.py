@@ -14,7 +14,7 @@ within |f_t| <= mu f_n that takes out as much as it can. What the models make of
 - "coulomb": the true cone, by Newton's method on one projection.
 - "convex": the cone's own (associated) law, a convex problem with one velocity for an answer; what
   slides also separates, by u_n = mu |u_t| (Anitescu 2006).
-- MuJoCo's soft model is in `course.contact.soft`.
+- "soft": MuJoCo's, convex and with compliance (`course.contact.soft`).
 
 Inside, rows are scaled by the friction coefficients, g = (f_n, f_t / mu), so that every cone is
 |g_t| <= g_n, and sliding, torsion and rolling need no case of their own.
@@ -25,214 +25,20 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numba
 import numpy as np
 from numba.extending import register_jitable
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from course.check import count, finite, one_of, positive, refused, vector
 from course.compiled import MATRIX, VECTOR, compiled
-
-Array = NDArray[np.float64]
+from course.contact.problem import Array, Problem, Solution, answer, in_scaled_rows
+from course.contact.soft import soft
 
 LAWS = ("coulomb", "convex")
-
-
-# --- the problem and its solution -----------------------------------------------------------------
-
-
-@dataclass(frozen=True)
-class Problem:
-    """One step of some bodies with n contacts of d rows each, and nv degrees of freedom.
-
-    Attributes:
-        mass: M, shape (nv, nv), symmetric and positive definite.
-        jacobian: J, shape (n, d, nv): generalised velocity -> velocity of the contact; row 0 along
-            the normal (positive: apart) [m/s], then tangents, then spin and rolling [rad/s].
-        velocity: generalised velocity before the step, shape (nv,).
-        free: what it would be after the step without contact, shape (nv,).
-        gap: signed distance before the step, shape (n,) [m].
-        friction: coefficient of each row after the first, shape (n, d - 1) [1, or m for rotations].
-        dt: step [s].
-        restitution: Newton's coefficient, 0 to 1.
-        recovery: share of a penetration that is to be taken back in the step, 0 to 1.
-
-    Raises:
-        ValueError: for numbers or shapes that are none of this.
-    """
-
-    mass: Array
-    jacobian: Array
-    velocity: Array
-    free: Array
-    gap: Array
-    friction: Array
-    dt: float
-    restitution: float = 0.0
-    recovery: float = 0.2
-
-    def __post_init__(self) -> None:
-        keep = functools.partial(object.__setattr__, self)
-        keep("jacobian", vector("jacobian", self.jacobian, (None, None, None)))
-        n, d, nv = self.jacobian.shape
-        if not n or not d:
-            raise refused("jacobian.shape", self.jacobian.shape, "one or more contacts with rows")
-        keep("mass", vector("mass", self.mass, (nv, nv)))
-        try:
-            np.linalg.cholesky(self.mass)
-        except np.linalg.LinAlgError:
-            raise refused("mass", self.mass, "a positive definite matrix") from None
-        if np.max(np.abs(self.mass - self.mass.T)) > 1e-9 * np.max(np.abs(self.mass)):
-            raise refused("mass", self.mass, "a symmetric matrix")
-        keep("friction", vector("friction", self.friction, (n, d - 1), low=0.0))
-        positive("dt", self.dt, unit="s")
-        finite("restitution", self.restitution, 0.0, 1.0)
-        finite("recovery", self.recovery, 0.0, 1.0)
-        for name, size in (("velocity", nv), ("free", nv), ("gap", n)):
-            keep(name, vector(name, getattr(self, name), (size,)))
-
-    def moved(self, velocity: ArrayLike, free: ArrayLike, gap: ArrayLike) -> Problem:
-        """The same bodies and contacts in another state; what depends on M and J alone is kept."""
-        other = object.__new__(Problem)
-        nv, n = self.mass.shape[0], self.gap.size
-        other.__dict__.update(
-            self.__dict__,
-            velocity=vector("velocity", velocity, (nv,)),
-            free=vector("free", free, (nv,)),
-            gap=vector("gap", gap, (n,)),
-        )
-        return other
-
-    @functools.cached_property
-    def rows(self) -> Array:
-        """J with all rows below each other, shape (n d, nv)."""
-        return np.ascontiguousarray(self.jacobian.reshape(-1, self.mass.shape[0]))
-
-    @functools.cached_property
-    def response(self) -> Array:
-        """M^-1 J^T: generalised velocity for an impulse on each row, shape (nv, n d)."""
-        return np.asarray(np.linalg.solve(self.mass, self.rows.T), dtype=np.float64)
-
-    @functools.cached_property
-    def delassus(self) -> Array:
-        """A = J M^-1 J^T, shape (n d, n d)."""
-        return self.rows @ self.response
-
-    @functools.cached_property
-    def scale(self) -> Array:
-        """1 for a normal row, the friction coefficient for the others, shape (n d,)."""
-        n = self.gap.size
-        return np.hstack((np.ones((n, 1)), self.friction)).ravel()
-
-    @functools.cached_property
-    def scaled(self) -> Array:
-        """A in scaled rows."""
-        return self.scale[:, None] * self.delassus * self.scale
-
-    @property
-    def wanted(self) -> Array:
-        """Least normal velocity after the step, shape (n,) [m/s]: an open gap may just close, what
-        would close within the step bounces."""
-        wanted = np.where(self.gap > 0.0, -1.0, -self.recovery) * self.gap / self.dt
-        closes = self.gap + self.dt * (self.jacobian[:, 0] @ self.free) <= 0.0
-        bounce = -self.restitution * (self.jacobian[:, 0] @ self.velocity)
-        return np.where(closes & (bounce > 0.0), np.maximum(wanted, bounce), wanted)
-
-    @property
-    def offset(self) -> Array:
-        """b: contact velocity without contact, less what is wanted, in scaled rows, (n d,)."""
-        b = self.scale * (self.rows @ self.free)
-        b[:: self.jacobian.shape[1]] -= self.wanted
-        return b
-
-    def after(self, impulses: ArrayLike) -> Array:
-        """Generalised velocity after the step, (nv,), for impulses (n, d)."""
-        velocity: Array = self.free + self.response @ np.asarray(impulses, dtype=float).ravel()
-        return velocity
-
-
-@dataclass(frozen=True)
-class Solution:
-    """What a model answers.
-
-    Attributes:
-        model: its name.
-        impulses: shape (n, d), in the rows of J [N s, N m s].
-        velocity: generalised velocity after the step, shape (nv,).
-        iterations: pivots, sweeps or Newton steps.
-        residual: how far its own law is missed, see `defect` [m/s].
-        converged: whether the residual is within the tolerance that was asked for. If not, the
-            impulses are the last ones there were, and no solution.
-    """
-
-    model: str
-    impulses: Array
-    velocity: Array
-    iterations: int
-    residual: float
-    converged: bool
-
-    def __str__(self) -> str:
-        how = "solved" if self.converged else "NOT solved"
-        return f"{self.model}: {how} in {self.iterations}, residual {self.residual:.1e} m/s"
-
-
-def defect(problem: Problem, impulses: ArrayLike, law: str = "coulomb") -> float:
-    """By how much impulses miss a law of the round cone [m/s]; 0 for a solution.
-
-    r |g - P(g - w / r)|, the largest over the contacts, r the trace of the contact's block of A, P
-    the projection on the cone (the natural map; Facchinei and Pang 2003, sec. 1.5). Coulomb's law
-    has w_n + |w_t| in place of w_n (De Saxce and Feng 1998).
-
-    Args:
-        problem: the step.
-        impulses: shape (n, d).
-        law: one of `LAWS`.
-    """
-    one_of("law", law, LAWS)
-    n, d, _ = problem.jacobian.shape
-    g = _in_scaled_rows(problem, vector("impulses", impulses, (n, d)))
-    missed, _ = natural_map(problem.scaled, problem.offset, g, d, law == "convex")
-    return float(np.max(np.abs(missed)))
-
-
-def solve(model: str, problem: Problem, **options: Any) -> Solution:
-    """The impulses of one step by one of `MODELS`.
-
-    Args:
-        model: its name.
-        problem: the step.
-        **options: of the model, see its function.
-
-    Returns:
-        The solution; look at `converged` before you use it.
-
-    Raises:
-        ValueError: for an unknown model.
-        TypeError: for an option that the model has not.
-    """
-    one_of("model", model, MODELS)
-    return MODELS[model](problem, **options)
-
-
-def _answer(
-    name: str, problem: Problem, scaled: Array, iterations: int, missed: float, tolerance: float
-) -> Solution:
-    n, d, _ = problem.jacobian.shape
-    impulses = (problem.scale * scaled).reshape(n, d)
-    velocity = problem.after(impulses)
-    return Solution(name, impulses, velocity, iterations, missed, missed <= tolerance)
-
-
-def _in_scaled_rows(problem: Problem, impulses: ArrayLike | None) -> Array:
-    n, d, _ = problem.jacobian.shape
-    if impulses is None:
-        return np.zeros(n * d)
-    f, scale = vector("start", impulses, (n, d)).ravel(), problem.scale
-    return np.divide(f, scale, out=np.zeros_like(f), where=scale > 0.0)
 
 
 # --- penalty --------------------------------------------------------------------------------------
@@ -410,7 +216,7 @@ def pgs(
     count("sweeps", sweeps, 1)
     positive("tolerance", tolerance, unit="m/s")
     one_of("law", law, ("coulomb", "convex"))
-    g = _in_scaled_rows(problem, start)
+    g = in_scaled_rows(problem, start)
     taken = gauss_seidel(
         problem.scaled, problem.offset, g, problem.jacobian.shape[1],
         associated=law == "convex", sweeps=sweeps, tolerance=0.1 * tolerance,
@@ -418,7 +224,7 @@ def pgs(
     missed, _ = natural_map(
         problem.scaled, problem.offset, g, problem.jacobian.shape[1], law == "convex"
     )
-    return _answer("pgs", problem, g, taken, float(np.max(np.abs(missed))), tolerance)
+    return answer("pgs", problem, g, taken, float(np.max(np.abs(missed))), tolerance)
 
 
 # --- the linear complementarity problem -----------------------------------------------------------
@@ -515,7 +321,7 @@ def lcp(problem: Problem, *, edges: int = 4, tolerance: float = 1e-9) -> Solutio
     unit = np.where(np.arange(q.size) < size, stiff, 1.0)  # the last unknowns are slips already
     missed = np.minimum(z * unit, (M @ z + q) * stiff / unit)
     worst = float(np.max(np.abs(missed)))
-    return _answer("lcp", problem, B @ z[:size], pivots, worst, tolerance)
+    return answer("lcp", problem, B @ z[:size], pivots, worst, tolerance)
 
 
 # --- the round cone: Newton's method on the natural map -------------------------------------------
@@ -558,6 +364,25 @@ def natural_map(A: Array, b: Array, g: Array, d: int, associated: bool) -> tuple
     return value, slope
 
 
+def defect(problem: Problem, impulses: ArrayLike, law: str = "coulomb") -> float:
+    """By how much impulses miss a law of the round cone [m/s]; 0 for a solution.
+
+    r |g - P(g - w / r)|, the largest over the contacts, r the trace of the contact's block of A, P
+    the projection on the cone (the natural map; Facchinei and Pang 2003, sec. 1.5). Coulomb's law
+    has w_n + |w_t| in place of w_n (De Saxce and Feng 1998).
+
+    Args:
+        problem: the step.
+        impulses: shape (n, d).
+        law: one of `LAWS`.
+    """
+    one_of("law", law, LAWS)
+    n, d, _ = problem.jacobian.shape
+    g = in_scaled_rows(problem, vector("impulses", impulses, (n, d)))
+    missed, _ = natural_map(problem.scaled, problem.offset, g, d, law == "convex")
+    return float(np.max(np.abs(missed)))
+
+
 def _round_cone(
     name: str, problem: Problem, rounds: int, tolerance: float, start: ArrayLike | None
 ) -> Solution:
@@ -566,7 +391,7 @@ def _round_cone(
     positive("tolerance", tolerance, unit="m/s")
     A, b, d = problem.scaled, problem.offset, problem.jacobian.shape[1]
     associated = name == "convex"
-    g = _in_scaled_rows(problem, start)
+    g = in_scaled_rows(problem, start)
     taken, best, best_g = 0, math.inf, g
     for attempt in range(rounds):
         value, slope = natural_map(A, b, g, d, associated)
@@ -594,7 +419,7 @@ def _round_cone(
         g = best_g.copy()
         sweeps = 20 * 2**attempt
         taken += gauss_seidel(A, b, g, d, associated=associated, sweeps=sweeps, tolerance=1e-15)
-    return _answer(name, problem, best_g, taken, best, tolerance)
+    return answer(name, problem, best_g, taken, best, tolerance)
 
 
 def convex(
@@ -639,12 +464,14 @@ def duality_gap(problem: Problem, impulses: ArrayLike) -> tuple[float, float]:
         The gap f w, and by how much w is outside its cone [m/s]: only within it the gap is a bound.
     """
     n, d, _ = problem.jacobian.shape
-    g = _in_scaled_rows(problem, impulses)
+    g = in_scaled_rows(problem, impulses)
     w = problem.scaled @ g + problem.offset
     rows = w.reshape(n, d)
     outside = np.linalg.norm(rows[:, 1:], axis=1) - rows[:, 0]
     return float(g @ w), float(max(0.0, np.max(outside)))
 
+
+# --- the door --------------------------------------------------------------------------------------
 
 Model = Callable[..., Solution]
 MODELS: dict[str, Model] = {
@@ -653,7 +480,27 @@ MODELS: dict[str, Model] = {
     "pgs": pgs,
     "coulomb": coulomb,
     "convex": convex,
+    "soft": soft,
 }
+
+
+def solve(model: str, problem: Problem, **options: Any) -> Solution:
+    """The impulses of one step by one of `MODELS`.
+
+    Args:
+        model: its name.
+        problem: the step.
+        **options: of the model, see its function.
+
+    Returns:
+        The solution; look at `converged` before you use it.
+
+    Raises:
+        ValueError: for an unknown model.
+        TypeError: for an option that the model has not.
+    """
+    one_of("model", model, MODELS)
+    return MODELS[model](problem, **options)
 
 
 def warm() -> None:

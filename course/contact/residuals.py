@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from course.check import vector
-from course.contact.models import Problem
+from course.contact.problem import Problem
 
 
 @dataclass(frozen=True)

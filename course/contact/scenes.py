@@ -16,7 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from course.check import POSITIVE, count, finite, positive, vector
-from course.contact.models import Problem, Solution, solve
+from course.contact.models import solve
+from course.contact.problem import Problem, Solution
 
 Array = NDArray[np.float64]
 GRAVITY = 9.81  # m/s^2

@@ -1,0 +1,226 @@
+"""MuJoCo's contact model: soft, convex, with forces that are unique.
+
+The acceleration a minimises |a - a0|_M^2 / 2 + s(J a - a_ref): it stays near the free one, a0, and
+pays for each row that moves otherwise than a spring and damper want, a_ref = -b v - k d r (MuJoCo
+4.0 documentation, Computation, Constraint model, and Modeling, Solver parameters). The forces are
+-ds. For row i the weight is 1 / R_i; R = (1 - d) / d times the diagonal of A is a compliance, and the
+impedance d says which part of the load is not left to it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from course.check import finite, one_of, positive, refused, vector
+from course.contact.problem import Array, Problem, Solution
+
+_LEAST, _MOST = 1e-4, 0.9999  # mjMINIMP, mjMAXIMP
+_TINY = 1e-15  # mjMINVAL
+CONES = ("pyramidal", "elliptic")
+
+
+@dataclass(frozen=True)
+class Softness:
+    """What MuJoCo calls solver parameters, the same for all contacts of a problem.
+
+    Attributes:
+        solref: (time constant [s], damping ratio); negative: (-stiffness, -damping) by unit of
+            effective mass [1/s^2, 1/s].
+        solimp: (d at r = 0, d at r = width, width [m], midpoint, power).
+        solreffriction: like solref, for friction rows of elliptic cones; (0, 0) for solref's.
+        impratio: how much harder friction is than the normal.
+        cone: one of `CONES`.
+        margin: distance at which a contact begins to push [m].
+        refsafe: whether a positive time constant is kept at 2 dt or more.
+        weight: inverse weights of translation and rotation of each contact, (n, 2) [1/kg, 1/kg m^2],
+            as MuJoCo takes them, from the start pose; None for the diagonal of A as it is, which is
+            its flag `diagexact`.
+    """
+
+    solref: ArrayLike = (0.02, 1.0)
+    solimp: ArrayLike = (0.9, 0.95, 0.001, 0.5, 2.0)
+    solreffriction: ArrayLike = (0.0, 0.0)
+    impratio: float = 1.0
+    cone: str = "pyramidal"
+    margin: float = 0.0
+    refsafe: bool = True
+    weight: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("solref", "solreffriction"):
+            pair = vector(name, getattr(self, name), (2,))
+            if pair[0] * pair[1] < 0.0 or (name == "solref" and not pair.any()):
+                raise refused(name, pair, "two positive numbers or two negative ones")
+        vector("solimp", self.solimp, (5,), low=0.0)
+        positive("impratio", self.impratio)
+        one_of("cone", self.cone, CONES)
+        finite("margin", self.margin, 0.0, unit="m")
+
+    def impedance(self, r: Array) -> Array:
+        """d at the residual r = gap - margin [m], shape (n,)."""
+        low, high, width, middle, power = np.asarray(self.solimp, dtype=float).tolist()
+        low, high = np.clip((low, high), _LEAST, _MOST).tolist()
+        middle, power = float(np.clip(middle, _LEAST, _MOST)), max(1.0, power)
+        if low == high or width <= _TINY:
+            return np.full(r.shape, 0.5 * (low + high))
+        x = np.minimum(np.abs(r) / width, 1.0)
+        below = x**power / middle ** (power - 1.0)
+        above = 1.0 - (1.0 - x) ** power / (1.0 - middle) ** (power - 1.0)
+        return np.asarray(low + np.where(x <= middle, below, above) * (high - low))
+
+    def stiffness(self, solref: ArrayLike, dt: float) -> tuple[float, float]:
+        """(k [1/s^2], b [1/s]) of the reference acceleration."""
+        first, second = np.asarray(solref, dtype=float).tolist()
+        most = float(np.clip(np.asarray(self.solimp, dtype=float)[1], _LEAST, _MOST))
+        if first <= 0.0:
+            return -first / most**2, -second / most
+        time = max(first, 2.0 * dt) if self.refsafe else first
+        return 1.0 / max(_TINY, (most * time * second) ** 2), 2.0 / max(_TINY, most * time)
+
+
+@dataclass(frozen=True)
+class Rows:
+    """What MuJoCo sees of a problem: rows (m, nv), `reference` and `compliance` R (m,), the owning
+    contact `of` (m,), `mu` of the scaled cone, and `back` (n d, m), row forces -> contact frame."""
+
+    rows: Array
+    reference: Array
+    compliance: Array
+    touching: Array
+    mu: Array
+    back: Array
+
+
+def rows_of(problem: Problem, softness: Softness) -> Rows:
+    """The rows of the contacts nearer than the margin; a pyramid has two for each friction row."""
+    n, d, nv = problem.jacobian.shape
+    touching = np.flatnonzero(problem.gap < softness.margin)
+    r = (problem.gap - softness.margin)[touching]
+    jacobian, mu = problem.jacobian[touching], problem.friction[touching]
+    impedance = softness.impedance(r)
+    k, b = softness.stiffness(softness.solref, problem.dt)
+    split = softness.cone == "pyramidal" and d > 1
+    m = 2 * (d - 1) if split else d
+    frame = np.zeros((touching.size, m, d))  # contact frame -> rows
+    if split:
+        frame[:, :, 0] = 1.0
+        for j in range(d - 1):
+            frame[:, 2 * j, j + 1], frame[:, 2 * j + 1, j + 1] = mu[:, j], -mu[:, j]
+    else:
+        frame[:] = np.eye(d)
+    J = np.einsum("cmd,cdv->cmv", frame, jacobian)
+    if softness.weight is None:
+        whitened = np.linalg.solve(problem.mass, J.reshape(-1, nv).T).T.reshape(J.shape)
+        first = np.sum(J[:, 0] * whitened[:, 0], axis=1)
+    else:
+        translation = vector("weight", softness.weight, (n, 2), low=0.0)[touching, 0]
+        first = translation * (1.0 + mu[:, 0] ** 2) if split else translation
+    R = np.maximum(_TINY, (1.0 - impedance) / impedance * first)[:, None] * np.ones(m)
+    speed = J @ problem.velocity
+    reference = -b * speed - (k * impedance * r)[:, None]
+    if split:
+        R *= 2.0 * mu[:, :1] ** 2 / softness.impratio
+    elif d > 1:
+        # Friction rows have no stiffness, may have a damping of their own, and R mu^2 in common.
+        if np.any(softness.solreffriction):
+            b = softness.stiffness(softness.solreffriction, problem.dt)[1]
+        reference[:, 1:] = -b * speed[:, 1:]
+        R[:, 1:] = R[:, :1] / softness.impratio * (mu[:, :1] / mu) ** 2
+    back = np.zeros((n * d, touching.size * m))
+    for c, i in enumerate(touching):
+        back[i * d : i * d + d, c * m : c * m + m] = frame[c].T
+    return Rows(J.reshape(-1, nv), reference.ravel(), R.ravel(), touching, mu, back)
+
+
+def _forces(rows: Rows, x: Array, elliptic: bool, impratio: float) -> tuple[Array, Array]:
+    """-ds and its derivative -> (f (m,), H (m, m)) at x = J a - a_ref."""
+    D = 1.0 / rows.compliance
+    if not elliptic:
+        pushed = x < 0.0
+        return np.where(pushed, -D * x, 0.0), np.diag(np.where(pushed, D, 0.0))
+    d = x.size // rows.touching.size
+    f, H = np.zeros(x.size), np.zeros((x.size, x.size))
+    for c in range(rows.touching.size):
+        here = slice(c * d, c * d + d)
+        mu = rows.mu[c, 0] / math.sqrt(impratio)
+        scale = np.concatenate(([mu], rows.mu[c]))
+        N, *U = (scale * x[here]).tolist()
+        T = math.hypot(*U)
+        if N >= mu * T:  # leaves the cone's dual: no force
+            continue
+        if mu * N + T <= 0.0:  # sticks: every row a spring
+            f[here] = -D[here] * x[here]
+            H[here, here] = np.diag(D[here])
+            continue
+        weight = D[c * d] / (mu * mu * (1.0 + mu * mu))
+        short, u = N - mu * T, np.array(U) / T
+        f[here] = -weight * short * scale * np.concatenate(([1.0], -mu * u))
+        block = np.empty((d, d))
+        block[0, 0] = 1.0
+        block[0, 1:] = block[1:, 0] = -mu * u
+        block[1:, 1:] = mu * mu * np.outer(u, u)
+        block[1:, 1:] -= mu * short / T * (np.eye(d - 1) - np.outer(u, u))
+        H[here, here] = weight * scale[:, None] * block * scale
+    return f, H
+
+
+def soft_forces(
+    problem: Problem, softness: Softness, iterations: int = 100
+) -> tuple[Array, Array, int, float]:
+    """Newton's method with a line search on the slope, until rounding stops it.
+
+    Returns:
+        Forces of MuJoCo's rows (m,) [N], forces in the contact frames (n, d), the iterations, and
+        the velocity that the last step still changed [m/s].
+    """
+    n, d, _ = problem.jacobian.shape
+    rows = rows_of(problem, softness)
+    M, J = problem.mass, rows.rows
+    elliptic = softness.cone == "elliptic" and d > 1
+    free = (problem.free - problem.velocity) / problem.dt
+    if not rows.touching.size:
+        return np.zeros(0), np.zeros((n, d)), 0, 0.0
+
+    def slope(a: Array) -> tuple[Array, Array, Array]:
+        f, H = _forces(rows, J @ a - rows.reference, elliptic, softness.impratio)
+        return M @ (a - free) - J.T @ f, f, H
+
+    a = free
+    g, f, H = slope(a)
+    left, taken, stalled = math.inf, 0, 0
+    while taken < iterations:
+        step = -np.linalg.solve(M + J.T @ H @ J, g)
+        size = float(np.max(np.abs(step))) * problem.dt
+        stalled = stalled + 1 if size >= 0.5 * left else 0
+        left = min(left, size)
+        if size <= 1e-16 * (1.0 + float(np.max(np.abs(problem.free)))) or stalled > 2:
+            break
+        taken += 1
+        low, high, share, start = 0.0, math.inf, 1.0, float(g @ step)
+        for _ in range(40):  # the slope along the step rises with the share: find its zero
+            new = slope(a + share * step)
+            along = float(new[0] @ step)
+            if abs(along) <= 0.1 * abs(start):
+                break
+            low, high = (share, high) if along < 0.0 else (low, share)
+            share = 0.5 * (low + high) if high < math.inf else 2.0 * share
+        a, (g, f, H) = a + share * step, new
+    return f, (rows.back @ f).reshape(n, d), taken, left
+
+
+def soft(problem: Problem, *, tolerance: float = 1e-9, **options: Any) -> Solution:
+    """MuJoCo's contact forces, held for the step, from the state before it.
+
+    Args:
+        tolerance: of the residual, the last change of the velocity [m/s].
+        **options: fields of `Softness`.
+    """
+    _, force, taken, left = soft_forces(problem, Softness(**options))
+    impulses = problem.dt * force
+    velocity = problem.after(impulses)
+    return Solution("soft", impulses, velocity, taken, left, left <= tolerance)
