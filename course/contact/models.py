@@ -407,9 +407,8 @@ def _round_cone(
             while share > 1e-3 and not fell:
                 near = g + share * step
                 value_near, slope_near = natural_map(A, b, near, d, associated)
-                fell = bool(
-                    np.linalg.norm(value_near) < (1.0 - 0.1 * share) * np.linalg.norm(value)
-                )
+                goal = (1.0 - 0.1 * share) * np.linalg.norm(value)
+                fell = bool(np.linalg.norm(value_near) < goal)
                 share *= 0.5
             if not fell:
                 break
@@ -471,7 +470,7 @@ def duality_gap(problem: Problem, impulses: ArrayLike) -> tuple[float, float]:
     return float(g @ w), float(max(0.0, np.max(outside)))
 
 
-# --- the door --------------------------------------------------------------------------------------
+# --- the door ------------------------------------------------------------------------------------
 
 Model = Callable[..., Solution]
 MODELS: dict[str, Model] = {

@@ -3,7 +3,7 @@
 The acceleration a minimises |a - a0|_M^2 / 2 + s(J a - a_ref): it stays near the free one, a0, and
 pays for each row that moves otherwise than a spring and damper want, a_ref = -b v - k d r (MuJoCo
 4.0 documentation, Computation, Constraint model, and Modeling, Solver parameters). The forces are
--ds. For row i the weight is 1 / R_i; R = (1 - d) / d times the diagonal of A is a compliance, and the
+-ds. A row's weight is 1 / R; R, (1 - d) / d times the diagonal of A, is a compliance, and the
 impedance d says which part of the load is not left to it.
 """
 
@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from course.check import finite, one_of, positive, refused, vector
 from course.contact.problem import Array, Problem, Solution
@@ -37,9 +37,9 @@ class Softness:
         cone: one of `CONES`.
         margin: distance at which a contact begins to push [m].
         refsafe: whether a positive time constant is kept at 2 dt or more.
-        weight: inverse weights of translation and rotation of each contact, (n, 2) [1/kg, 1/kg m^2],
-            as MuJoCo takes them, from the start pose; None for the diagonal of A as it is, which is
-            its flag `diagexact`.
+        weight: inverse weights of each contact for translation and rotation, (n, 2) [1/kg,
+            1/kg m^2], as MuJoCo takes them, from the start pose; None for the diagonal of A as it
+            is, which is its flag `diagexact`.
     """
 
     solref: ArrayLike = (0.02, 1.0)
@@ -91,7 +91,7 @@ class Rows:
     rows: Array
     reference: Array
     compliance: Array
-    touching: Array
+    touching: NDArray[np.int64]
     mu: Array
     back: Array
 
@@ -99,7 +99,7 @@ class Rows:
 def rows_of(problem: Problem, softness: Softness) -> Rows:
     """The rows of the contacts nearer than the margin; a pyramid has two for each friction row."""
     n, d, nv = problem.jacobian.shape
-    touching = np.flatnonzero(problem.gap < softness.margin)
+    touching = np.flatnonzero(problem.gap < softness.margin).astype(np.int64)
     r = (problem.gap - softness.margin)[touching]
     jacobian, mu = problem.jacobian[touching], problem.friction[touching]
     impedance = softness.impedance(r)
@@ -192,13 +192,15 @@ def soft_forces(
 
     a = free
     g, f, H = slope(a)
-    left, taken, stalled = math.inf, 0, 0
+    small = 1e-16 * (1.0 + float(np.max(np.abs(problem.free))))
+    best, left, taken, stalled = math.inf, math.inf, 0, 0
     while taken < iterations:
         step = -np.linalg.solve(M + J.T @ H @ J, g)
-        size = float(np.max(np.abs(step))) * problem.dt
-        stalled = stalled + 1 if size >= 0.5 * left else 0
-        left = min(left, size)
-        if size <= 1e-16 * (1.0 + float(np.max(np.abs(problem.free)))) or stalled > 2:
+        left = float(np.max(np.abs(step))) * problem.dt
+        stalled = stalled + 1 if left >= 0.5 * best else 0
+        best = min(best, left)
+        # Near the end only rounding keeps a step from shrinking; before, rows that come and go.
+        if left <= small or stalled > (2 if left < 1e5 * small else 15):
             break
         taken += 1
         low, high, share, start = 0.0, math.inf, 1.0, float(g @ step)
