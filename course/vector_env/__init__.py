@@ -29,11 +29,10 @@ import gymnasium
 
 from course.vector_env.arrays import ArrayVectorEnv
 from course.vector_env.processes import ProcessVectorEnv, WorkerError
-from course.vector_env.reach import Arm, ArmReach, ArmReachVector, kernels
+from course.vector_env.reach import ArmReach, ArmReachVector, kernels
 from course.vector_env.sequential import VectorizedEnv
 
 __all__ = [
-    "Arm",
     "ArmReach",
     "ArmReachVector",
     "ArrayVectorEnv",

@@ -3,15 +3,8 @@
 The question: how much reward does a policy collect on its way, and does it get there? So the scene
 is the smallest that moves the tip as it should: two uniform rods in a horizontal plane (gravity
 does no work there), viscous friction in the joints, torques that are held for one control step of
-20 ms and stop at the motors' limits. With q1 from the x axis, q2 from the first link, and
-
-    a = I1 + m1 l1^2 / 4 + m2 l1^2 + I2 + m2 l2^2 / 4,   b = m2 l1 l2 / 2,   d = I2 + m2 l2^2 / 4
-
-about the rods' centres, the equations of motion are (Spong, Hutchinson and Vidyasagar, Robot
-Modeling and Control, 2006, sec. 7.3)
-
-    [a + 2 b cos q2,  d + b cos q2] [q1'']   [tau1 - c1 q1' + b sin q2 q2' (2 q1' + q2')]
-    [d + b cos q2,    d           ] [q2''] = [tau2 - c2 q2' - b sin q2 q1'^2            ]
+20 ms and stop at the motors' limits. The equations of motion are chapter 4's
+(`course.kinematics.two_link`).
 
 One step of the classical Runge-Kutta method of chapter 1 a control step moves the tip to within
 about 0.1 mm of the exact motion, where 2 mm, a tenth of the target's radius, would do; the chart
@@ -24,7 +17,6 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numba
@@ -36,8 +28,9 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
-from course.check import POSITIVE, count, one_of, refused, vector
+from course.check import count, one_of, refused
 from course.compiled import MATRIX, compiled
+from course.kinematics.two_link import LENGTHS, TwoLink, acceleration
 from course.rigid_body.integrators import rk4
 from course.vector_env.arrays import ArrayVectorEnv, Ids, Moved
 from course.vector_env.interface import checked_batch
@@ -53,69 +46,18 @@ METADATA: dict[str, Any] = {"render_modes": ["rgb_array"], "render_fps": round(1
 REACH_FAR, REACH_NEAR = 0.95, 0.05  # m/m and m: how far the targets keep off the workspace's edges
 
 
-@dataclass(frozen=True)
-class Arm:
-    """The arm's parameters, each for the two links or joints.
-
-    Attributes:
-        lengths: of the links [m].
-        masses: of the links, uniform rods [kg].
-        damping: viscous, of the joints [N m s/rad].
-        torques: the motors' limits [N m].
-    """
-
-    lengths: tuple[float, float] = (0.5, 0.4)
-    masses: tuple[float, float] = (1.0, 0.8)
-    damping: tuple[float, float] = (0.2, 0.2)
-    torques: tuple[float, float] = (2.0, 1.0)
-
-    def __post_init__(self) -> None:
-        vector("lengths", self.lengths, (2,), low=POSITIVE, unit="m")
-        vector("masses", self.masses, (2,), low=POSITIVE, unit="kg")
-        vector("damping", self.damping, (2,), low=0.0, unit="N m s/rad")
-        vector("torques", self.torques, (2,), low=POSITIVE, unit="N m")
-
-    @property
-    def inertias(self) -> tuple[float, float]:
-        """About each rod's centre [kg m^2]."""
-        (m1, m2), (l1, l2) = self.masses, self.lengths
-        return m1 * l1**2 / 12.0, m2 * l2**2 / 12.0
-
-    def column(self) -> Array:
-        """What the compiled code reads: a, b, d, c1, c2, l1, l2, limits; the torques come last."""
-        (m1, m2), (l1, l2), (i1, i2) = self.masses, self.lengths, self.inertias
-        d = i2 + 0.25 * m2 * l2**2
-        a = i1 + 0.25 * m1 * l1**2 + m2 * l1**2 + d
-        row = (a, 0.5 * m2 * l1 * l2, d, *self.damping, l1, l2, *self.torques, 0.0, 0.0)
-        return np.array(row)[:, None]
-
-
-def table(arms: Arm | Sequence[Arm], num_envs: int) -> Array:
-    """The parameters of `num_envs` arms, shape (11, num_envs): one arm for all, or one each."""
-    if isinstance(arms, Arm):
-        return np.ascontiguousarray(np.repeat(arms.column(), num_envs, axis=1))
-    if len(arms) != num_envs or not all(isinstance(arm, Arm) for arm in arms):
-        raise refused("arms", arms, f"an Arm or {num_envs} of them")
-    return np.ascontiguousarray(np.concatenate([arm.column() for arm in arms], axis=1))
+def table(arms: TwoLink | Sequence[TwoLink], num_envs: int) -> Array:
+    """The parameters of `num_envs` arms, shape (13, num_envs): one arm for all, or one each."""
+    each = [arms] * num_envs if isinstance(arms, TwoLink) else list(arms)
+    if len(each) != num_envs or not all(isinstance(arm, TwoLink) for arm in each):
+        raise refused("arms", arms, f"a TwoLink or {num_envs} of them")
+    for arm in set(each):
+        if arm.payload or arm.gravity:
+            raise refused("(payload, gravity)", (arm.payload, arm.gravity), "(0, 0) in this task")
+    return np.ascontiguousarray(np.concatenate([arm.column() for arm in each], axis=1))
 
 
 # --- compiled -------------------------------------------------------------------------------------
-
-
-@register_jitable
-def acceleration(q, v, arm):
-    """Joint accelerations [rad/s^2], shape (2, N), under the torques in the last rows of `arm`."""
-    result = np.empty_like(v)
-    for i in range(q.shape[1]):
-        a, b, d = arm[0, i], arm[1, i], arm[2, i]
-        c, s = np.cos(q[1, i]), np.sin(q[1, i])
-        f1 = arm[9, i] - arm[3, i] * v[0, i] + b * s * v[1, i] * (2.0 * v[0, i] + v[1, i])
-        f2 = arm[10, i] - arm[4, i] * v[1, i] - b * s * v[0, i] * v[0, i]
-        m11, m12 = a + 2.0 * b * c, d + b * c
-        inverse = 1.0 / (m11 * d - m12 * m12)
-        result[0, i] = (d * f1 - m12 * f2) * inverse
-        result[1, i] = (m11 * f2 - m12 * f1) * inverse
-    return result
 
 
 @register_jitable
@@ -153,8 +95,8 @@ def _move_arms(q, v, target, steps, actions, arm, limit, substeps):
     """Step N arms in place; the torques stop at their limits. Returns what `_judge` returns."""
     # The torque is held during the control step, so it travels with the parameters.
     for i in range(q.shape[1]):
-        arm[9, i] = arm[7, i] * _held(actions[i, 0])
-        arm[10, i] = arm[8, i] * _held(actions[i, 1])
+        arm[11, i] = arm[7, i] * _held(actions[i, 0])
+        arm[12, i] = arm[8, i] * _held(actions[i, 1])
     x, w = q, v
     for _ in range(substeps):
         x, w = rk4(x, w, acceleration, CONTROL_STEP / substeps, arm)
@@ -219,7 +161,7 @@ class ReachTask:
         q, v: joint angles [rad] and their rates, (2, N).
         target: the targets [m], (2, N).
         steps: control steps of the running episode, (N,).
-        arm: the parameters, see `Arm.column`, (11, N).
+        arm: the parameters, see `TwoLink.column`, (13, N).
     """
 
     def __init__(self, parameters: Array, max_steps: int) -> None:
@@ -248,8 +190,8 @@ class ReachTask:
         )
 
     def picture(self, i: int) -> NDArray[np.uint8]:
-        """Arm i and its target, see `reach_picture`."""
-        return reach_picture(self.q[:, i], self.target[:, i], self.arm[5:7, i], RADIUS)
+        """TwoLink i and its target, see `reach_picture`."""
+        return reach_picture(self.q[:, i], self.target[:, i], self.arm[LENGTHS, i], RADIUS)
 
 
 def reach_spaces() -> tuple[Any, Any]:
@@ -275,7 +217,7 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
 
     def __init__(
         self,
-        arm: Arm | None = None,
+        arm: TwoLink | None = None,
         *,
         max_steps: int = MAX_STEPS,
         render_mode: str | None = None,
@@ -288,8 +230,8 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
             render_mode: "rgb_array" for pictures; None for none.
         """
         self.render_mode = one_of("render_mode", render_mode, (None, *METADATA["render_modes"]))
-        self.parameters = arm or Arm()
-        self.task = ReachTask(self.parameters.column(), max_steps)
+        self.parameters = arm or TwoLink()
+        self.task = ReachTask(table(self.parameters, 1), max_steps)
         self.observation_space, self.action_space = reach_spaces()
         self._row = spaces.Box(-1.0, 1.0, (1, 2), dtype=np.float32)
         self._only = np.zeros(1, dtype=np.intp)
@@ -344,7 +286,7 @@ class SingleReach(Env[Array, NDArray[np.float32]]):
 class ArmReach(SingleReach):
     """The reaching task on the closed-form arm."""
 
-    def __init__(self, arm: Arm | None = None, *, substeps: int = 1, **task: Any) -> None:
+    def __init__(self, arm: TwoLink | None = None, *, substeps: int = 1, **task: Any) -> None:
         """Make the arm.
 
         Args:
@@ -365,7 +307,7 @@ class ReachVector(ArrayVectorEnv):
     def __init__(
         self,
         num_envs: int = 1,
-        arms: Arm | Sequence[Arm] | None = None,
+        arms: TwoLink | Sequence[TwoLink] | None = None,
         *,
         max_steps: int = MAX_STEPS,
         render_mode: str | None = None,
@@ -381,7 +323,7 @@ class ReachVector(ArrayVectorEnv):
             autoreset_mode: see `course.vector_env`.
         """
         count("num_envs", num_envs, 1)
-        self.task = ReachTask(table(arms or Arm(), num_envs), max_steps)
+        self.task = ReachTask(table(arms or TwoLink(), num_envs), max_steps)
         super().__init__(SingleReach(render_mode=render_mode), num_envs, autoreset_mode)
 
     def _start(self, ids: Ids, generators: list[np.random.Generator]) -> Array:
@@ -408,7 +350,7 @@ class ArmReachVector(ReachVector):
     def __init__(
         self,
         num_envs: int = 1,
-        arms: Arm | Sequence[Arm] | None = None,
+        arms: TwoLink | Sequence[TwoLink] | None = None,
         *,
         substeps: int = 1,
         **task: Any,

@@ -11,11 +11,12 @@ from gymnasium.vector import AutoresetMode
 from hypothesis import given
 from hypothesis import strategies as st
 
+from course.kinematics.two_link import TORQUES, TwoLink, acceleration
 from course.oracles.gymnasium import check, sync_vector_env
 from course.oracles.mujoco.reach import MujocoArmReach, MujocoArmReachVector
 from course.simulations import pen
-from course.vector_env import Arm, ArmReach, ArmReachVector, ProcessVectorEnv, VectorizedEnv
-from course.vector_env.reach import CONTROL_STEP, RADIUS, acceleration
+from course.vector_env import ArmReach, ArmReachVector, ProcessVectorEnv, VectorizedEnv
+from course.vector_env.reach import CONTROL_STEP, RADIUS
 from tests.budget import examples
 from tests.vector_env.test_vector_env import identical
 
@@ -24,13 +25,15 @@ PAIRS = [(ArmReach, ArmReachVector), (MujocoArmReach, MujocoArmReachVector)]
 MODES = [mode.value for mode in AutoresetMode]
 
 
-def random_arms(n: int, seed: int = 0) -> list[Arm]:
+def random_arms(n: int, seed: int = 0) -> list[TwoLink]:
     rng = np.random.default_rng(seed)
 
     def pair(low, high):
         return tuple(float(x) for x in rng.uniform(low, high, 2))
 
-    return [Arm(pair(0.3, 0.8), pair(0.5, 2.0), pair(0.0, 0.5), pair(0.5, 3.0)) for _ in range(n)]
+    return [
+        TwoLink(pair(0.3, 0.8), pair(0.5, 2.0), pair(0.0, 0.5), pair(0.5, 3.0)) for _ in range(n)
+    ]
 
 
 def spring_policy(observations: np.ndarray) -> np.ndarray:
@@ -100,9 +103,9 @@ def test_what_differs_between_the_models_is_the_integrator() -> None:
 def test_the_closed_form_conserves_energy_and_gains_what_the_motors_give(state, seed) -> None:
     """Without damping the power of the torques is the rate of the kinetic energy."""
     arm = random_arms(1, seed)[0]
-    column = Arm(arm.lengths, arm.masses, (0.0, 0.0), arm.torques).column()
+    column = TwoLink(arm.lengths, arm.masses, (0.0, 0.0), arm.torques).column()
     rng = np.random.default_rng(seed)
-    column[9:, 0] = rng.normal(size=2)
+    column[TORQUES, 0] = rng.normal(size=2)
     q, v = np.array(state[:2])[:, None], np.array(state[2:])[:, None]
     a, b, d = column[:3, 0]
 
@@ -114,7 +117,7 @@ def test_the_closed_form_conserves_energy_and_gains_what_the_motors_give(state, 
     h, rates = 1e-5, acceleration(q, v, column)[:, 0]
     ahead = energy(q[1, 0] + h * v[1, 0], v[:, 0] + h * rates)
     behind = energy(q[1, 0] - h * v[1, 0], v[:, 0] - h * rates)
-    power = float(column[9:, 0] @ v[:, 0])
+    power = float(column[TORQUES, 0] @ v[:, 0])
     assert (ahead - behind) / (2 * h) == pytest.approx(power, abs=1e-5 * (1 + abs(ahead)))
 
 
@@ -154,7 +157,7 @@ def test_a_single_environment_refuses_nonsense(env_fn) -> None:
     with pytest.raises(
         ValueError, match=r"masses\[1\] is -1.0, allowed is a positive finite number \[kg\]"
     ):
-        Arm(masses=(1.0, -1.0))
+        TwoLink(masses=(1.0, -1.0))
     with pytest.raises(ValueError, match="integrator is 'euler', allowed is one of"):
         MujocoArmReach(integrator="euler")
 
@@ -210,7 +213,7 @@ def test_each_environment_has_its_own_arm(single, batch, n) -> None:
     for _ in range(110):
         actions = rng.uniform(-1, 1, (n, 2)).astype(np.float32)
         identical(envs.step(actions), loop.step(actions))
-    with pytest.raises(ValueError, match=r"arms is .*allowed is an Arm or"):
+    with pytest.raises(ValueError, match=r"arms is .*allowed is a TwoLink or"):
         batch(n + 1, arms)
 
 

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from course.check import count, one_of
+from course.kinematics.two_link import LIMITS, TwoLink
 from course.oracles.mujoco.kit import ALWAYS_OFF, CONTACT_OFF, MUJOCO_INTEGRATORS, library
 from course.vector_env.arrays import Ids, Moved
 from course.vector_env.reach import (
     CONTROL_STEP,
-    Arm,
     ReachVector,
     SingleReach,
 )
@@ -45,7 +45,7 @@ def _model(integrator: str, substeps: int) -> Any:
     return library().MjModel.from_xml_string(text)
 
 
-def _fields(arm: Arm) -> dict[str, Array]:
+def _fields(arm: TwoLink) -> dict[str, Array]:
     """The fields of MuJoCo's model that an arm sets: world, first link, second link."""
     (m1, m2), (l1, l2), (i1, i2) = arm.masses, arm.lengths, arm.inertias
     return {
@@ -62,7 +62,7 @@ class MujocoArmReach(SingleReach):
 
     def __init__(
         self,
-        arm: Arm | None = None,
+        arm: TwoLink | None = None,
         *,
         integrator: str = "RK4",
         substeps: int = 1,
@@ -114,7 +114,7 @@ class MujocoArmReachVector(ReachVector):
     def __init__(
         self,
         num_envs: int = 1,
-        arms: Arm | Sequence[Arm] | None = None,
+        arms: TwoLink | Sequence[TwoLink] | None = None,
         *,
         threads: int = 0,
         integrator: str = "RK4",
@@ -137,8 +137,8 @@ class MujocoArmReachVector(ReachVector):
         from mujoco import batch
 
         model = _model(integrator, substeps)
-        own = None if arms is None or isinstance(arms, Arm) else [_fields(arm) for arm in arms]
-        shared = _fields(arms if isinstance(arms, Arm) else Arm())
+        own = None if arms is None or isinstance(arms, TwoLink) else [_fields(arm) for arm in arms]
+        shared = _fields(arms if isinstance(arms, TwoLink) else TwoLink())
         if own is None:
             for name, value in shared.items():
                 getattr(model, name)[:] = value
@@ -151,7 +151,7 @@ class MujocoArmReachVector(ReachVector):
             self.batch.set_const()
         self._qpos, self._qvel = self.batch.bind("qpos"), self.batch.bind("qvel")
         self._torque = self.batch.bind("qfrc_applied")
-        self._limits = np.ascontiguousarray(self.task.arm[7:9].T)
+        self._limits = np.ascontiguousarray(self.task.arm[LIMITS].T)
 
     @property
     def threads(self) -> int:

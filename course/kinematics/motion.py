@@ -1,0 +1,393 @@
+"""Where an arm is and how its tip moves: frames, Jacobians, and how near they are to singular.
+
+q is (n,) for one posture, (n, N) for a batch; a pose is (x, y, z, qw, qx, qy, qz); a twist is the
+velocity of a point [m/s] over the angular velocity [rad/s], both in world axes. Joints lie along
+axis 1, the batch comes last: a Jacobian is (6, n) or (6, n, N). The compiled loops take batches; a
+single posture is a batch of one.
+
+Source: Siciliano, Sciavicco, Villani and Oriolo, Robotics (2009), ch. 2-3.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numba
+import numpy as np
+from numba import types
+from numba.extending import register_jitable
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import count, positive, refused, vector
+from course.compiled import compiled
+from course.kinematics.chain import LOWER, PARENT, PLACE, QUAT, SLIDES, UPPER, Chain
+from course.rigid_body.quaternion import to_euler_zyx
+
+Array = NDArray[np.float64]
+CUBE = types.Array(numba.float64, 3, "C")
+# What is only read may be read-only; a signature that says so takes both.
+ROW, ROWS = (types.Array(numba.float64, ndim, "C", readonly=True) for ndim in (1, 2))
+
+
+# --- vectors of three numbers, kept in registers --------------------------------------------------
+
+
+@register_jitable
+def cross3(a, b):
+    """a x b of two triples."""
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )
+
+
+@register_jitable
+def turned(w, x, y, z, v):
+    """A triple turned by a unit quaternion, as `quaternion.rotate`."""
+    t = (2.0 * (y * v[2] - z * v[1]), 2.0 * (z * v[0] - x * v[2]), 2.0 * (x * v[1] - y * v[0]))
+    return (
+        v[0] + w * t[0] + (y * t[2] - z * t[1]),
+        v[1] + w * t[1] + (z * t[0] - x * t[2]),
+        v[2] + w * t[2] + (x * t[1] - y * t[0]),
+    )
+
+
+# --- compiled -------------------------------------------------------------------------------------
+
+
+@register_jitable
+def place(table, q, k, pose):
+    """Write the world poses of all joints and, in the last row, of the tool into `pose` (n + 1, 7).
+
+    Column k of q. A joint's turn is its half angle about z, so quaternions compose in 24 products.
+    """
+    n = table.shape[0] - 1
+    for i in range(n + 1):
+        row = table[i]
+        parent = int(row[PARENT])
+        x, y, z = row[PLACE], row[PLACE + 1], row[PLACE + 2]
+        a, b, c, d = row[QUAT], row[QUAT + 1], row[QUAT + 2], row[QUAT + 3]
+        if parent >= 0:
+            w0, x0, y0, z0 = pose[parent, 3], pose[parent, 4], pose[parent, 5], pose[parent, 6]
+            offset = turned(w0, x0, y0, z0, (x, y, z))
+            x = pose[parent, 0] + offset[0]
+            y = pose[parent, 1] + offset[1]
+            z = pose[parent, 2] + offset[2]
+            a, b, c, d = (
+                w0 * a - x0 * b - y0 * c - z0 * d,
+                w0 * b + x0 * a + y0 * d - z0 * c,
+                w0 * c - x0 * d + y0 * a + z0 * b,
+                w0 * d + x0 * c - y0 * b + z0 * a,
+            )
+        if i < n and row[SLIDES] != 0.0:
+            along = turned(a, b, c, d, (0.0, 0.0, q[i, k]))
+            x, y, z = x + along[0], y + along[1], z + along[2]
+        elif i < n:
+            cosine, sine = np.cos(0.5 * q[i, k]), np.sin(0.5 * q[i, k])
+            a, b, c, d = (
+                a * cosine - d * sine,
+                b * cosine + c * sine,
+                c * cosine - b * sine,
+                d * cosine + a * sine,
+            )
+        pose[i, 0], pose[i, 1], pose[i, 2] = x, y, z
+        pose[i, 3], pose[i, 4], pose[i, 5], pose[i, 6] = a, b, c, d
+
+
+@register_jitable
+def axis_of(pose, i):
+    """The z axis of frame i in the world, a triple."""
+    w, x, y, z = pose[i, 3], pose[i, 4], pose[i, 5], pose[i, 6]
+    return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+@register_jitable
+def point_of(pose, i, point):
+    """A point given in frame i, in the world, a triple."""
+    offset = turned(pose[i, 3], pose[i, 4], pose[i, 5], pose[i, 6], (point[0], point[1], point[2]))
+    return pose[i, 0] + offset[0], pose[i, 1] + offset[1], pose[i, 2] + offset[2]
+
+
+@register_jitable
+def columns(table, pose, frame, tip, J, k):
+    """Write the Jacobian of the point `tip`, fixed to `frame`, into J[:, :, k], zero before."""
+    i = int(table[frame, PARENT]) if frame == table.shape[0] - 1 else frame
+    while i >= 0:
+        z = axis_of(pose, i)
+        if table[i, SLIDES] != 0.0:
+            J[0, i, k], J[1, i, k], J[2, i, k] = z
+        else:
+            arm = tip[0] - pose[i, 0], tip[1] - pose[i, 1], tip[2] - pose[i, 2]
+            J[0, i, k], J[1, i, k], J[2, i, k] = cross3(z, arm)
+            J[3, i, k], J[4, i, k], J[5, i, k] = z
+        i = int(table[i, PARENT])
+
+
+def _poses(table, q):
+    """Poses of all joints and of the tool, (7, n + 1, N)."""
+    n, batch = q.shape
+    pose, result = np.empty((n + 1, 7)), np.empty((7, n + 1, batch))
+    for k in range(batch):
+        place(table, q, k, pose)
+        for i in range(n + 1):
+            for c in range(7):
+                result[c, i, k] = pose[i, c]
+    return result
+
+
+def _jacobian(table, q, frame, point):
+    """Jacobians of a point of a frame, (6, n, N)."""
+    n, batch = q.shape
+    pose, J = np.empty((n + 1, 7)), np.zeros((6, n, batch))
+    for k in range(batch):
+        place(table, q, k, pose)
+        columns(table, pose, frame, point_of(pose, frame, point), J, k)
+    return J
+
+
+def _jacobian_rate(table, q, v, frame, point):
+    """Time derivatives of these Jacobians, (6, n, N)."""
+    n, batch = q.shape
+    pose, rate = np.empty((n + 1, 7)), np.zeros((6, n, batch))
+    spin, speed = np.empty((n, 3)), np.empty((n, 3))  # of each link, and of its joint's origin
+    last = n - 1 if frame == n else frame
+    for k in range(batch):
+        place(table, q, k, pose)
+        for i in range(n):
+            parent = int(table[i, PARENT])
+            w, u = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+            if parent >= 0:
+                w = spin[parent, 0], spin[parent, 1], spin[parent, 2]
+                away = (
+                    pose[i, 0] - pose[parent, 0],
+                    pose[i, 1] - pose[parent, 1],
+                    pose[i, 2] - pose[parent, 2],
+                )
+                carried = cross3(w, away)
+                u = (
+                    speed[parent, 0] + carried[0],
+                    speed[parent, 1] + carried[1],
+                    speed[parent, 2] + carried[2],
+                )
+            z, joint = axis_of(pose, i), v[i, k]
+            if table[i, SLIDES] != 0.0:
+                u = u[0] + z[0] * joint, u[1] + z[1] * joint, u[2] + z[2] * joint
+            else:
+                w = w[0] + z[0] * joint, w[1] + z[1] * joint, w[2] + z[2] * joint
+            spin[i, 0], spin[i, 1], spin[i, 2] = w
+            speed[i, 0], speed[i, 1], speed[i, 2] = u
+        tip = point_of(pose, frame, point)
+        away = tip[0] - pose[last, 0], tip[1] - pose[last, 1], tip[2] - pose[last, 2]
+        carried = cross3((spin[last, 0], spin[last, 1], spin[last, 2]), away)
+        flown = (
+            speed[last, 0] + carried[0],
+            speed[last, 1] + carried[1],
+            speed[last, 2] + carried[2],
+        )
+        i = last
+        while i >= 0:
+            z = axis_of(pose, i)
+            turning = cross3((spin[i, 0], spin[i, 1], spin[i, 2]), z)
+            if table[i, SLIDES] != 0.0:
+                rate[0, i, k], rate[1, i, k], rate[2, i, k] = turning
+            else:
+                arm = tip[0] - pose[i, 0], tip[1] - pose[i, 1], tip[2] - pose[i, 2]
+                first = cross3(turning, arm)
+                second = cross3(
+                    z, (flown[0] - speed[i, 0], flown[1] - speed[i, 1], flown[2] - speed[i, 2])
+                )
+                rate[0, i, k] = first[0] + second[0]
+                rate[1, i, k] = first[1] + second[1]
+                rate[2, i, k] = first[2] + second[2]
+                rate[3, i, k], rate[4, i, k], rate[5, i, k] = turning
+            i = int(table[i, PARENT])
+    return rate
+
+
+@functools.cache
+def kernels() -> tuple[Any, Any, Any]:
+    """The compiled functions: poses, Jacobian, its rate."""
+    return (
+        compiled(_poses, CUBE(ROWS, ROWS)),
+        compiled(_jacobian, CUBE(ROWS, ROWS, numba.int64, ROW)),
+        compiled(_jacobian_rate, CUBE(ROWS, ROWS, ROWS, numba.int64, ROW)),
+    )
+
+
+# --- the doors ------------------------------------------------------------------------------------
+
+
+def batch(chain: Chain, **states: Any) -> tuple[bool, list[Array]]:
+    """Whether the states of an arm are single, and all of them as checked batches (n, N).
+
+    Args:
+        chain: the arm.
+        **states: by name, each of shape (n,) or (n, N); all of one shape.
+    """
+    n, found, first = chain.n, [], None
+    for name, value in states.items():
+        array = vector(name, value, (n,), (n, None))
+        if first is not None and array.shape != first:
+            raise refused(f"{name}.shape", array.shape, f"that of {next(iter(states))}, {first}")
+        first = array.shape
+        found.append(np.ascontiguousarray(array.reshape(n, -1)))
+    return first is not None and len(first) == 1, found
+
+
+def _spot(chain: Chain, point: ArrayLike | None, joint: int | None) -> tuple[int, Array]:
+    frame = chain.n if joint is None else count("joint", joint, 0, chain.n - 1)
+    return frame, np.zeros(3) if point is None else np.ascontiguousarray(
+        vector("point", point, (3,), unit="m")
+    )
+
+
+def frames(chain: Chain, q: ArrayLike) -> Array:
+    """World poses of the joints' frames, which are those of the links.
+
+    Args:
+        chain: the arm.
+        q: joint positions, shape (n,) or (n, N) [rad or m].
+
+    Returns:
+        Shape (7, n) or (7, n, N).
+
+    Raises:
+        ValueError: for another shape, or numbers that are not finite.
+    """
+    single, (q,) = batch(chain, q=q)
+    result = kernels()[0](chain.table, q)[:, :-1]
+    return result[:, :, 0] if single else result
+
+
+def tip(chain: Chain, q: ArrayLike) -> Array:
+    """World pose of the tool, shape (7,) or (7, N); arguments and errors as for `frames`."""
+    single, (q,) = batch(chain, q=q)
+    result = kernels()[0](chain.table, q)[:, -1]
+    return result[:, 0] if single else result
+
+
+def jacobian(
+    chain: Chain, q: ArrayLike, point: ArrayLike | None = None, *, joint: int | None = None
+) -> Array:
+    """The geometric Jacobian: the twist of a point is J v.
+
+    Args:
+        chain: the arm.
+        q: joint positions, shape (n,) or (n, N) [rad or m].
+        point: given in the frame that it is fixed to, shape (3,) [m]; default: its origin.
+        joint: whose link it is fixed to; default: the tool.
+
+    Returns:
+        Shape (6, n) or (6, n, N), velocity over angular velocity in world axes; a joint that does
+        not move the point has zeros.
+
+    Raises:
+        ValueError: for another shape, a joint that is not there, or numbers that are not finite.
+    """
+    single, (q,) = batch(chain, q=q)
+    result = kernels()[1](chain.table, q, *_spot(chain, point, joint))
+    return result[:, :, 0] if single else result
+
+
+def jacobian_rate(
+    chain: Chain,
+    q: ArrayLike,
+    v: ArrayLike,
+    point: ArrayLike | None = None,
+    *,
+    joint: int | None = None,
+) -> Array:
+    """dJ/dt at rates v, shape of q; the rest as for `jacobian`. The tip's acceleration is J a +
+    (dJ/dt) v."""
+    single, (q, v) = batch(chain, q=q, v=v)
+    result = kernels()[2](chain.table, q, v, *_spot(chain, point, joint))
+    return result[:, :, 0] if single else result
+
+
+def analytic_jacobian(chain: Chain, q: ArrayLike) -> Array:
+    """Rates of the tip's position and of its yaw, pitch and roll (z, y, x) by joint.
+
+    At a pitch of +-90 degrees these rates grow without bound although the arm does not: the lock
+    is one of the angles, not of the arm. Compare `condition_number` of both.
+
+    Returns:
+        Shape (6, n) or (6, n, N).
+    """
+    single, (q,) = batch(chain, q=q)
+    J, pose = kernels()[1](chain.table, q, chain.n, np.zeros(3)), tip(chain, q)
+    yaw, pitch, _ = to_euler_zyx(pose[3:])[:, None]
+    x, y, z = J[3:].copy()
+    # Angular velocity is yaw rate times z, pitch rate times the turned y, roll rate times the axis.
+    ahead = np.cos(yaw) * x + np.sin(yaw) * y
+    with np.errstate(divide="ignore", invalid="ignore"):
+        roll_rate = ahead / np.cos(pitch)
+    J[3] = z + np.sin(pitch) * roll_rate
+    J[4] = np.cos(yaw) * y - np.sin(yaw) * x
+    J[5] = roll_rate
+    return J[:, :, 0] if single else J
+
+
+def singular_values(J: ArrayLike) -> Array:
+    """Of a matrix (m, n) or a batch (m, n, N), the largest first, shape (min(m, n),) or with N."""
+    J = vector("J", J, (None, None), (None, None, None))
+    return np.asarray(np.linalg.svd(J.T, compute_uv=False).T)
+
+
+def manipulability(J: ArrayLike) -> Any:
+    """sqrt(det(J J^T)), the product of the singular values (Yoshikawa, 1985): 0 at a singularity.
+
+    Args:
+        J: the rows that the task has, shape (m, n) or (m, n, N): those of a planar arm are J[:2].
+    """
+    return np.prod(singular_values(J), axis=0)[()]
+
+
+def condition_number(J: ArrayLike, length: float) -> Any:
+    """Largest over smallest singular value, the rows of velocity divided by a length.
+
+    Metres and radians have no common scale: without a stated length the number has no meaning. In
+    millimetres (length = 0.001) the same arm has another one.
+
+    Args:
+        J: a whole Jacobian, shape (6, n) or (6, n, N).
+        length: by which velocities are divided, positive [m].
+
+    Returns:
+        From 1 on; infinite where the smallest is 0.
+    """
+    J = np.array(vector("J", J, (6, None), (6, None, None)))
+    J[:3] /= positive("length", length, unit="m")
+    s = singular_values(J)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(s[-1] > 0.0, s[0] / s[-1], np.inf)[()]
+
+
+def null_space(J: ArrayLike) -> Array:
+    """The projector I - J^+ J onto the joint rates that leave the task still.
+
+    Singular values below 1e-10 of the largest count as zero, so at a singularity the null space has
+    grown by the direction that the tip has lost.
+
+    Args:
+        J: the rows that the task has, shape (m, n) or (m, n, N).
+
+    Returns:
+        Shape (n, n) or (n, n, N), symmetric, its own square.
+    """
+    J = vector("J", J, (None, None), (None, None, None))
+    single = J.ndim == 2
+    stack = np.moveaxis(J.reshape(*J.shape[:2], -1), 2, 0)
+    _, s, Vt = np.linalg.svd(stack, full_matrices=False)
+    kept = Vt * (s > 1e-10 * np.maximum(s[:, :1], 1e-300))[:, :, None]
+    result = np.eye(J.shape[1]) - kept.transpose(0, 2, 1) @ kept
+    return result[0] if single else np.moveaxis(result, 0, 2)
+
+
+def within(chain: Chain, q: ArrayLike) -> Any:
+    """Whether a posture keeps the limits, a bool or shape (N,)."""
+    single, (q,) = batch(chain, q=q)
+    low, high = chain.table[:-1, LOWER, None], chain.table[:-1, UPPER, None]
+    result = np.all((low <= q) & (q <= high), axis=0)
+    return bool(result[0]) if single else result
