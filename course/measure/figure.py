@@ -84,6 +84,15 @@ KEYS: dict[str, tuple[str, str]] = {
     "conditional integration": (BLUE, "o"),
     "no anti-windup": (VERMILION, "s"),
     "MuJoCo": (PURPLE, "X"),
+    # kinematics
+    "forward": (BLUE, "o"),
+    "central": (VERMILION, "s"),
+    "complex step": (GREEN, "D"),
+    "autograd": (PINK, "v"),
+    "analytic": (AMBER, "P"),
+    "null space": (BLUE, "o"),
+    "re-projected": (GREEN, "D"),
+    "damped": (VERMILION, "s"),
     # drawn black
     "yours": ("black", "s"),
     "theory": ("black", ""),

@@ -1,0 +1,1 @@
+"""Claims of chapter 4: where an arm is, how it moves, and what its joints feel."""

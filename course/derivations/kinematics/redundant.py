@@ -1,0 +1,267 @@
+"""Claims on arms with a joint to spare, their null space, and learned answers."""
+
+from typing import Any
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "a": Symbol("length of (dJ/dt) dq/dt at a rate of 1 in the null space [m/s^2]"),
+    "h": Symbol("length of the joint step"),
+    "lambda": Symbol("damping [m/rad]"),
+    "n": Symbol("joints", 1, 30),
+    "r": Symbol("rank of J", 1, 30),
+}
+
+
+def _postures(found_rng: np.random.Generator, count: int) -> tuple[Any, np.ndarray]:
+    """The 7-R arm and random postures within its limits, (7, count)."""
+    from course.kinematics import panda
+
+    arm = panda()
+    return arm, found_rng.uniform(arm.lower, arm.upper, (count, 7)).T
+
+
+def _null_vectors(J: np.ndarray) -> np.ndarray:
+    """A unit vector of the null space of each J, (n, N)."""
+    return np.linalg.svd(np.moveaxis(J, 2, 0))[2][:, -1].T
+
+
+@claim(
+    "A 7-R arm has one joint to spare for a task of six numbers.",
+    "Where J has full rank. With q2 = q5 = 0 and q3 a right angle its rank is 5: two independent "
+    "motions leave the hand where it is, and one motion of the hand is lost.",
+)
+def one_joint_to_spare(found):
+    from course.kinematics import jacobian, null_space
+
+    arm, q = _postures(found.rng, 60)
+    lost = q.copy()
+    lost[[1, 4]], lost[2] = 0, np.pi / 2
+
+    def spare(postures: np.ndarray) -> np.ndarray:
+        N = null_space(jacobian(arm, postures))
+        return np.round(np.trace(N), 6)
+
+    found.figure("spare_usual", np.median(spare(q)))
+    found.figure("spare_singular", np.median(spare(lost)))
+    found.statement = "Trace of the projector at 60 random postures, and at 60 singular ones."
+    found.heard(
+        (spare(lost) == 1).all(),
+        only_if="J has full rank there",
+        inside=spare(q) == 1,
+        outside=spare(lost) == 1,
+    )
+    found.corrected((spare(lost) == 2).all(), (spare(q) == 1).all())
+
+
+@claim(
+    "A motion in the null space of J leaves the tip where it is.",
+    "Its rate does; a step of length h moves the tip by about c h^2 with c = |(dJ/dt) v| / 2 at "
+    "the unit rate v, for the 7-R arm {c_m:.3f} m in the median: {drift_mm:.2f} mm in a step of "
+    "{step_rad} rad. A single IK step afterwards leaves h^{order_after:.0f} of it, {left_um:.3f} "
+    "um.",
+    ask=(
+        "Along the null space, at a rate of 1, dJ/dt times the rate has the length a. How far does "
+        "one joint step of length h move the tip, to leading order?",
+        "d, c = a*h^2/2",
+        {
+            "a*h^2": "Half of it: the second derivative over two.",
+            "a*h": "J v = 0 takes the first order away; the next one goes with h^2.",
+            "a*h^2/4": "Half, not a quarter.",
+            "0": "Only the rate of the tip vanishes, not its step.",
+        },
+    ),
+)
+def null_motion_leaves_the_tip(found):
+    import sympy
+
+    from course.kinematics import jacobian, jacobian_rate, singular_values, tip
+    from course.rigid_body import quaternion
+
+    arm, q = _postures(found.rng, 200)
+    q = q[:, singular_values(jacobian(arm, q))[-1] > 0.05]  # one vector spans the null space there
+    v, home = _null_vectors(jacobian(arm, q)), tip(arm, q)
+
+    def off(posture: np.ndarray) -> np.ndarray:
+        """Twists that would bring the tip home, (6, N)."""
+        now = tip(arm, posture)
+        turn = quaternion.product(home[3:], quaternion.conjugate(now[3:]))
+        return np.concatenate([home[:3] - now[:3], quaternion.log(turn)])
+
+    def sizes(h: float) -> tuple[np.ndarray, np.ndarray]:
+        """How far [m] the tip is after a step, and after an IK step more."""
+        moved = q + h * v
+        inverse = np.linalg.pinv(np.moveaxis(jacobian(arm, moved), 2, 0))
+        mended = moved + np.einsum("kij,jk->ik", inverse, off(moved))
+        return tuple(np.linalg.norm(off(x)[:3], axis=0) for x in (moved, mended))
+
+    acceleration = np.einsum("ijk,jk->ik", jacobian_rate(arm, q, v), v)[:3]
+    c = np.linalg.norm(acceleration, axis=0) / 2
+    a, h, t = sympy.symbols("a h t", positive=True)
+    found.formula = sympy.integrate(sympy.integrate(a, (t, 0, t)), (t, 0, h))
+    steps = np.array([0.2, 0.1, 0.05])
+    drift, left = np.median([sizes(x) for x in steps], axis=2).T
+    orders = [np.polyfit(np.log(steps), np.log(x), 1)[0] for x in (drift, left)]
+    step = found.given("step_rad", 0.1)
+    found.figure("c_m", np.median(c), 1e-3)
+    found.figure("drift_mm", 1000 * np.median(sizes(step)[0]), 1e-3)
+    found.figure("left_um", 1e6 * np.median(sizes(step)[1]), 1e-2)
+    found.figure("order_before", orders[0], 1e-2)
+    found.figure("order_after", orders[1], 1e-2)
+    found.statement = f"{q.shape[1]} random postures with no singular value below 0.05."
+    found.heard(drift.max() < 1e-9)
+    found.corrected(
+        np.allclose(sizes(1e-3)[0], c * 1e-6, rtol=0.05, atol=1e-9),
+        abs(orders[0] - 2) < 0.05, abs(orders[1] - 4) < 0.2,
+    )  # fmt: skip
+
+
+@claim(
+    "The projector onto the null space is N = I - J^+ J.",
+    "With the exact pseudo-inverse: then J N = 0, N is symmetric, and N N = N. With a damped "
+    "inverse in its place N no longer projects, and of a joint rate of 1 up to {formula} leaks "
+    "into the tip, where s = lambda: {leak_mm:.0f} mm/rad at {damping} m/rad.",
+    ask=(
+        "N = I - J^T (J J^T + lambda^2 I)^-1 J leaks s lambda^2 / (s^2 + lambda^2) of a rate along "
+        "the direction of s into the tip. At most?",
+        "leak = lambda/2",
+        {
+            "1/(2*lambda)": "That is the largest gain of the damped inverse.",
+            "lambda": "Set the derivative by s to 0: s = lambda.",
+            "lambda^2": "Check the units: the leak is a length over an angle, as s and lambda.",
+        },
+    ),
+)
+def projector_of_the_null_space(found):
+    import sympy
+
+    from course.kinematics import jacobian, null_space
+
+    s, lam = sympy.symbols("s lambda", positive=True)
+    leak = s * lam**2 / (s**2 + lam**2)
+    (worst,) = sympy.solve(sympy.diff(leak, s), s)
+    found.formula = leak.subs(s, worst)
+    arm, q = _postures(found.rng, 500)
+    J = np.moveaxis(jacobian(arm, q)[:3], 2, 0)  # of the position alone: one unit
+    N, eye = np.moveaxis(null_space(jacobian(arm, q)[:3]), 2, 0), np.eye(7)
+
+    def leaks(value: float) -> np.ndarray:
+        """Largest speed of the tip over the length of a joint rate, by posture."""
+        back = J.transpose(0, 2, 1)
+        damped = eye - back @ np.linalg.solve(J @ back + value**2 * np.eye(3), J)
+        return np.linalg.norm(J @ damped, 2, axis=(1, 2))
+
+    value = found.given("damping", 0.1)
+    found.figure("leak_mm", 1000 * float(found.formula.subs(lam, value)))
+    found.figure("seen_mm", 1000 * leaks(value).max(), 1e-3)
+    exact = np.abs(J @ N).max(axis=(1, 2)) < 1e-12
+    found.statement = "500 random postures of the 7-R arm, the three rows of position."
+    found.heard(
+        (leaks(value) < 1e-9).all(),
+        only_if="J^+ is the exact pseudo-inverse, not a damped one",
+        inside=exact[:40],
+        outside=leaks(value)[:40] < 1e-9,
+    )
+    found.corrected(
+        exact.all(), np.abs(N - N.transpose(0, 2, 1)).max() < 1e-12,
+        np.abs(N @ N - N).max() < 1e-12,
+        all((leaks(x) <= x / 2 + 1e-12).all() for x in (0.01, 0.1, 1.0)),
+        leaks(value).max() > 0.45 * value,
+    )  # fmt: skip
+
+
+@claim(
+    "dq = J^+ dx + N dq2 does a second task without disturbing the first.",
+    "To first order the tip does not notice; after a step of {step_rad} rad it is "
+    "{disturbed_mm:.1f} mm off in the median. And the second task gets what is left: of a random "
+    "wish the share {formula} of its square, {kept_percent:.0f} % for the 7-R arm, so the elbow "
+    "goes where it can, not where one wants it.",
+    ask=(
+        "n joints, J of rank r, a wish dq2 in a random direction. Which share of |dq2|^2 survives "
+        "the projection, on average?",
+        "share = (n - r)/n",
+        {
+            "r/n": "That is the share that would move the tip.",
+            "1/n": "Only where r = n - 1; in general n - r directions survive.",
+            "(n - r)/r": "The wish has n components, of which n - r survive.",
+        },
+    ),
+    source="Liegeois (1977); Siciliano, Sciavicco, Villani and Oriolo, Robotics (2009), sec. 3.5",
+)
+def second_task(found):
+    import sympy
+
+    from course.kinematics import jacobian, null_space, tip
+
+    arm, q = _postures(found.rng, 3000)
+    J, wish = jacobian(arm, q), found.rng.normal(size=q.shape)
+    wish /= np.linalg.norm(wish, axis=0)
+
+    def kept(rows: int) -> float:
+        N = null_space(J[:rows])
+        return float(np.mean(np.sum(np.einsum("ijk,jk->ik", N, wish) ** 2, axis=0)))
+
+    # E |N z|^2 = trace(N) / n for a unit z in a random direction, and trace(N) = n - rank.
+    n, r = sympy.symbols("n r", positive=True)
+    found.formula = (n - r) / n
+    law = sympy.lambdify((n, r), found.formula)
+    step = found.given("step_rad", 0.2)
+    second = np.einsum("ijk,jk->ik", null_space(J), wish)
+    first = np.linalg.norm(np.einsum("ijk,jk->ik", J, second), axis=0)
+    second *= step / np.linalg.norm(second, axis=0)
+    gone = np.linalg.norm((tip(arm, q + second) - tip(arm, q))[:3], axis=0)
+    found.figure("disturbed_mm", 1000 * np.median(gone), 0.01)
+    found.figure("kept_percent", 100 * kept(6), 0.05)
+    found.statement = "3000 random postures with a random wish each; ranks 3 and 6."
+    found.heard(gone.max() < 1e-9)
+    found.corrected(
+        first.max() < 1e-9, np.median(gone) > 1e-4,
+        all(abs(kept(rows) - law(7, rows)) < 0.01 for rows in (3, 6)),
+    )  # fmt: skip
+
+
+@claim(
+    "IKFlow samples all valid solutions of a target.",
+    "It samples many postures that are near one: within {mm:g} mm and {deg:g} degrees, as its "
+    "authors write, who refine what must be exact. Nor are all of them valid: a flow bends one "
+    "connected cloud of noise continuously, and where solutions come in separate pieces some draws "
+    "lie between. Every way from one answer of links of {l1_m} m and {l2_m} m to the other strays "
+    "from a target at {r_m} m by {strays_m:.1f} m or more: min(l1 + l2 - r, r - |l1 - l2|).",
+    source="Ames, Morgan and Konidaris, IKFlow, IEEE Robotics and Automation Letters 7 (2022)",
+)
+def flow_samples_all(found):
+    from course.kinematics import planar, tip, two_link_ik
+
+    lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
+    mm, deg = found.given("mm", 10), found.given("deg", 2)
+    t = np.linspace(0, 1, 401)
+
+    def strays(arm: Any, r: float, wiggle: np.ndarray, turn: int) -> float:
+        """Farthest from the target on a continuous way between both answers [m]."""
+        target = np.array([r, 0.0])
+        ends = two_link_ik(arm, target).q
+        way = ends[:, :1] * (1 - t) + (ends[:, 1:] + 2 * np.pi * turn * np.array([[0], [1]])) * t
+        way = way + wiggle * np.sin(np.pi * np.arange(1, 4)[:, None] * t).sum(axis=0)[None]
+        return float(np.hypot(*(tip(planar(arm), way)[:2] - target[:, None])).max())
+
+    def least(arm: Any, r: float) -> float:
+        return min(sum(arm) - r, r - abs(arm[0] - arm[1]))
+
+    r = found.given("r_m", 1.2)
+    arms = found.rng.uniform(0.3, 1.5, (100, 2))
+    reach = abs(arms[:, 0] - arms[:, 1]) + 2 * arms.min(axis=1) * found.rng.uniform(0.05, 0.95, 100)
+    ratios = [
+        strays(arm, x, found.rng.normal(0, 1, (2, 1)), k % 2) / least(arm, x)
+        for k, (arm, x) in enumerate(zip(arms, reach, strict=True))
+    ]
+    best = min(strays(lengths, r, np.zeros((2, 1)), k) for k in (0, 1))
+    found.figure("strays_m", best, 1e-3)
+    found.figure("least_ratio", min(ratios), 0.01)
+    found.statement = (
+        f"{len(ratios)} ways between the branches of random arms, elbow through 0 or pi; none "
+        f"strays less than the bound. Accuracy ({mm} mm, {deg} degrees) is the paper's abstract."
+    )
+    found.heard(min(ratios) < 1e-6)
+    found.corrected(min(ratios) >= 0.999, best >= least(lengths, r) - 1e-3, best < 1.5)

@@ -1,0 +1,445 @@
+"""Claims on what happens near a singular posture, and on what says how near it is."""
+
+from typing import Any
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "l1": Symbol("length of the first link [m]"),
+    "l2": Symbol("length of the second link [m]"),
+    "s": Symbol("singular value of J [m/rad]"),
+    "lambda": Symbol("damping [m/rad]"),
+    "e": Symbol("error of the tip [m]"),
+    "delta": Symbol("angle of the elbow from stretched [rad]", 0.001, 0.01),
+}
+_ARM = (1.0, 0.8)  # of the usual listing [m]
+
+
+def _jacobian(q: Any, lengths: Any = _ARM) -> np.ndarray:
+    """The rows of position of a planar arm's Jacobian, (2, 2) or (2, 2, N)."""
+    from course.kinematics import jacobian, planar
+
+    return jacobian(planar(lengths), q)[:2]
+
+
+def _damped(J: np.ndarray, error: np.ndarray, damping: float) -> np.ndarray:
+    """J^T (J J^T + damping^2 I)^-1 error, for a batch (2, n, N) and (2, N)."""
+    stack = np.moveaxis(J, 2, 0)
+    back = stack.transpose(0, 2, 1)
+    inner = stack @ back + damping**2 * np.eye(2)
+    return (back @ np.linalg.solve(inner, error.T[:, :, None]))[:, :, 0].T
+
+
+def _listing(target: Any, start: Any, damping: float = 0.1, steps: int = 100, share: float = 0.5):
+    """The usual listing: so many steps, each a share of the damped one, until 0.1 mm is left.
+
+    Args:
+        target: (2,) or (2, N) [m].
+        start: joint angles, of the same shape.
+
+    Returns:
+        Joint angles, distance left [m] and steps taken; what was not reached took all of them.
+    """
+    from course.kinematics import planar, tip
+
+    target, q = (np.array(x, float).reshape(2, -1) for x in (target, start))
+    taken = np.zeros(q.shape[1], int)
+    for _ in range(steps):
+        error = target - tip(planar(_ARM), q)[:2]
+        going = np.flatnonzero(np.hypot(*error) >= 1e-4)
+        if not going.size:
+            break
+        taken[going] += 1
+        q[:, going] += share * _damped(_jacobian(q[:, going]), error[:, going], damping)
+    return q, np.hypot(*(target - tip(planar(_ARM), q)[:2])), taken
+
+
+def _around(rng: np.random.Generator, low: float, high: float, count: int = 2000) -> np.ndarray:
+    """Random points between two distances from the base, (2, count) [m]."""
+    angle = rng.uniform(-np.pi, np.pi, count)
+    return rng.uniform(low, high, count) * np.array([np.cos(angle), np.sin(angle)])
+
+
+@claim(
+    "At a singularity the pseudo-inverse asks for infinite joint steps.",
+    "At it a pseudo-inverse from singular values drops the lost direction and asks for nothing; "
+    "beside it, it asks for almost everything. Stretched to {delta_rad:.0e} rad, links of {l1_m} m "
+    "and {l2_m} m should turn by {step_rad:.0f} rad for a centimetre along the arm.",
+    ask=(
+        "The elbow is delta from stretched, delta small. Which step (its length, to leading "
+        "order) does the pseudo-inverse ask for to bring the tip in by e?",
+        "dq, step = e*sqrt((l1 + l2)^2 + l2^2)/(l1*l2*delta)",
+        {
+            "e/(l1*l2*delta)": "1 / det has no unit of a step: s_min is det / s_max.",
+            "e/delta": "Check the units: a length over an angle is no angle.",
+            "e/(l1 + l2)": "That is a step across the arm, which is the easy direction.",
+            "e*sqrt(l1^2 + l2^2)/(l1*l2*delta)": "The first joint moves the tip on a lever of "
+            "l1 + l2.",
+        },
+    ),
+)
+def pseudo_inverse_beside(found):
+    import sympy
+
+    l1, l2, e, delta = sympy.symbols("l1 l2 e delta", positive=True)
+    q1, q2 = sympy.symbols("q1 q2", real=True)
+    place = sympy.Matrix([l1 * f(q1) + l2 * f(q1 + q2) for f in (sympy.cos, sympy.sin)])
+    J = place.jacobian([q1, q2]).subs({q1: 0, q2: delta})
+    step = J.adjugate() * sympy.Matrix([e, 0]) / sympy.simplify(J.det())
+    square = sympy.limit(sympy.simplify(step.dot(step) * delta**2), delta, 0)
+    found.formula = sympy.sqrt(sympy.factor(square)) / delta
+    law = sympy.lambdify((l1, l2, e, delta), found.formula)
+
+    def asked(lengths: Any, beside: float, error: float) -> float:
+        J = _jacobian(np.array([0.0, beside]), lengths)
+        return float(np.linalg.norm(np.linalg.pinv(J, rcond=1e-12) @ [-error, 0.0]))
+
+    lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
+    beside = found.given("delta_rad", 1e-6)
+    found.figure("step_rad", asked(lengths, beside, 0.01), 1e-5)
+    found.figure("at_it_rad", asked(lengths, 0.0, 0.01))
+    draws = found.rng.uniform((0.3, 0.3, 0.001, -6), (1.5, 1.5, 0.1, -4), (40, 4))
+    ratios = [asked(d[:2], 10 ** d[3], d[2]) / law(*d[:3], 10 ** d[3]) for d in draws]
+    found.statement = "Two-link Jacobian by algebra; pinv of NumPy at 40 random arms and angles."
+    found.heard(not asked(lengths, 0.0, 0.01) < 1e6)
+    found.corrected(
+        asked(lengths, 0.0, 0.01) == 0, asked(lengths, beside, 0.01) > 1e4,
+        np.allclose(ratios, 1, atol=1e-3),
+    )  # fmt: skip
+
+
+@claim(
+    "Damped least squares, dq = J^T (J J^T + lambda^2 I)^-1 dx, bounds the step.",
+    "Each singular value s of J turns an error into s / (s^2 + lambda^2) of it: never more than "
+    "{formula}, reached at s = lambda and nowhere else. Bounded is not small: with lambda = "
+    "{damping} m/rad an error of a metre may still ask for {step_rad:.0f} rad.",
+    ask=(
+        "What is the largest gain s / (s^2 + lambda^2) over all s?",
+        "gain = 1/(2*lambda)",
+        {
+            "1/lambda": "At s = lambda both terms below are equal, so half of that.",
+            "1/lambda^2": "Check the units: s is a length over an angle, and so is lambda.",
+            "1/(2*lambda^2)": "Check the units: s is a length over an angle, and so is lambda.",
+            "lambda/2": "That is how much of a motion leaks out of a damped null space.",
+        },
+    ),
+    source="Nakamura and Hanafusa (1986); Wampler (1986)",
+)
+def damped_gain(found):
+    import sympy
+
+    s, damping = sympy.symbols("s lambda", positive=True)
+    gain = s / (s**2 + damping**2)
+    (best,) = sympy.solve(sympy.diff(gain, s), s)
+    found.formula = sympy.simplify(gain.subs(s, best))
+    lam = found.given("damping", 0.1)
+    q = found.rng.uniform(-np.pi, np.pi, (2, 4000))
+    q[1, ::2] *= 10 ** found.rng.uniform(-6, 0, 2000)  # half of them near stretched
+    J, gains = _jacobian(q), {}
+    for value in (0.01, lam, 1.0):
+        columns = [_damped(J, np.tile([[a], [b]], 4000), value) for a, b in ((1.0, 0.0), (0, 1.0))]
+        gains[value] = np.linalg.norm(np.moveaxis(columns, 2, 0), 2, axis=(1, 2)) * 2 * value
+    found.figure("step_rad", gains[lam].max() / (2 * lam), 1e-3)
+    values = np.linalg.svd(np.moveaxis(J, 2, 0))[1] / lam
+    law = (2 * values / (values**2 + 1)).max(axis=1)
+    found.statement = "Norm of the damped inverse at 4000 postures, half of them near stretched."
+    found.heard(all(x.max() <= 1 + 1e-9 for x in gains.values()))
+    found.corrected(
+        best == damping, gains[lam].max() > 0.999, np.abs(gains[lam] - law).max() < 1e-9,
+    )  # fmt: skip
+
+
+@claim(
+    "Damping prevents the blow-up near a singularity and changes nothing else.",
+    "Every direction pays: of an error along a singular direction a step leaves the share "
+    "{formula}, all of it where s goes to 0. Far from any singularity lambda = {damping} "
+    "m/rad still leaves {left_percent:.1f} % of a step's error at a median posture.",
+    ask=(
+        "Of an error along the direction of a singular value s, which share does one full damped "
+        "step leave (linearised)?",
+        "share = lambda^2/(s^2 + lambda^2)",
+        {
+            "s^2/(s^2 + lambda^2)": "That is the share it removes.",
+            "s/(s^2 + lambda^2)": "That is the step; J turns it into a motion of the tip.",
+            "lambda/(s + lambda)": "Both are squared.",
+        },
+    ),
+)
+def damping_is_free(found):
+    import sympy
+
+    s, lam = sympy.symbols("s lambda", positive=True)
+    found.formula = sympy.simplify(1 - s * s / (s**2 + lam**2))
+    law = sympy.lambdify((s, lam), found.formula)
+    damping = found.given("damping", 0.1)
+    q = found.rng.uniform(-np.pi, np.pi, (2, 2000))
+    J = _jacobian(q)
+    U, values, _ = np.linalg.svd(np.moveaxis(J, 2, 0))
+
+    def left(i: int, value: float) -> np.ndarray:
+        """Share of an error along singular direction i that a step leaves, for all postures."""
+        moved = np.einsum("ijk,jk->ik", J, _damped(J, U[:, :, i].T, value))
+        return np.linalg.norm(U[:, :, i].T - moved, axis=0)
+
+    off = [np.abs(left(i, v) - law(values[:, i], v)).max() for i in (0, 1) for v in (0.01, 0.1, 1)]
+    found.figure("left_percent", 100 * np.median(left(1, damping)), 1e-3)
+    found.statement = (
+        f"2000 random postures, both directions, three dampings: law to {max(off):.0e}."
+    )
+    found.heard(np.max(left(1, damping)) < 1e-3)
+    found.corrected(max(off) < 1e-9, np.median(left(1, damping)) > 0.01)
+
+
+@claim(
+    "IK fails when the Jacobian loses rank.",
+    "A rank is lost in single postures, and what fails there is a step that divides by s_min. "
+    "Targets exactly on the outer edge, whose only answer is singular, are solved by the closed "
+    "form to rounding; a damped iteration comes within a tenth of a millimetre too, slowly: "
+    "{steps_edge:.0f} steps for {steps_inside:.0f} inside.",
+)
+def rank_loss_is_failure(found):
+    from course.kinematics import planar, tip, two_link_ik
+
+    edge, inside = _around(found.rng, 1.8, 1.8, 500), _around(found.rng, 0.5, 1.5, 500)
+    start = found.rng.uniform(-np.pi, np.pi, (2, 500))
+    answer = two_link_ik(_ARM, edge)
+    closed = np.hypot(*(tip(planar(_ARM), answer.q[:, 0])[:2] - edge))
+    (_, left, slow), (_, _, quick) = (_listing(x, start, 0.03, 3000) for x in (edge, inside))
+    rank = [np.linalg.matrix_rank(_jacobian(q), 1e-6) for q in answer.q[:, 0].T[:50]]
+    found.figure("steps_edge", np.median(slow), 0.05)
+    found.figure("steps_inside", np.median(quick), 0.05)
+    found.statement = f"500 targets; at most {left.max():.1e} m are left on the edge."
+    found.heard(left.max() > 1e-3 or closed.max() > 1e-3)
+    found.corrected(
+        closed.max() < 1e-12, (left < 1e-4).all(), max(rank) == 1,
+        np.median(slow) > 1.5 * np.median(quick),
+    )  # fmt: skip
+
+
+@claim(
+    "Damping gets an arm out of a singular start.",
+    "Not if the target lies along the stretched arm: the error is across every column of J, J^T e "
+    "= 0, and each method that starts from J^T, damped or not, stays where it is: after "
+    "{steps:g} steps the {away_m} m that were left are left. It is a balance on a tip: a bend of "
+    "the elbow grows {growth:.0f}-fold in the first full step here, so bend it by a hair (where "
+    "the arm points elsewhere than along x, rounding may do it).",
+)
+def singular_start(found):
+    import sympy
+
+    away, damping = found.given("away_m", 0.5), 0.1
+    steps = found.given("steps", 100)
+
+    def left(bend: float, error: float, value: float = damping) -> float:
+        return float(_listing([sum(_ARM) - error, 0.0], [0.0, bend], value, steps)[1][0])
+
+    def growth(bend: float, error: float, value: float) -> float:
+        """By how much one full damped step multiplies the bend of the elbow."""
+        target = [sum(_ARM) - error, 0.0]
+        return float(_listing(target, [0.0, bend], value, 1, 1.0)[0][1, 0] / bend)
+
+    # The step to first order in the bend, by algebra.
+    e, value, bend = sympy.symbols("e value bend", positive=True)
+    l1, l2 = (sympy.Rational(str(x)) for x in _ARM)
+    J = sympy.Matrix([[-l2 * bend, -l2 * bend], [l1 + l2, l2]])
+    error = sympy.Matrix([-e, -l2 * bend])
+    step = J.T * (J * J.T + value**2 * sympy.eye(2)).inv() * error
+    law = sympy.lambdify((e, value), 1 + sympy.diff(step[1], bend).subs(bend, 0))
+
+    draws = found.rng.uniform((0.01, 0.03), (1.0, 0.5), (30, 2))
+    found.figure("growth", growth(1e-5, away, damping), 1e-4)
+    stretched = _jacobian(np.zeros(2))
+    still = [stretched.T @ [-away, 0.0], np.linalg.pinv(stretched) @ [-away, 0.0]]
+    bent = found.figure("left_bent_m", left(1e-9, away), 0.5)
+    found.statement = f"Started with the elbow at 0 and at 1e-9 rad, which ends {bent:.0e} m off."
+    found.heard(left(0.0, away) < 1e-3)
+    found.corrected(
+        all(left(0.0, e, value) == abs(sum(_ARM) - (sum(_ARM) - e)) for e, value in draws),
+        all(abs(growth(1e-5, *d) / law(*d) - 1) < 1e-4 for d in draws), bent < 1e-4,
+        not np.any(still),
+    )  # fmt: skip
+
+
+@claim(
+    "The usual first listing of damped least squares (lambda 0.1, half of each step, 100 steps) "
+    "reaches the point (1.2, 0.5) with links of 1 m and 0.8 m.",
+    "From q1 = q2 = {start_rad} rad it does, in {steps:g} steps, and from {share_percent:.1f} % "
+    "of random starts. It stops {left_mm:.3f} mm short, as it ends once less than a tenth of a "
+    "millimetre is left, with the elbow on the side on which it began; the other answer is never "
+    "mentioned.",
+)
+def listing_reaches_its_target(found):
+    from course.kinematics import two_link_ik
+
+    target = np.array([1.2, 0.5])
+    q, left, steps = _listing(target, [found.given("start_rad", 0.5)] * 2)
+    starts = found.rng.uniform(-np.pi, np.pi, (2, 1000))
+    spread, away, _ = _listing(np.tile(target[:, None], 1000), starts)
+    answers = two_link_ik(_ARM, target).q
+    gap = np.angle(np.exp(1j * (spread[:, None] - answers[:, :, None])))
+    found.figure("steps", steps[0])
+    found.figure("left_mm", 1000 * left[0], 1e-4)
+    found.figure("share_percent", 100 * np.mean(away < 1e-4), 2e-3)
+    found.statement = "The listing from its own start and from 1000 random ones."
+    found.heard(left[0] < 1e-4)
+    found.corrected(
+        np.mean(away < 1e-4) > 0.98, left[0] > 1e-6, q[1, 0] > 0,
+        (np.abs(gap[:, :, away < 1e-4]).max(axis=0).min(axis=0) < 1e-2).all(),
+    )  # fmt: skip
+
+
+@claim(
+    "That listing converges even near singularities; if it does not, raise the damping.",
+    "Away from the edges of the annulus it nearly always does. Of targets in the last centimetre "
+    "before the outer edge {outer_percent:.0f} % are reached in its hundred steps, of those in the "
+    "last tenth of a millimetre {edge_percent:.1f} %; with three times the damping "
+    "{more_percent:.1f} % of the first, with a third of it {less_percent:.0f} %. The step along a "
+    "direction shrinks with s / (s^2 + lambda^2), and lambda is what shrinks it. Beyond the "
+    "annulus it returns joint angles like any others, and no word that it failed.",
+)
+def listing_converges(found):
+    def reached(low: float, high: float, damping: float = 0.1, steps: int = 100) -> float:
+        start = found.rng.uniform(-np.pi, np.pi, (2, 1000))
+        return 100 * np.mean(
+            _listing(_around(found.rng, low, high, 1000), start, damping, steps)[1] < 1e-4
+        )
+
+    outer = found.figure("outer_percent", reached(1.79, 1.8), 0.02)
+    edge = found.figure("edge_percent", reached(1.7999, 1.8), 0.5)
+    more = found.figure("more_percent", reached(1.79, 1.8, 0.3), 0.5)
+    less = found.figure("less_percent", reached(1.79, 1.8, 0.1 / 3), 0.02)
+    inside, beyond = reached(0.4, 1.6), reached(1.801, 3.0)
+    found.figure("inside_percent", inside, 0.01)
+    found.statement = f"1000 random targets and starts each; inside {inside:.1f} %."
+    found.heard(edge > 90 and more > outer)
+    found.corrected(inside > 98, edge < 5, more < 5, 80 < outer < less, beyond == 0)
+
+
+@claim(
+    "The condition number of J is its largest times its smallest singular value.",
+    "It is the largest over the smallest: how much larger a joint step the worst direction needs "
+    "than the best. The product is |det J|, the manipulability of a square J. That one shrinks "
+    "with the arm: made ten times smaller in the same posture, its determinant is "
+    "{shrunk:g} times as large, its condition number the same.",
+)
+def condition_is_a_product(found):
+    from course.kinematics import manipulability, singular_values
+
+    q = found.rng.uniform(-np.pi, np.pi, (2, 300))
+    q[1] = np.where(np.abs(np.sin(q[1])) < 0.02, 1.0, q[1])
+    large, small = (_jacobian(q, np.array(_ARM) * scale) for scale in (1.0, 0.1))
+    (top, low), ours = singular_values(large), np.linalg.cond(np.moveaxis(large, 2, 0))
+    ratio = manipulability(small) / manipulability(large)
+    # The joint steps that unit motions of the tip ask for, by direction.
+    around = np.linspace(0, np.pi, 721)
+    units = np.array([np.cos(around), np.sin(around)])
+    inverse = np.linalg.inv(np.moveaxis(large, 2, 0))
+    asked = np.linalg.norm(inverse @ units, axis=1)
+    found.figure("shrunk", np.median(ratio))
+    found.figure("ratio_at_right_angle", np.linalg.cond(_jacobian(np.array([0.0, np.pi / 2]))))
+    found.statement = "300 random postures of two links, and the same arm a tenth as long."
+    found.heard(np.allclose(ours, top * low))
+    found.corrected(
+        np.allclose(ours, top / low), np.allclose(top * low, manipulability(large)),
+        np.allclose(manipulability(large), np.abs(np.linalg.det(np.moveaxis(large, 2, 0)))),
+        np.allclose(asked.max(axis=1) / asked.min(axis=1), ours, rtol=1e-2),
+        np.allclose(ours, np.linalg.cond(np.moveaxis(small, 2, 0))), np.ptp(ratio) < 1e-9,
+    )  # fmt: skip
+
+
+@claim(
+    "cond(J) > 100 means that the arm is near a singularity.",
+    "It says so for one arm in one unit. Links of {l1_m} m and {l2_m} m pass it within "
+    "{beside_deg:.1f} degrees of stretched; a last link {short:g} times shorter than the first is "
+    "above it in every posture, with both joints free to move the tip. With rotation in the task "
+    "the unit decides: of random postures of the 7-R arm {percent_m:.0f} % are above it with rows "
+    "of position in metres, {percent_mm:.0f} % in millimetres. Watch s_min against your own speed "
+    "limits: the joints turn 1 / s_min times as fast as the tip moves.",
+)
+def condition_above_hundred(found):
+    from course.kinematics import condition_number, jacobian, panda
+    from course.measure.stability import limit
+
+    lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
+    short = found.given("short", 120)
+
+    def cond(bend: float, arm: Any = lengths) -> float:
+        return float(np.linalg.cond(_jacobian(np.array([0.0, bend]), arm)))
+
+    beside = limit(lambda bend: cond(np.pi / 2 - bend) < 100, 0.0, np.pi / 2 - 1e-6)
+    stubby = [cond(bend, (1.0, 1.0 / short)) for bend in np.linspace(0.01, np.pi - 0.01, 400)]
+    arm = panda()
+    J = jacobian(arm, found.rng.uniform(arm.lower, arm.upper, (4000, 7)).T)
+    above = {unit: 100 * np.mean(condition_number(J, unit) > 100) for unit in (1.0, 0.001)}
+    found.figure("beside_deg", np.degrees(np.pi / 2 - beside), 1e-3)
+    found.figure("least_of_the_stubby", min(stubby), 1e-3)
+    found.figure("percent_m", above[1.0], 0.02)
+    found.figure("percent_mm", above[0.001], 0.02)
+    found.statement = "Sweeps of the elbow, and 4000 random postures of the 7-R arm."
+    found.heard(min(stubby) < 100 and above[0.001] < 50)
+    found.corrected(min(stubby) > 100, above[1.0] < 20, above[0.001] > 99, cond(0.5) < 100)
+
+
+@claim(
+    "The condition number is a property of the arm's posture.",
+    "Of the posture and of a length. Rows of position in metres beside rows of rotation in radians "
+    "have no common scale: with them in millimetres the same postures of the 7-R arm have "
+    "{factor:.0f} times the number in the median, from {least:.0f} to {most:.0f} times over nine "
+    "of ten. Say by which length the rows were divided; without rotation no length is needed.",
+)
+def condition_needs_a_length(found):
+    from course.kinematics import condition_number, jacobian, panda
+
+    arm = panda()
+    J = jacobian(arm, found.rng.uniform(arm.lower, arm.upper, (4000, 7)).T)
+    factor = condition_number(J, 0.001) / condition_number(J, 1.0)
+    found.figure("factor", np.median(factor), 0.02)
+    found.figure("least", np.percentile(factor, 5), 0.05)
+    found.figure("most", np.percentile(factor, 95), 0.05)
+    position = np.moveaxis(J[:3], 2, 0)
+    found.statement = "4000 random postures; rows of position divided by 1 m and by 1 mm."
+    found.heard(np.allclose(factor, 1))
+    found.corrected(
+        np.median(factor) > 50,
+        np.allclose(np.linalg.cond(position), np.linalg.cond(1e3 * position)),
+    )  # fmt: skip
+
+
+@claim(
+    "Where the Jacobian of Euler angles is singular, the arm is.",
+    "The angles are. Turn the frame that is painted on the hand, and nothing of the arm changes, "
+    "its geometric Jacobian included; but {near_deg:g} degree from a pitch of +-{lock_deg:g} the "
+    "Jacobian to yaw, pitch and roll has {factor:.0f} times the condition number, in the median "
+    "of random postures of the 7-R arm.",
+)
+def euler_jacobian_locks(found):
+    from dataclasses import replace
+
+    from course.kinematics import analytic_jacobian, condition_number, jacobian, panda, tip
+    from course.rigid_body import quaternion
+
+    arm = panda()
+    near, lock = found.given("near_deg", 1), found.given("lock_deg", 90)
+
+    def painted(q: np.ndarray, pitch: float) -> tuple[float, float]:
+        """Conditions (geometric, analytic) with the hand's frame turned to a pitch [deg]."""
+        wanted = quaternion.from_euler_zyx(0.3, np.radians(pitch), 0.4)
+        turn = quaternion.product(quaternion.conjugate(tip(arm, q)[3:]), wanted)
+        tool = np.concatenate([arm.tool[:3], quaternion.product(arm.tool[3:], turn)])
+        other = replace(arm, tool=tool)
+        return tuple(
+            float(condition_number(J(other, q), 1.0)) for J in (jacobian, analytic_jacobian)
+        )
+
+    draws = found.rng.uniform(arm.lower, arm.upper, (60, 7))
+    flat, locked = (np.array([painted(q, x) for q in draws]) for x in (0, lock - near))
+    found.figure("factor", np.median(locked[:, 1] / locked[:, 0]), 1e-3)
+    found.figure("factor_at_pitch_0", np.median(flat[:, 1] / flat[:, 0]), 1e-3)
+    found.statement = "60 random postures, each with the hand's frame turned two ways."
+    found.heard(np.allclose(locked[:, 1], locked[:, 0], rtol=1))
+    found.corrected(
+        np.allclose(flat[:, 0], locked[:, 0]), (locked[:, 1] > 5 * locked[:, 0]).mean() > 0.9,
+        np.median(flat[:, 1] / flat[:, 0]) < 2,
+    )  # fmt: skip

@@ -1,0 +1,360 @@
+"""Claims on where an arm can be: products of transforms, two links, how many answers there are."""
+
+from typing import Any
+
+import numpy as np
+
+from course.derivations import Ask, Symbol, claim
+
+SYMBOLS = {
+    "l1": Symbol("length of the first link [m]"),
+    "l2": Symbol("length of the second link [m]"),
+    "q1": Symbol("angle of the first link from the x axis [rad]", -3.0, 3.0),
+    "q2": Symbol("angle of the second link from the first [rad]", -3.0, 3.0),
+}
+
+
+def _lengths(rng: np.random.Generator, count: int) -> np.ndarray:
+    """Random pairs of link lengths [m], one row each."""
+    return rng.uniform(0.2, 1.5, (count, 2))
+
+
+def _tip(lengths: Any, q: Any) -> np.ndarray:
+    """Where the course puts the tip of a planar arm, (2,) or (2, N) [m]."""
+    from course.kinematics import planar, tip
+
+    return tip(planar(lengths), q)[:2]
+
+
+def _jacobian(lengths: Any, q: Any) -> np.ndarray:
+    """The two rows of position of the course's Jacobian of a planar arm."""
+    from course.kinematics import jacobian, planar
+
+    return jacobian(planar(lengths), q)[:2]
+
+
+def _ring(rng: np.random.Generator, lengths: Any, count: int, low: float = 0, high: float = 1):
+    """Points between two shares of the width of the annulus of two links, (2, count) [m]."""
+    near, far = abs(lengths[0] - lengths[1]), sum(lengths)
+    r = near + (far - near) * rng.uniform(low, high, count)
+    angle = rng.uniform(-np.pi, np.pi, count)
+    return r * np.array([np.cos(angle), np.sin(angle)])
+
+
+@claim(
+    "Forward kinematics is a chain of matrix multiplications.",
+    "It is a product of one transform a joint, from the base outwards, and only of those on the "
+    "way to the tip. The order is part of it: multiplied the other way round, the tip of a random "
+    "arm of {joints:g} joints lies {reversed_m:.1f} m away in the median. Matrices are one way to "
+    "write it: the course multiplies quaternions and agrees to rounding.",
+    source="Denavit and Hartenberg, A kinematic notation for lower-pair mechanisms (1955)",
+)
+def fk_is_a_product(found):
+    from course.kinematics import random_chain, tip
+    from course.rigid_body import quaternion
+
+    def matrix(pose: np.ndarray) -> np.ndarray:
+        result = np.eye(4)
+        result[:3, :3], result[:3, 3] = quaternion.to_matrix(pose[3:]), pose[:3]
+        return result
+
+    def product(arm: Any, q: np.ndarray, backwards: bool) -> np.ndarray:
+        factors = []
+        for i in arm.path():
+            turn = np.array([0, 0, 0, np.cos(q[i] / 2), 0, 0, np.sin(q[i] / 2)])
+            slide = np.array([0, 0, q[i], 1, 0, 0, 0])
+            factors.append(matrix(arm.placement[:, i]) @ matrix(slide if arm.slides[i] else turn))
+        factors.append(matrix(arm.tool))
+        return np.linalg.multi_dot(factors[::-1] if backwards else factors)[:3, 3]
+
+    joints, apart, off = found.given("joints", 7), [], []
+    for k in range(60):
+        arm = random_chain(joints, found.rng, tree=k % 2 == 1)
+        q = found.rng.uniform(-3, 3, joints)
+        there = tip(arm, q)[:3]
+        off.append(np.abs(product(arm, q, False) - there).max())
+        apart.append(np.linalg.norm(product(arm, q, True) - there))
+    found.figure("reversed_m", np.median(apart), 1e-3)
+    found.statement = "60 random chains and trees with both kinds of joints, as 4 x 4 matrices."
+    found.heard(max(off) < 1e-12)
+    found.corrected(min(apart[::2]) > 1e-3, max(off) < 1e-12)
+
+
+@claim(
+    "The tip of two links is at x = l1 cos q1 + l2 cos(q1 + q2), y = l1 sin q1 + l2 sin(q1 + q2).",
+    "So it is with q2 from the first link. With both angles from the x axis, as motors that sit in "
+    "the base measure them, the sum goes: taken for one another they put the tip of links of "
+    "{l1_m} m and {l2_m} m up to {worst_m:.2f} m off.",
+)
+def two_link_position(found):
+    lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
+
+    def off(lengths: Any, q: np.ndarray, absolute: bool = False) -> float:
+        """Distance between the quoted formula and the course's arm [m]."""
+        (l1, l2), (a, b) = lengths, q
+        quoted = [l1 * f(a) + l2 * f(a + b) for f in (np.cos, np.sin)]
+        joints = np.array([a, b - a]) if absolute else q
+        return float(np.linalg.norm(_tip(lengths, joints) - quoted))
+
+    draws = found.rng.uniform(-np.pi, np.pi, (40, 2))
+    arms = _lengths(found.rng, 40)
+    grid = [off(lengths, np.array([a, 0.3]), absolute=True) for a in np.linspace(-3.1, 3.1, 63)]
+    found.figure("worst_m", max(grid), 1e-3)
+    found.statement = "40 random arms and postures, against the product of transforms."
+    found.heard(
+        all(off(arm, q) < 1e-12 for arm, q in zip(arms, draws, strict=True)) and max(grid) < 1e-12,
+        only_if="q2 is measured from the first link",
+        inside=[off(arm, q) < 1e-12 for arm, q in zip(arms, draws, strict=True)],
+        outside=[off(arm, q, True) < 1e-12 for arm, q in zip(arms, draws, strict=True)],
+    )
+    found.corrected(max(grid) > lengths[1], max(grid) <= 2 * lengths[1] + 1e-12)
+
+
+@claim(
+    "The Jacobian of two links is [[-l1 s1 - l2 s12, -l2 s12], [l1 c1 + l2 c12, l2 c12]].",
+    "Yes, for q2 from the first link and the position alone; the rows of rotation, (1, 1) about z, "
+    "are left out. Its determinant is {formula}, which q1 does not enter: turning the whole arm "
+    "brings it no nearer to a singularity.",
+    ask=(
+        "What is the determinant of that matrix, as a product?",
+        "det, d = l1*l2*sin(q2)",
+        {
+            "l1*l2*sin(q1 + q2)": "The direction of the whole arm cannot matter; set q1 = 0.",
+            "l1*l2*cos(q2)": "Stretched, q2 = 0, the tip cannot move along the arm.",
+            "l1*l2*sin(q1)": "Turning the whole arm changes nothing.",
+            "(l1 + l2)*l2*sin(q2)": "The l2^2 terms cancel.",
+        },
+    ),
+)
+def two_link_jacobian(found):
+    import sympy
+
+    l1, l2 = sympy.symbols("l1 l2", positive=True)
+    q1, q2 = sympy.symbols("q1 q2", real=True)
+    place = sympy.Matrix([l1 * f(q1) + l2 * f(q1 + q2) for f in (sympy.cos, sympy.sin)])
+    s12, c12 = sympy.sin(q1 + q2), sympy.cos(q1 + q2)
+    quoted = sympy.Matrix(
+        [[-l1 * sympy.sin(q1) - l2 * s12, -l2 * s12], [l1 * sympy.cos(q1) + l2 * c12, l2 * c12]]
+    )
+    derived = place.jacobian([q1, q2])
+    found.formula = sympy.simplify(derived.det())
+    arms, draws = _lengths(found.rng, 50), found.rng.uniform(-np.pi, np.pi, (50, 2))
+    numeric = sympy.lambdify((l1, l2, q1, q2), quoted)
+    off = [
+        np.abs(numeric(*a, *q) - _jacobian(a, q)).max() for a, q in zip(arms, draws, strict=True)
+    ]
+    found.figure("det_at_right_angle", np.linalg.det(_jacobian((1.0, 0.8), [0.3, np.pi / 2])))
+    found.statement = (
+        "The formulas of the tip differentiated by algebra, and 50 random arms and postures of "
+        "the course's geometric Jacobian."
+    )
+    found.heard(sympy.simplify(derived - quoted) == sympy.zeros(2) and max(off) < 1e-12)
+    found.corrected(
+        sympy.diff(found.formula, q1) == 0,
+        all(
+            abs(np.linalg.det(_jacobian(a, q)) - a[0] * a[1] * np.sin(q[1])) < 1e-12
+            for a, q in zip(arms, draws, strict=True)
+        ),
+    )
+
+
+@claim(
+    "An arm is singular when it is stretched or folded.",
+    "For two links yes, and there only: l1 l2 sin q2 = 0. An arm with more joints has other "
+    "singular postures in the middle of its workspace: the 7-R arm with q2 = q5 = 0 and q3 = "
+    "+-{q3_deg:g} degrees, whatever its elbow does, has rank {rank_bent:g} of 6, its hand at "
+    "{reach_percent:.0f} % of its reach.",
+    source="Siciliano, Sciavicco, Villani and Oriolo, Robotics (2009), sec. 3.3",
+)
+def singular_stretched_or_folded(found):
+    from course.kinematics import jacobian, panda, singular_values, tip
+
+    arm = panda()
+    half = np.radians(found.given("q3_deg", 90))
+
+    def rank(J: np.ndarray) -> int:
+        s = singular_values(J)
+        return int(np.sum(s > 1e-9 * s[0]))
+
+    def shoulder() -> np.ndarray:
+        q = found.rng.uniform(arm.lower, arm.upper)
+        q[1], q[2], q[4] = 0.0, half * found.rng.choice([-1, 1]), 0.0
+        return q
+
+    bent = [shoulder() for _ in range(30)]
+    usual = [found.rng.uniform(arm.lower, arm.upper) for _ in range(30)]
+    shown = np.array([0.0, 0.0, half, -1.8, 0.0, 1.5, 0.0])
+    reach = np.linalg.norm(tip(arm, shown)[:3] - [0, 0, arm.placement[2, 0]]) / arm.reach
+    found.figure("rank_bent", rank(jacobian(arm, shown)))
+    found.figure("reach_percent", 100 * reach, 1e-3)
+    arms, ends = _lengths(found.rng, 20), np.array([0.0, np.pi, -np.pi])
+    turns = found.rng.uniform(-3, 3, (20, 2))
+    straight = [
+        rank(_jacobian(a, [q[0], end])) == 1 for a, q in zip(arms, turns, strict=True)
+        for end in ends
+    ]  # fmt: skip
+    found.statement = "Singular values of 20 random two-link arms and 60 postures of the 7-R arm."
+    found.heard(
+        all(rank(jacobian(arm, q)) == 6 for q in bent),
+        only_if="it has two links in a plane (or its joints are such that nothing else lines up)",
+        inside=[rank(_jacobian(a, q)) == 2 for a, q in zip(arms, turns, strict=True)] + straight,
+        outside=[rank(jacobian(arm, q)) == 6 for q in bent],
+        cases=True,
+    )
+    found.corrected(
+        all(rank(jacobian(arm, q)) == 5 for q in bent),
+        all(rank(jacobian(arm, q)) == 6 for q in usual), 0.3 < reach < 0.9,
+    )  # fmt: skip
+
+
+@claim(
+    "The tip of two links reaches the annulus |l1 - l2| <= r <= l1 + l2.",
+    "It does if both joints turn all the way round. An elbow that stops at +-beta leaves a hole of "
+    "radius sqrt(l1^2 + l2^2 + 2 l1 l2 cos(beta)): {hole_m:.2f} m instead of {free_m:.2f} m for "
+    "{l1_m} m, {l2_m} m and {beta_rad} rad.",
+    ask=Ask(
+        "The elbow stops at +-beta. What is the radius of the hole around the base?",
+        "r = sqrt(l1^2 + l2^2 + 2*l1*l2*cos(beta))",
+        {
+            "l1 - l2": "That is an elbow that folds up entirely.",
+            "sqrt(l1^2 + l2^2 - 2*l1*l2*cos(beta))": "beta is measured from the stretched arm, "
+            "not between the links: at beta = 0 the radius is l1 + l2.",
+            "l1 + l2*cos(beta)": "That is the distance along the first link only.",
+        },
+        symbols={"beta": Symbol("largest |q2| [rad]", 0.1, 3.0)},
+    ),
+)
+def reachable_annulus(found):
+    import sympy
+
+    from course.kinematics import two_link_ik
+
+    def right(lengths: Any, beta: float, points: np.ndarray) -> bool:
+        """Whether the annulus says of every point whether the arm gets there."""
+        answer = two_link_ik(lengths, points)
+        off = np.linalg.norm(
+            [_tip(lengths, answer.q[:, k]) - points for k in (0, 1)], axis=1
+        )  # branch, point
+        gets = ((off < 1e-6) & (np.abs(answer.q[1]) <= beta)).any(axis=0)
+        r = np.hypot(*points)
+        inside = (r >= abs(lengths[0] - lengths[1])) & (r <= sum(lengths))
+        return bool((gets == inside).all())
+
+    def hole(lengths: Any, beta: float) -> float:
+        """Least distance of the tip from the base, from a sweep of the elbow [m]."""
+        bend = np.linspace(-beta, beta, 2001)
+        return float(np.hypot(*_tip(lengths, np.array([0 * bend, bend]))).min())
+
+    l1, l2 = sympy.symbols("l1 l2", positive=True)
+    beta = sympy.Symbol("beta", positive=True)
+    folded = sympy.Matrix([l1 + l2 * sympy.cos(beta), l2 * sympy.sin(beta)])
+    found.formula = sympy.sqrt(sympy.trigsimp(sympy.expand(folded.dot(folded))))
+    law = sympy.lambdify((l1, l2, beta), found.formula)
+    lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
+    stop = found.given("beta_rad", 2.5)
+    found.figure("hole_m", hole(lengths, stop))
+    found.figure("free_m", hole(lengths, np.pi))
+    found.statement = "Closed form and product of transforms at 200 points for each of 24 arms."
+    arms = _lengths(found.rng, 24)
+    clouds = [found.rng.uniform(-1, 1, (2, 200)) * 1.2 * a.sum() for a in arms]
+    stops = found.rng.uniform(0.5, 2.8, 24)
+    found.heard(
+        all(right(a, b, p) for a, b, p in zip(arms, stops, clouds, strict=True)),
+        only_if="no joint stops on the way round",
+        inside=[right(a, np.pi, p) for a, p in zip(arms, clouds, strict=True)],
+        outside=[right(a, b, p) for a, b, p in zip(arms, stops, clouds, strict=True)],
+    )
+    found.corrected(
+        all(abs(hole(a, b) - law(*a, b)) < 1e-9 for a, b in zip(arms, stops, strict=True)),
+        hole(lengths, stop) > 1.5 * hole(lengths, np.pi),
+    )
+
+
+@claim(
+    "Inverse kinematics has many solutions, or none.",
+    "With as many joints as the task has numbers there are finitely many: two links reach a point "
+    "inside the annulus in {inside:g} ways, on its edge in {edge:g}, beyond in {beyond:g}, and "
+    "three links a point with a heading in up to {heading:g}; a 6-R arm has at most sixteen. A "
+    "continuum needs a joint more than the task, or a point such as the base of equal links, which "
+    "they reach folded in any direction.",
+    source="Raghavan and Roth, Inverse kinematics of the general 6R manipulator (1993)",
+)
+def number_of_solutions(found):
+    from course.kinematics import jacobian, null_space, planar, two_link_ik
+
+    def ways(lengths: Any, target: np.ndarray) -> int:
+        """Different postures of the closed form whose tip is at the target."""
+        q = two_link_ik(lengths, target).q
+        there = [np.linalg.norm(_tip(lengths, q[:, k]) - target) < 1e-9 for k in (0, 1)]
+        apart = np.abs(np.exp(1j * q[:, 0]) - np.exp(1j * q[:, 1])).max() > 1e-6
+        return sum(there) if apart else int(there[0])
+
+    def free(links: int) -> float:
+        """Dimension of the answers around a random posture that places the tip."""
+        arm, q = planar(found.rng.uniform(0.3, 1, links)), found.rng.uniform(-3, 3, links)
+        return float(np.trace(null_space(jacobian(arm, q)[:2])))
+
+    def heading_ways(lengths: np.ndarray, q: np.ndarray) -> int:
+        """Three links with a heading: two links to the wrist."""
+        heading = np.array([np.cos(q.sum()), np.sin(q.sum())])
+        return ways(lengths[:2], _tip(lengths, q) - lengths[2] * heading)
+
+    arms = _lengths(found.rng, 40)
+    inner, edge, outer = (
+        [ways(a, _ring(found.rng, a, 1, *band)[:, 0]) for a in arms]
+        for band in ((0.02, 0.98), (1, 1), (1.01, 2))
+    )
+    thirds = found.rng.uniform(0.2, 1.0, (40, 3))
+    headed = [heading_ways(a, found.rng.uniform(-3, 3, 3)) for a in thirds]
+    found.figure("inside", np.median(inner))
+    found.figure("edge", np.median(edge))
+    found.figure("beyond", np.median(outer))
+    found.figure("heading", max(headed))
+    found.figure("free_3_links", round(free(3), 9))
+    found.statement = (
+        "40 random arms each, answers put through the product of transforms; the number for 6-R "
+        "is the source's."
+    )
+    folded = _tip((1.0, 1.0), np.array([found.rng.uniform(-3, 3, 9), np.full(9, np.pi)]))
+    found.heard(all(count != 2 for count in inner))
+    found.corrected(
+        np.abs(folded).max() < 1e-12,
+        set(inner) == {2}, set(edge) == {1}, set(outer) == {0}, max(headed) == 2,
+        all(abs(free(links) - (links - 2)) < 1e-9 for links in (2, 3, 4, 7)),
+    )  # fmt: skip
+
+
+@claim(
+    "A planner gives points of the tip, and IK turns each of them into joint angles.",
+    "That asks for the way between the points, too. Of straight lines between points that links "
+    "of {l1_m} m and {l2_m} m reach, {hole_percent:.0f} % cross the hole around the base, and of "
+    "the others one in ten asks for {rate:.0f} rad a metre or more somewhere. A straight line of "
+    "joint angles stays reachable as long as the joints may turn: planners of arms plan there.",
+)
+def tip_plans_need_joints(found):
+    from course.kinematics import singular_values, two_link_ik
+
+    lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
+    t = np.linspace(0, 1, 201)
+    a, b = (_ring(found.rng, lengths, 1000)[:, :, None] for _ in (0, 1))
+    lines = a * (1 - t) + b * t
+    answer = two_link_ik(lengths, lines.reshape(2, -1))
+    reached = answer.reached.reshape(lines.shape[1:]).all(axis=1)
+    stays = np.hypot(*lines).min(axis=1) > lengths[0] - lengths[1]
+    with np.errstate(divide="ignore"):
+        rates = 1 / singular_values(_jacobian(lengths, answer.q[:, 0]))[-1]
+    worst = rates.reshape(lines.shape[1:]).max(axis=1)[stays]
+    found.figure("hole_percent", 100 * (1 - stays.mean()), 1e-3)
+    found.figure("rate", np.percentile(worst, 90), 1e-3)
+    turned = np.hypot(*_tip(lengths, found.rng.uniform(-np.pi, np.pi, (2, 4000))))
+    found.statement = "1000 lines between random points of the annulus, 201 points on each."
+    found.heard(
+        reached.all(),
+        only_if="the straight way between them stays in the annulus",
+        inside=reached[stays],
+        outside=reached[~stays],
+    )
+    found.corrected(
+        0.05 < 1 - stays.mean() < 0.5, np.percentile(worst, 90) > 4,
+        (turned > lengths[0] - lengths[1] - 1e-9).all(), (turned < sum(lengths) + 1e-9).all(),
+    )  # fmt: skip
