@@ -1,5 +1,6 @@
 """How a tip moves: Jacobians by differences, a step in the null space, damping near the edge."""
 
+import functools
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -32,7 +33,7 @@ def placed(chain: Chain, q: Any, library: Any = np) -> Any:
         q: joint angles, (n,): real, complex, or a tensor of PyTorch.
         library: whose `cos`, `sin` and `stack` fit q.
     """
-    point = chain.table[-1, PLACE:QUAT]
+    point: Any = chain.table[-1, PLACE:QUAT]
     for i in reversed(range(chain.n)):
         c, s = library.cos(q[i]), library.sin(q[i])
         turned = (c * point[0] - s * point[1], s * point[0] + c * point[1], point[2])
@@ -109,7 +110,7 @@ def jacobian_precision(
     for name, (method, theory) in methods.items():
         errors = [error(method(f, q, h)) for h in steps]
         h = steps[int(np.argmin(errors))]
-        best[name] = min(errors), lambda method=method, h=h: method(f, q, h)
+        best[name] = min(errors), functools.partial(method, f, q, h)
         left.series.append(
             Series(name, steps, errors, name, theory=theory,
                    note=f"{name:<14} best step {h:.0e} rad, error {min(errors):.1e}")
@@ -253,10 +254,11 @@ def damping_map(
     left = Panel(
         f"A tip at {SPEED:g} m/s, joints of {RATE:g} rad/s", "elbow from stretched [rad]",
         "damping lambda [m/rad]", scale="log", grid=grid, legend="upper right",
-        ylim=(damping[0], damping[-1]), lines=[("y", peak, "1 / (2 lambda) = limit")],
+        ylim=(damping[0], damping[-1]),
     )  # fmt: skip
     left.series = [
-        Series("theory: s / (s^2 + lambda^2) = limit", bend, needed, "theory on a map", "--")
+        Series("theory: s / (s^2 + lambda^2) = limit", bend, needed, "theory on a map", "--"),
+        Series("1 / (2 lambda) = limit", bend, 0 * bend + peak, "theory on a map", ":"),
     ]
     safe = damping[(grid.values <= 1).all(axis=1)].min()
     left.notes = [

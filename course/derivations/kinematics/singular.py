@@ -140,7 +140,9 @@ def damped_gain(found):
     J, gains = _jacobian(q), {}
     for value in (0.01, lam, 1.0):
         columns = [_damped(J, np.tile([[a], [b]], 4000), value) for a, b in ((1.0, 0.0), (0, 1.0))]
-        gains[value] = np.linalg.norm(np.moveaxis(columns, 2, 0), 2, axis=(1, 2)) * 2 * value
+        gains[value] = (
+            np.linalg.norm(np.moveaxis(np.array(columns), 2, 0), 2, axis=(1, 2)) * 2 * value
+        )
     found.figure("step_rad", gains[lam].max() / (2 * lam), 1e-3)
     values = np.linalg.svd(np.moveaxis(J, 2, 0))[1] / lam
     law = (2 * values / (values**2 + 1)).max(axis=1)
@@ -429,9 +431,8 @@ def euler_jacobian_locks(found):
         turn = quaternion.product(quaternion.conjugate(tip(arm, q)[3:]), wanted)
         tool = np.concatenate([arm.tool[:3], quaternion.product(arm.tool[3:], turn)])
         other = replace(arm, tool=tool)
-        return tuple(
-            float(condition_number(J(other, q), 1.0)) for J in (jacobian, analytic_jacobian)
-        )
+        geometric, analytic = jacobian(other, q), analytic_jacobian(other, q)
+        return float(condition_number(geometric, 1.0)), float(condition_number(analytic, 1.0))
 
     draws = found.rng.uniform(arm.lower, arm.upper, (60, 7))
     flat, locked = (np.array([painted(q, x) for q in draws]) for x in (0, lock - near))

@@ -285,9 +285,9 @@ def number_of_solutions(found):
     def ways(lengths: Any, target: np.ndarray) -> int:
         """Different postures of the closed form whose tip is at the target."""
         q = two_link_ik(lengths, target).q
-        there = [np.linalg.norm(_tip(lengths, q[:, k]) - target) < 1e-9 for k in (0, 1)]
+        there = [bool(np.linalg.norm(_tip(lengths, q[:, k]) - target) < 1e-9) for k in (0, 1)]
         apart = np.abs(np.exp(1j * q[:, 0]) - np.exp(1j * q[:, 1])).max() > 1e-6
-        return sum(there) if apart else int(there[0])
+        return there.count(True) if apart else int(there[0])
 
     def free(links: int) -> float:
         """Dimension of the answers around a random posture that places the tip."""
