@@ -193,7 +193,8 @@ def _table(chain: Chain) -> Array:
     outer = chain.centre[:, None] * chain.centre[None]
     table[:n, TEN + 4 : ARMATURE] = (chain.inertia + chain.mass * (square - outer))[rows, columns].T
     table[:n, ARMATURE], table[:n, DAMPING] = chain.armature, chain.damping
-    table[:n, LOWER], table[:n, UPPER] = chain.lower, chain.upper
+    # No limit is the largest number: a table of finite ones can be the parameters of a system.
+    table[:n, LOWER], table[:n, UPPER] = np.nan_to_num(chain.lower), np.nan_to_num(chain.upper)
     return table
 
 

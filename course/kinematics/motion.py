@@ -228,11 +228,14 @@ def batch(chain: Chain, **states: Any) -> tuple[bool, list[Array]]:
     """
     n, found, first = chain.n, [], None
     for name, value in states.items():
-        array = vector(name, value, (n,), (n, None))
-        if first is not None and array.shape != first:
-            raise refused(f"{name}.shape", array.shape, f"that of {next(iter(states))}, {first}")
-        first = array.shape
-        found.append(np.ascontiguousarray(array.reshape(n, -1)))
+        # A loop that asks one posture at a time pays for each check, so the usual case is short.
+        good = type(value) is np.ndarray and value.dtype == np.float64 and value.shape == (n,)
+        if not (good and np.isfinite(value).all()):
+            value = vector(name, value, (n,), (n, None))
+        if first is not None and value.shape != first:
+            raise refused(f"{name}.shape", value.shape, f"that of {next(iter(states))}, {first}")
+        first = value.shape
+        found.append(np.ascontiguousarray(value).reshape(n, -1))
     return first is not None and len(first) == 1, found
 
 

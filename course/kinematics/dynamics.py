@@ -1,0 +1,611 @@
+"""Torques and motion of an arm: M(q) a + bias(q, v) = tau + J^T wrench, in three recursions.
+
+The bias holds Coriolis and centrifugal terms, gravity and the joints' damping; M holds the motors'
+armature. `inverse_dynamics` is the recursive Newton-Euler algorithm (Luh, Walker and Paul, 1980),
+`mass_matrix` the composite rigid body algorithm and `forward_dynamics` the articulated body
+algorithm (Featherstone, Rigid Body Dynamics Algorithms, 2008, ch. 5-7). All work in the links' own
+frames, where a joint's axis is z, so that no axis is ever multiplied with.
+
+`acceleration(q, v, params)` makes an arm one more system of chapter 1: every integrator and every
+chart of that chapter takes it. None of them is symplectic in angles and rates, whose kinetic energy
+depends on q.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import Any
+
+import numpy as np
+from numba.extending import register_jitable
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import vector
+from course.compiled import MATRIX, compiled
+from course.kinematics.chain import (
+    ARMATURE,
+    DAMPING,
+    PARENT,
+    PLACE,
+    SLIDES,
+    TEN,
+    TURN,
+    WIDTH,
+    Chain,
+)
+from course.kinematics.motion import CUBE, ROW, ROWS, batch, cross3, frames, place, turned
+from course.rigid_body.quaternion import rotate
+from course.rigid_body.spatial import DOWNWARDS
+
+Array = NDArray[np.float64]
+
+# --- compiled: the parts of a step from link to link ----------------------------------------------
+
+
+@register_jitable
+def _link(table, q, k, E):
+    """Rotation (9 numbers) and offset (3) of each link in its parent's frame, into E (n, 12)."""
+    for i in range(E.shape[0]):
+        row = table[i]
+        if row[SLIDES] != 0.0:
+            for r in range(3):
+                for c in range(3):
+                    E[i, 3 * r + c] = row[TURN + 3 * r + c]
+                E[i, 9 + r] = row[PLACE + r] + row[TURN + 3 * r + 2] * q[i, k]
+        else:
+            cosine, sine = np.cos(q[i, k]), np.sin(q[i, k])
+            for r in range(3):
+                x, y = row[TURN + 3 * r], row[TURN + 3 * r + 1]
+                E[i, 3 * r] = cosine * x + sine * y
+                E[i, 3 * r + 1] = cosine * y - sine * x
+                E[i, 3 * r + 2] = row[TURN + 3 * r + 2]
+                E[i, 9 + r] = row[PLACE + r]
+
+
+@register_jitable
+def _inwards(E, i, v):
+    """A triple from the frame of the parent into that of link i."""
+    return (
+        E[i, 0] * v[0] + E[i, 3] * v[1] + E[i, 6] * v[2],
+        E[i, 1] * v[0] + E[i, 4] * v[1] + E[i, 7] * v[2],
+        E[i, 2] * v[0] + E[i, 5] * v[1] + E[i, 8] * v[2],
+    )
+
+
+@register_jitable
+def _outwards(E, i, v):
+    """A triple from the frame of link i into that of its parent."""
+    return (
+        E[i, 0] * v[0] + E[i, 1] * v[1] + E[i, 2] * v[2],
+        E[i, 3] * v[0] + E[i, 4] * v[1] + E[i, 5] * v[2],
+        E[i, 6] * v[0] + E[i, 7] * v[1] + E[i, 8] * v[2],
+    )
+
+
+@register_jitable
+def _add(a, b):
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@register_jitable
+def _three(array, i, c):
+    return array[i, c], array[i, c + 1], array[i, c + 2]
+
+
+@register_jitable
+def _symmetric(row, c, v):
+    """A symmetric matrix, six numbers from column c on, times a triple."""
+    return (
+        row[c] * v[0] + row[c + 1] * v[1] + row[c + 2] * v[2],
+        row[c + 1] * v[0] + row[c + 3] * v[1] + row[c + 4] * v[2],
+        row[c + 2] * v[0] + row[c + 4] * v[1] + row[c + 5] * v[2],
+    )
+
+
+@register_jitable
+def _pull(table, q, k, pose, wrench):
+    """The wrench at the tip as force and moment on the last link, in its frame, at its origin."""
+    last = table.shape[0] - 2
+    place(table, q, k, pose)
+    w, x, y, z = pose[last, 3], -pose[last, 4], -pose[last, 5], -pose[last, 6]
+    force = wrench[0, k], wrench[1, k], wrench[2, k]
+    arm = (
+        pose[last + 1, 0] - pose[last, 0],
+        pose[last + 1, 1] - pose[last, 1],
+        pose[last + 1, 2] - pose[last, 2],
+    )
+    moment = _add((wrench[3, k], wrench[4, k], wrench[5, k]), cross3(arm, force))
+    return turned(w, x, y, z, force), turned(w, x, y, z, moment)
+
+
+# --- compiled: the three algorithms ---------------------------------------------------------------
+
+
+def _rnea(table, q, v, a, wrench, gravity):
+    """Torques (n, N) of motions; `wrench` is (6, N), or (6, 0) for none."""
+    n, count = q.shape
+    tau, E = np.empty((n, count)), np.empty((n, 12))
+    move, load = np.empty((n, 9)), np.empty((n, 6))  # spin, its rate, acceleration; force, moment
+    pose = np.empty((n + 1, 7))
+    for k in range(count):
+        _link(table, q, k, E)
+        for i in range(n):
+            row = table[i]
+            parent, shift = int(row[PARENT]), _three(E, i, 9)
+            # The base accelerates upwards instead of every link being pulled down.
+            w, alpha = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+            acc = (-gravity[0], -gravity[1], -gravity[2])
+            if parent >= 0:
+                w, alpha, acc = (
+                    _three(move, parent, 0),
+                    _three(move, parent, 3),
+                    _three(move, parent, 6),
+                )
+                acc = _add(acc, _add(cross3(alpha, shift), cross3(w, cross3(w, shift))))
+            w, alpha, acc = _inwards(E, i, w), _inwards(E, i, alpha), _inwards(E, i, acc)
+            if row[SLIDES] != 0.0:
+                fast = 2.0 * v[i, k]
+                acc = acc[0] + fast * w[1], acc[1] - fast * w[0], acc[2] + a[i, k]
+            else:
+                alpha = alpha[0] + w[1] * v[i, k], alpha[1] - w[0] * v[i, k], alpha[2] + a[i, k]
+                w = w[0], w[1], w[2] + v[i, k]
+            move[i, 0], move[i, 1], move[i, 2] = w
+            move[i, 3], move[i, 4], move[i, 5] = alpha
+            move[i, 6], move[i, 7], move[i, 8] = acc
+            m, h = row[TEN], (row[TEN + 1], row[TEN + 2], row[TEN + 3])
+            force = _add(cross3(alpha, h), cross3(w, cross3(w, h)))
+            load[i, 0] = force[0] + m * acc[0]
+            load[i, 1] = force[1] + m * acc[1]
+            load[i, 2] = force[2] + m * acc[2]
+            turning = cross3(w, _symmetric(row, TEN + 4, w))
+            turning = _add(turning, _add(_symmetric(row, TEN + 4, alpha), cross3(h, acc)))
+            load[i, 3], load[i, 4], load[i, 5] = turning
+        if wrench.shape[1] > 0:
+            force, moment = _pull(table, q, k, pose, wrench)
+            for c in range(3):
+                load[n - 1, c] -= force[c]
+                load[n - 1, 3 + c] -= moment[c]
+        for back in range(n):
+            i = n - 1 - back
+            row = table[i]
+            felt = load[i, 2] if row[SLIDES] != 0.0 else load[i, 5]
+            tau[i, k] = felt + row[ARMATURE] * a[i, k] + row[DAMPING] * v[i, k]
+            parent = int(row[PARENT])
+            if parent >= 0:
+                force = _outwards(E, i, _three(load, i, 0))
+                moment = _add(_outwards(E, i, _three(load, i, 3)), cross3(_three(E, i, 9), force))
+                for c in range(3):
+                    load[parent, c] += force[c]
+                    load[parent, 3 + c] += moment[c]
+    return tau
+
+
+def _crba(table, q):
+    """Mass matrices (n, n, N)."""
+    n, count = q.shape
+    M, E, body = np.zeros((n, n, count)), np.empty((n, 12)), np.empty((n, 10))
+    for k in range(count):
+        _link(table, q, k, E)
+        for i in range(n):
+            for c in range(10):
+                body[i, c] = table[i, TEN + c]
+        for back in range(n):
+            i = n - 1 - back
+            m, h = body[i, 0], _three(body, i, 1)
+            if table[i, SLIDES] != 0.0:
+                force, moment = (0.0, 0.0, m), (h[1], -h[0], 0.0)
+                M[i, i, k] = m + table[i, ARMATURE]
+            else:
+                force, moment = (-h[1], h[0], 0.0), (body[i, 6], body[i, 8], body[i, 9])
+                M[i, i, k] = body[i, 9] + table[i, ARMATURE]
+            # What a unit acceleration of joint i asks of the joints before it.
+            j, parent = i, int(table[i, PARENT])
+            while parent >= 0:
+                force = _outwards(E, j, force)
+                moment = _add(_outwards(E, j, moment), cross3(_three(E, j, 9), force))
+                felt = force[2] if table[parent, SLIDES] != 0.0 else moment[2]
+                M[i, parent, k] = felt
+                M[parent, i, k] = felt
+                j, parent = parent, int(table[parent, PARENT])
+            parent = int(table[i, PARENT])
+            if parent >= 0:
+                _merge(body, E, i, parent)
+    return M
+
+
+@register_jitable
+def _merge(body, E, i, parent):
+    """Add the rigid body i, seen from its parent's frame, to that of the parent."""
+    p, m = _three(E, i, 9), body[i, 0]
+    h = _outwards(E, i, _three(body, i, 1))
+    # E I E^T: the columns of I outwards, then the rows of what comes out.
+    x = _outwards(E, i, (body[i, 4], body[i, 5], body[i, 6]))
+    y = _outwards(E, i, (body[i, 5], body[i, 7], body[i, 8]))
+    z = _outwards(E, i, (body[i, 6], body[i, 8], body[i, 9]))
+    first = _outwards(E, i, (x[0], y[0], z[0]))
+    second = _outwards(E, i, (x[1], y[1], z[1]))
+    third = _outwards(E, i, (x[2], y[2], z[2]))
+    # Steiner between two points neither of which is the centre of mass.
+    square = 2.0 * (p[0] * h[0] + p[1] * h[1] + p[2] * h[2])
+    square += m * (p[0] * p[0] + p[1] * p[1] + p[2] * p[2])
+    body[parent, 0] += m
+    for c in range(3):
+        body[parent, 1 + c] += h[c] + m * p[c]
+    body[parent, 4] += first[0] + square - 2.0 * p[0] * h[0] - m * p[0] * p[0]
+    body[parent, 5] += first[1] - p[0] * h[1] - h[0] * p[1] - m * p[0] * p[1]
+    body[parent, 6] += first[2] - p[0] * h[2] - h[0] * p[2] - m * p[0] * p[2]
+    body[parent, 7] += second[1] + square - 2.0 * p[1] * h[1] - m * p[1] * p[1]
+    body[parent, 8] += second[2] - p[1] * h[2] - h[1] * p[2] - m * p[1] * p[2]
+    body[parent, 9] += third[2] + square - 2.0 * p[2] * h[2] - m * p[2] * p[2]
+
+
+@register_jitable
+def _times(X, i, b, v):
+    """Block b of articulated inertia i times a triple."""
+    return (
+        X[i, b, 0, 0] * v[0] + X[i, b, 0, 1] * v[1] + X[i, b, 0, 2] * v[2],
+        X[i, b, 1, 0] * v[0] + X[i, b, 1, 1] * v[1] + X[i, b, 1, 2] * v[2],
+        X[i, b, 2, 0] * v[0] + X[i, b, 2, 1] * v[1] + X[i, b, 2, 2] * v[2],
+    )
+
+
+@register_jitable
+def _transposed_times(X, i, b, v):
+    return (
+        X[i, b, 0, 0] * v[0] + X[i, b, 1, 0] * v[1] + X[i, b, 2, 0] * v[2],
+        X[i, b, 0, 1] * v[0] + X[i, b, 1, 1] * v[1] + X[i, b, 2, 1] * v[2],
+        X[i, b, 0, 2] * v[0] + X[i, b, 1, 2] * v[1] + X[i, b, 2, 2] * v[2],
+    )
+
+
+@register_jitable
+def _articulate(X, E, i, parent, Y):
+    """Add the articulated inertia i, seen from its parent's frame, to that of the parent.
+
+    The blocks are I, H, M with moment = I alpha + H acc and force = H^T alpha + M acc; Y is room
+    for three of them.
+    """
+    for b in range(3):
+        for c in range(3):
+            column = _outwards(E, i, (X[i, b, 0, c], X[i, b, 1, c], X[i, b, 2, c]))
+            Y[b, 0, c], Y[b, 1, c], Y[b, 2, c] = column
+        for r in range(3):
+            Y[b, r, 0], Y[b, r, 1], Y[b, r, 2] = _outwards(
+                E, i, (Y[b, r, 0], Y[b, r, 1], Y[b, r, 2])
+            )
+    p = _three(E, i, 9)
+    # H [p], with the row r of H: row x p. Then H + [p] M, and I - H [p] + [p] (H + [p] M)^T.
+    for r in range(3):
+        row = cross3((Y[1, r, 0], Y[1, r, 1], Y[1, r, 2]), p)
+        for c in range(3):
+            Y[0, r, c] -= row[c]
+    for c in range(3):
+        column = cross3(p, (Y[2, 0, c], Y[2, 1, c], Y[2, 2, c]))
+        for r in range(3):
+            Y[1, r, c] += column[r]
+    for c in range(3):
+        column = cross3(p, (Y[1, c, 0], Y[1, c, 1], Y[1, c, 2]))
+        for r in range(3):
+            Y[0, r, c] += column[r]
+    for b in range(3):
+        for r in range(3):
+            for c in range(3):
+                X[parent, b, r, c] += Y[b, r, c]
+
+
+@register_jitable
+def _aba(table, q, v, tau, wrench, gravity):
+    """Accelerations (n, N); `tau` is (n, N) or (n, 1), `wrench` (6, N), or (6, 0) for none."""
+    n, count = q.shape
+    result, E, pose = np.empty((n, count)), np.empty((n, 12)), np.empty((n + 1, 7))
+    X, Y = np.empty((n, 3, 3, 3)), np.empty((3, 3, 3))
+    move = np.empty((n, 6))  # spin and velocity, later their rates
+    extra, load = np.empty((n, 6)), np.empty((n, 6))  # accelerations by speed; moment and force
+    U, D, u = np.empty((n, 6)), np.empty(n), np.empty(n)
+    for k in range(count):
+        _link(table, q, k, E)
+        for i in range(n):
+            row, rate = table[i], v[i, k]
+            parent = int(row[PARENT])
+            w, s = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+            if parent >= 0:
+                w = _three(move, parent, 0)
+                s = _inwards(E, i, _add(_three(move, parent, 3), cross3(w, _three(E, i, 9))))
+                w = _inwards(E, i, w)
+            if row[SLIDES] != 0.0:
+                s = s[0], s[1], s[2] + rate
+                extra[i, 0], extra[i, 1], extra[i, 2] = 0.0, 0.0, 0.0
+                extra[i, 3], extra[i, 4], extra[i, 5] = rate * w[1], -rate * w[0], 0.0
+            else:
+                w = w[0], w[1], w[2] + rate
+                extra[i, 0], extra[i, 1], extra[i, 2] = rate * w[1], -rate * w[0], 0.0
+                extra[i, 3], extra[i, 4], extra[i, 5] = rate * s[1], -rate * s[0], 0.0
+            move[i, 0], move[i, 1], move[i, 2] = w
+            move[i, 3], move[i, 4], move[i, 5] = s
+            m, h = row[TEN], (row[TEN + 1], row[TEN + 2], row[TEN + 3])
+            swing = cross3(w, h)
+            momentum = m * s[0] + swing[0], m * s[1] + swing[1], m * s[2] + swing[2]
+            spin = _add(_symmetric(row, TEN + 4, w), cross3(h, s))
+            load[i, 0], load[i, 1], load[i, 2] = _add(cross3(w, spin), cross3(s, momentum))
+            load[i, 3], load[i, 4], load[i, 5] = cross3(w, momentum)
+            J = TEN + 4
+            X[i, 0, 0, 0], X[i, 0, 0, 1], X[i, 0, 0, 2] = row[J], row[J + 1], row[J + 2]
+            X[i, 0, 1, 0], X[i, 0, 1, 1], X[i, 0, 1, 2] = row[J + 1], row[J + 3], row[J + 4]
+            X[i, 0, 2, 0], X[i, 0, 2, 1], X[i, 0, 2, 2] = row[J + 2], row[J + 4], row[J + 5]
+            X[i, 1, 0, 0], X[i, 1, 0, 1], X[i, 1, 0, 2] = 0.0, -h[2], h[1]
+            X[i, 1, 1, 0], X[i, 1, 1, 1], X[i, 1, 1, 2] = h[2], 0.0, -h[0]
+            X[i, 1, 2, 0], X[i, 1, 2, 1], X[i, 1, 2, 2] = -h[1], h[0], 0.0
+            for r in range(3):
+                for c in range(3):
+                    X[i, 2, r, c] = m if r == c else 0.0
+        if wrench.shape[1] > 0:
+            force, moment = _pull(table, q, k, pose, wrench)
+            for c in range(3):
+                load[n - 1, c] -= moment[c]
+                load[n - 1, 3 + c] -= force[c]
+        for back in range(n):
+            i = n - 1 - back
+            row, parent = table[i], int(table[i, PARENT])
+            slides = row[SLIDES] != 0.0
+            for c in range(3):
+                U[i, c] = X[i, 1, c, 2] if slides else X[i, 0, c, 2]
+                U[i, 3 + c] = X[i, 2, c, 2] if slides else X[i, 1, 2, c]
+            felt = 5 if slides else 2
+            D[i] = U[i, felt] + row[ARMATURE]
+            push = tau[i, k if tau.shape[1] > 1 else 0]
+            u[i] = push - row[DAMPING] * v[i, k] - load[i, felt]
+            if parent < 0:
+                continue
+            for r in range(3):
+                for c in range(3):
+                    X[i, 0, r, c] -= U[i, r] * U[i, c] / D[i]
+                    X[i, 1, r, c] -= U[i, r] * U[i, 3 + c] / D[i]
+                    X[i, 2, r, c] -= U[i, 3 + r] * U[i, 3 + c] / D[i]
+            turning, moving = _three(extra, i, 0), _three(extra, i, 3)
+            moment = _add(_times(X, i, 0, turning), _times(X, i, 1, moving))
+            force = _add(_transposed_times(X, i, 1, turning), _times(X, i, 2, moving))
+            held = u[i] / D[i]
+            for c in range(6):
+                load[i, c] += U[i, c] * held
+            moment = _add(moment, _three(load, i, 0))
+            force = _add(force, _three(load, i, 3))
+            force = _outwards(E, i, force)
+            moment = _add(_outwards(E, i, moment), cross3(_three(E, i, 9), force))
+            for c in range(3):
+                load[parent, c] += moment[c]
+                load[parent, 3 + c] += force[c]
+            _articulate(X, E, i, parent, Y)
+        for i in range(n):
+            parent = int(table[i, PARENT])
+            alpha, acc = (0.0, 0.0, 0.0), (-gravity[0], -gravity[1], -gravity[2])
+            if parent >= 0:
+                alpha = _three(move, parent, 0)
+                acc = _add(_three(move, parent, 3), cross3(alpha, _three(E, i, 9)))
+            alpha = _add(_inwards(E, i, alpha), _three(extra, i, 0))
+            acc = _add(_inwards(E, i, acc), _three(extra, i, 3))
+            rate = u[i]
+            for c in range(3):
+                rate -= U[i, c] * alpha[c] + U[i, 3 + c] * acc[c]
+            rate /= D[i]
+            result[i, k] = rate
+            slides = table[i, SLIDES] != 0.0
+            move[i, 0], move[i, 1] = alpha[0], alpha[1]
+            move[i, 3], move[i, 4] = acc[0], acc[1]
+            move[i, 2] = alpha[2] if slides else alpha[2] + rate
+            move[i, 5] = acc[2] + rate if slides else acc[2]
+    return result
+
+
+def _forward(table, q, v, tau, wrench, gravity):
+    return _aba(table, q, v, tau, wrench, gravity)
+
+
+def acceleration(q, v, params):
+    """Joint accelerations, for the integrators of chapter 1.
+
+    Args:
+        q, v: joint positions and rates, shape (n,) or (n, N).
+        params: what `pack` returns.
+
+    Returns:
+        Shape of v [rad/s^2 or m/s^2].
+    """
+    n = q.shape[0]
+    table = params[3 + n :].reshape(n + 1, WIDTH)
+    tau = params[3 : 3 + n].reshape(n, 1)
+    count = q.size // n
+    found = _aba(table, q.reshape(n, count), v.reshape(n, count), tau, np.empty((6, 0)), params[:3])
+    return found.reshape(q.shape)
+
+
+@functools.cache
+def kernels() -> tuple[Any, Any, Any]:
+    """The compiled functions: inverse dynamics, mass matrix, forward dynamics."""
+    return (
+        compiled(_rnea, MATRIX(ROWS, ROWS, ROWS, ROWS, ROWS, ROW)),
+        compiled(_crba, CUBE(ROWS, ROWS)),
+        compiled(_forward, MATRIX(ROWS, ROWS, ROWS, ROWS, ROWS, ROW)),
+    )
+
+
+# --- the doors ------------------------------------------------------------------------------------
+
+_NONE = np.empty((6, 0))
+
+
+def _outside(wrench: ArrayLike | None, gravity: ArrayLike, count: int) -> tuple[Array, Array]:
+    down = np.ascontiguousarray(vector("gravity", gravity, (3,), unit="m/s^2"))
+    if wrench is None:
+        return _NONE, down
+    array = vector("wrench", wrench, (6,), (6, count))
+    return np.ascontiguousarray(np.broadcast_to(array.reshape(6, -1), (6, count))), down
+
+
+def inverse_dynamics(
+    chain: Chain,
+    q: ArrayLike,
+    v: ArrayLike,
+    a: ArrayLike,
+    wrench: ArrayLike | None = None,
+    *,
+    gravity: ArrayLike = DOWNWARDS,
+) -> Array:
+    """The torques that a motion needs: M a + bias - J^T wrench (recursive Newton-Euler).
+
+    Args:
+        chain: the arm.
+        q, v, a: joint positions, rates and accelerations, shape (n,) or (n, N).
+        wrench: what pulls at the tip, force over torque in world axes, shape (6,) or (6, N)
+            [N, N m].
+        gravity: in the world, shape (3,) [m/s^2].
+
+    Returns:
+        Shape of q [N m, or N for a slide].
+
+    Raises:
+        ValueError: for shapes that disagree or numbers that are not finite.
+    """
+    single, (q, v, a) = batch(chain, q=q, v=v, a=a)
+    tau = kernels()[0](chain.table, q, v, a, *_outside(wrench, gravity, q.shape[1]))
+    return tau[:, 0] if single else tau
+
+
+def bias(
+    chain: Chain,
+    q: ArrayLike,
+    v: ArrayLike,
+    wrench: ArrayLike | None = None,
+    *,
+    gravity: ArrayLike = DOWNWARDS,
+) -> Array:
+    """The torques of that motion without acceleration; gravity alone where v is 0 too."""
+    return inverse_dynamics(chain, q, v, np.zeros(np.shape(q)), wrench, gravity=gravity)
+
+
+def mass_matrix(chain: Chain, q: ArrayLike) -> Array:
+    """M(q), armature included, shape (n, n) or (n, n, N) (composite rigid bodies)."""
+    single, (q,) = batch(chain, q=q)
+    M = kernels()[1](chain.table, q)
+    return M[:, :, 0] if single else M
+
+
+def forward_dynamics(
+    chain: Chain,
+    q: ArrayLike,
+    v: ArrayLike,
+    tau: ArrayLike,
+    wrench: ArrayLike | None = None,
+    *,
+    gravity: ArrayLike = DOWNWARDS,
+) -> Array:
+    """The accelerations that torques cause (articulated bodies); as for `inverse_dynamics`."""
+    single, (q, v, tau) = batch(chain, q=q, v=v, tau=tau)
+    a = kernels()[2](chain.table, q, v, tau, *_outside(wrench, gravity, q.shape[1]))
+    return a[:, 0] if single else a
+
+
+def pack(chain: Chain, tau: ArrayLike = 0.0, gravity: ArrayLike = DOWNWARDS) -> Array:
+    """What `acceleration` reads: gravity (3), constant torques (n) and the chain's table.
+
+    Args:
+        chain: the arm.
+        tau: constant torques, a number or shape (n,) [N m or N].
+        gravity: in the world, shape (3,) [m/s^2].
+    """
+    torques = np.broadcast_to(vector("tau", tau, (), (chain.n,)), (chain.n,))
+    down = vector("gravity", gravity, (3,), unit="m/s^2")
+    return np.concatenate([down, torques, chain.table.ravel()])
+
+
+def energy(
+    chain: Chain, q: ArrayLike, v: ArrayLike, *, gravity: ArrayLike = DOWNWARDS
+) -> tuple[Any, Any, Any]:
+    """Kinetic energy, potential energy (zero at the world's origin) and their sum [J].
+
+    Returns:
+        Three numbers, or three arrays (N,).
+    """
+    single, (q, v) = batch(chain, q=q, v=v)
+    down = vector("gravity", gravity, (3,), unit="m/s^2")
+    pose = frames(chain, q).reshape(7, -1)
+    centre = np.repeat(chain.centre, q.shape[1], axis=1)
+    place = (pose[:3] + rotate(pose[3:], centre)).reshape(3, chain.n, -1)
+    potential = -np.einsum("i,ijk,j->k", down, place, chain.mass)
+    kinetic = 0.5 * np.einsum("ik,ijk,jk->k", v, mass_matrix(chain, q), v)
+    total = kinetic + potential
+    return (kinetic[0], potential[0], total[0]) if single else (kinetic, potential, total)
+
+
+def inertial_parameters(chain: Chain) -> Array:
+    """The ten numbers of each link one after the other, shape (10 n,).
+
+    Mass, first moment (x, y, z) and second moment (xx, xy, xz, yy, yz, zz) about the joint's
+    origin, in the joint's frame [kg, kg m, kg m^2].
+    """
+    return chain.table[:-1, TEN:ARMATURE].ravel()
+
+
+def regressor(
+    chain: Chain, q: ArrayLike, v: ArrayLike, a: ArrayLike, *, gravity: ArrayLike = DOWNWARDS
+) -> Array:
+    """Y with torque = Y @ inertial_parameters(chain) + armature a + damping v.
+
+    Newton-Euler is linear in the ten numbers, so the column of one of them is the torque of a chain
+    that has a 1 there and zeros elsewhere.
+
+    Args:
+        chain: the arm; its inertias do not enter.
+        q, v, a: joint positions, rates and accelerations, shape (n,) or (n, N).
+        gravity: in the world, shape (3,) [m/s^2].
+
+    Returns:
+        Shape (n, 10 n) or (n, 10 n, N).
+    """
+    single, (q, v, a) = batch(chain, q=q, v=v, a=a)
+    outside = _outside(None, gravity, q.shape[1])
+    bare = chain.table.copy()
+    bare[:, TEN : DAMPING + 1] = 0.0
+    Y = np.empty((chain.n, 10 * chain.n, q.shape[1]))
+    for i in range(chain.n):
+        for c in range(10):
+            bare[i, TEN + c] = 1.0
+            Y[:, 10 * i + c] = kernels()[0](bare, q, v, a, *outside)
+            bare[i, TEN + c] = 0.0
+    return Y[:, :, 0] if single else Y
+
+
+def linearise(
+    chain: Chain,
+    q: ArrayLike,
+    v: ArrayLike,
+    tau: ArrayLike,
+    *,
+    gravity: ArrayLike = DOWNWARDS,
+    step: float = 6e-6,
+) -> tuple[Array, Array]:
+    """A and B of the small motion about a state: d/dt (dq, dv) = A (dq, dv) + B dtau.
+
+    Central differences of `forward_dynamics`, all in one batch. The default step, the cube root of
+    the rounding unit, leaves about 1e-10 of the largest entry.
+
+    Args:
+        chain: the arm.
+        q, v, tau: the state and the torques, shape (n,).
+        gravity: in the world, shape (3,) [m/s^2].
+        step: of the differences [rad, m, rad/s, ..., N m].
+
+    Returns:
+        A, shape (2 n, 2 n), and B, shape (2 n, n).
+    """
+    n = chain.n
+    point = np.concatenate([vector(s, x, (n,)) for s, x in (("q", q), ("v", v), ("tau", tau))])
+    moves = step * np.eye(3 * n)
+    ahead, behind = point[:, None] + moves, point[:, None] - moves
+    both = np.concatenate([ahead, behind], axis=1)
+    a = forward_dynamics(chain, both[:n], both[n : 2 * n], both[2 * n :], gravity=gravity)
+    # The difference as it was rounded, not as it was meant.
+    slope = (a[:, : 3 * n] - a[:, 3 * n :]) / np.diag(ahead - behind)
+    A, B = np.zeros((2 * n, 2 * n)), np.zeros((2 * n, n))
+    A[:n, n:] = np.eye(n)
+    A[n:], B[n:] = slope[:, : 2 * n], slope[:, 2 * n :]
+    return A, B
