@@ -151,5 +151,5 @@ def picture(measured: WorkPrecision, path: str | Path) -> Path:
 
     from course.measure.figure import draw, write_picture
 
-    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
+    figure = Figure(layout="constrained")
     return write_picture(draw(measured.panels(), figure=figure), path)

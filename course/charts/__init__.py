@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from course.check import one_of, refused
-from course.measure.figure import Panel, document, draw, json_text, text, write, write_picture
+from course.measure.data import document, from_json, json_text, panels_of
+from course.measure.figure import Panel, draw, text, write, write_picture
+from course.measure.work_precision import WorkPrecision
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "charts"
 
@@ -49,15 +51,37 @@ def make(name: str) -> str:
     """Measure a chart in full, write picture, data and text, and return the text."""
     panels = build(name)
     if any(panel.drawn for panel in panels):
-        import matplotlib.pyplot as plt
-
-        figure = draw(panels, **_known(name)[1])
-        write_picture(figure, FOLDER / f"{name}.png")
-        plt.close(figure)
+        _write_picture(name, panels)
         write(FOLDER / f"{name}.json", json_text(document(panels)))
     found = text(panels)
     write(FOLDER / f"{name}.txt", found + "\n")
     return found
+
+
+def stored(name: str) -> list[Panel]:
+    """The panels of a chart as they were measured last, from its data; without their notes.
+
+    Raises:
+        ValueError: for a chart that has no data.
+    """
+    path = FOLDER / f"{name}.json"
+    if not path.is_file():
+        drawn = sorted(p.stem for p in FOLDER.glob("*.json"))
+        raise refused("name", name, f"{', '.join(drawn) or 'none'} (`make charts` builds them)")
+    data = from_json(path.read_text(encoding="utf-8"))
+    return WorkPrecision.from_json(path).panels() if "curves" in data else panels_of(data)
+
+
+def redraw(name: str) -> None:
+    """Draw the picture of a chart anew from its data; nothing is measured."""
+    _write_picture(name, stored(name))
+
+
+def _write_picture(name: str, panels: list[Panel]) -> None:
+    from matplotlib.figure import Figure
+
+    figure = draw(panels, figure=Figure(layout="constrained"), **_known(name)[1])
+    write_picture(figure, FOLDER / f"{name}.png")
 
 
 def _known(name: str) -> tuple[Experiment, dict[str, Any]]:

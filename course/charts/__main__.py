@@ -5,20 +5,25 @@ import time
 
 import click
 
-from course.charts import CHARTS, FOLDER, load, make
+from course.charts import CHARTS, FOLDER, load, make, redraw
 
 load()
 
 
 @click.command()
 @click.argument("names", nargs=-1, type=click.Choice(sorted(CHARTS)))
-def main(names: tuple[str, ...]) -> None:
+@click.option("--redraw", "only", is_flag=True, help="Draw from the data; measure nothing.")
+def main(names: tuple[str, ...], only: bool) -> None:
     """Rebuild the named charts, or all of them."""
     import matplotlib
 
     matplotlib.use("Agg")
     os.environ.setdefault("COURSE_QUIET", "1")
-    for name in names or CHARTS:
+    drawn = [name for name in CHARTS if (FOLDER / f"{name}.json").is_file()]
+    for name in names or (drawn if only else CHARTS):
+        if only:
+            redraw(name)
+            continue
         start = time.perf_counter()
         text = make(name)
         click.echo(f"== {name} ({time.perf_counter() - start:.0f} s)\n{text}\n")

@@ -1,17 +1,23 @@
 """Charts as data: an experiment gives panels of series, and one door draws, writes and says them.
 
 A `Series` is what one method gave, a `Panel` what belongs on one pair of axes. From the panels come
-the picture (`draw`), the data file (`document`) and the text of key figures (`text`). A method has
-one colour and one marker in the whole course: the row of its key in `KEYS`.
+the picture (`draw`), the text of key figures (`text`) and the data file (`course.measure.data`). A
+method has one colour and one marker in the whole course: the row of its key in `KEYS`.
+
+What an author need not care for: a picture is as wide as a page shows it, so that no letter is
+smaller than 8 px there; every curve, line and region has its name at its end, in its colour, where
+no other name and no curve is (`course.measure.labels`). What an author says: which curves matter.
+A panel shows six; the others are `Series(..., extra=True)`, are named under the picture and in the
+text, and are switched on by `draw(panels, also=[...])`, in a notebook by a control
+(`course.simulations.tradeoff`). Keep a label short: it is broken after 24 letters.
 """
 
 from __future__ import annotations
 
-import json
 import math
 import os
-import re
 import tempfile
+import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from course.check import one_of, refused
+from course.measure.labels import FILLED, HOLLOW, SMALL, STROKES, Words, arrange
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -100,6 +107,13 @@ KEYS: dict[str, tuple[str, str]] = {
     "chosen": ("black", "o"),
 }
 
+SIX = 6  # curves of a panel, before others are switched on
+# A page shows a picture this wide: a notebook on a screen of 1280 px between both side bars, and a
+# README. At that size the smallest capitals of a picture have 8 px.
+SHOWN = 840  # px
+WIDTH = 8.4  # inches of every picture
+TICKS, NORMAL, LARGE = 8.5, 9.0, 10.0  # points
+REACH = 0.5  # decimal logarithm of the values at both ends of a map's colours
 SCALES = ("linear", "log", "log x", "log y")
 
 
@@ -117,7 +131,7 @@ class Series:
     """What one method gave.
 
     Attributes:
-        label: in the legend; empty for none.
+        label: its name, at its end; empty for none.
         x, y: the points, shapes (n,); an infinite y is a triangle at the upper edge, a NaN is not
             drawn. For bars x holds the lengths and y their names.
         key: row of `KEYS`; empty for the next colour that nobody on the panel has.
@@ -130,6 +144,7 @@ class Series:
         width, size: of the line and the markers [points]; size 0 for the usual.
         tags: a word beside each point.
         failed: how many runs failed: crosses at the upper edge, where a cost is infinite.
+        extra: not among the six curves that a panel shows before others are switched on.
     """
 
     label: str
@@ -148,12 +163,18 @@ class Series:
     tags: Sequence[str] = ()
     across: bool = False
     failed: int = 0
+    extra: bool = False
 
     def __post_init__(self) -> None:
         if self.key and self.key not in KEYS:
             raise refused("key", self.key, f"one of {', '.join(KEYS)}")
         if len(self.x) != len(self.y):
             raise refused("len(y)", len(self.y), f"that of x, {len(self.x)}")
+
+    @property
+    def counts(self) -> bool:
+        """Whether it is a curve of its own, not a theory, a mark or the rest of one."""
+        return bool(self.label) and self.key not in ("theory", "theory on a map", "chosen")
 
     @property
     def expected(self) -> Array:
@@ -172,12 +193,12 @@ class Panel:
         series: drawn in order.
         scale: one of `SCALES`.
         lines: straight lines across, ("x" or "y", value, words).
-        spans: grey regions, ("x" or "y", low, high, words for the legend).
+        spans: grey regions, ("x" or "y", low, high, words).
         grid: a quantity over x and y, drawn as a map with its measured boundary.
         ticks: the labelled values of x; for bars () leaves the names out.
         xlim, ylim: limits of the axes, either end None for matplotlib's.
-        legend: matplotlib's place for it, "outside", or "" for none.
-        theory: words for theory's line in the legend.
+        legend: whether curves and lines have names; those of maps and bars stand above the axes.
+        theory: name of theory's lines.
         notes: lines of the chart's text, before those of the series.
         footer: small print under the figure.
         data: what the data file holds in place of the series.
@@ -194,7 +215,7 @@ class Panel:
     ticks: Sequence[float] | None = None
     xlim: tuple[float | None, float | None] = (None, None)
     ylim: tuple[float | None, float | None] = (None, None)
-    legend: str = "best"
+    legend: bool = True
     theory: str = "theory"
     notes: list[str] = field(default_factory=list)
     footer: str = ""
@@ -223,13 +244,34 @@ class Panel:
         """Whether there is something to draw."""
         return bool(self.series) or self.grid is not None
 
+    def shown(self, also: Sequence[str] = ()) -> list[Series]:
+        """The series that are drawn: six curves, and what is no curve of its own.
+
+        Args:
+            also: labels of those that are switched on as well.
+        """
+        first = [series for series in self.series if series.counts and not series.extra][:SIX]
+        return [s for s in self.series if not s.counts or s.label in also or s in first]
+
+    @property
+    def others(self) -> list[str]:
+        """Labels of the curves that are measured, and drawn only when they are switched on."""
+        shown = self.shown()
+        return [series.label for series in self.series if series not in shown]
+
 
 def text(panels: Sequence[Panel]) -> str:
     """The key figures: the notes of every panel and of its series, in order."""
     lines: list[str] = []
     for panel in panels:
         lines += panel.notes + [series.note for series in panel.series if series.note]
-    return "\n".join(lines)
+    return "\n".join([*lines, *_switched_off(panels)])
+
+
+def _switched_off(panels: Sequence[Panel], also: Sequence[str] = ()) -> list[str]:
+    """A line that names the curves that are measured but not drawn, or none."""
+    names = dict.fromkeys(name for panel in panels for name in panel.others if name not in also)
+    return [f"measured, not drawn: {'; '.join(names)}"] if names else []
 
 
 # --- drawing --------------------------------------------------------------------------------------
@@ -240,110 +282,199 @@ def draw(
     *,
     title: str = "",
     columns: int = 0,
-    size: tuple[float, float] | None = None,
+    height: float = 0.0,
     share_y: bool = False,
+    also: Sequence[str] = (),
     figure: Figure | None = None,
 ) -> Figure:
-    """Draw the panels side by side.
+    """Draw the panels, two in a row; those of a last row that is not full are wider.
 
     Args:
         panels: what to draw; those of text alone are left out.
         title: over all of them.
-        columns: panels in a row; 0 for all in one.
-        size: width and height [inches]; None for what suits the number of panels.
+        columns: panels in a row; 0 for one or two.
+        height: of a row [inches]; 0 for what suits the number of columns.
         share_y: one y axis for a row.
+        also: labels of the curves that are switched on, see `Panel.shown`.
         figure: an empty figure to draw on; None for a new one of pyplot's.
     """
+    import matplotlib as mpl
+
     shown = [panel for panel in panels if panel.drawn]
-    across = columns or len(shown)
+    across = columns or min(2, len(shown))
     rows = math.ceil(len(shown) / across)
     if figure is None:
         import matplotlib.pyplot as plt
 
-        width = {1: 8.0, 2: 12.0}.get(across, 4.4 * across)
-        figure = plt.figure(figsize=size or (width, 4.8 * rows), layout="constrained")
-    axes = figure.subplots(rows, across, squeeze=False, sharey=share_y)
-    for i, (ax, panel) in enumerate(zip(axes.flat, shown, strict=False)):
-        _draw_panel(ax, panel)
-        if share_y and i % across:
-            ax.set_ylabel("")
-        if rows > 1 and i + across < len(shown):
-            ax.set_xlabel("")
-    maps = [
-        (ax, panel.grid.label)
-        for ax, panel in zip(axes.flat, shown, strict=False)
-        if panel.grid is not None
-    ]
-    if maps:
-        owners = [ax for ax, _ in maps]
-        bar = figure.colorbar(owners[0].collections[0], ax=owners, extend="both", shrink=0.85)
-        bar.set_label(maps[0][1], fontsize="small")
-    if title:
-        figure.suptitle(title)
-    footers = [panel.footer for panel in shown if panel.footer]
-    if footers:
-        # Not a plain text: with the constrained layout this one gets its own space.
-        figure.supxlabel(footers[0], x=0.01, ha="left", fontsize=6, color="0.4")
+        figure = plt.figure(layout="constrained")
+    figure.set_size_inches(WIDTH, rows * (height or (3.6 if across > 1 else 4.2)))
+    with mpl.rc_context(
+        {"font.size": NORMAL, "axes.titlesize": LARGE, "figure.titlesize": LARGE,
+         "xtick.labelsize": TICKS, "ytick.labelsize": TICKS}
+    ):  # fmt: skip
+        last = len(shown) - across * (rows - 1)
+        cells = figure.add_gridspec(rows, across * last)
+        axes: list[Axes] = []
+        for i in range(len(shown)):
+            row, k = divmod(i, across)
+            wide = across if row == rows - 1 else last
+            first = axes[row * across] if share_y and k else None
+            place = cells[row, k * wide : (k + 1) * wide]
+            axes.append(figure.add_subplot(place, sharey=first))
+            axes[-1].tick_params(labelleft=first is None)
+        every = [_draw_panel(*pair, also, across) for pair in zip(axes, shown, strict=True)]
+        for i, ax in enumerate(axes):
+            if share_y and i % across:
+                ax.set_ylabel("")
+            if i + across < len(shown) and last == across and shown[i].x == shown[i + across].x:
+                ax.set_xlabel("")
+        maps = [(ax, p.grid.label) for ax, p in zip(axes, shown, strict=True) if p.grid]
+        if maps:
+            owners = [ax for ax, _ in maps]
+            bar = figure.colorbar(owners[0].collections[0], ax=owners, extend="both", shrink=0.85)
+            bar.set_label(maps[0][1], fontsize=SMALL)
+        if title:
+            figure.suptitle(textwrap.fill(title, 96))
+        footers = [panel.footer for panel in shown if panel.footer][:1]
+        footers += _switched_off(shown, also)
+        if footers:
+            # Not a plain text: with the constrained layout this one gets its own space.
+            small = "\n".join(textwrap.fill(line, 120) for line in footers)
+            figure.supxlabel(small, x=0.01, ha="left", fontsize=SMALL, color="0.4")
+        arrange(figure, every)
     return figure
 
 
-def _draw_panel(ax: Axes, panel: Panel) -> None:
-    if panel.scale in ("log", "log x"):
+def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Words:
+    log_x = panel.scale in ("log", "log x")
+    if log_x:
         ax.set_xscale("log")
     if panel.scale in ("log", "log y"):
         ax.set_yscale("log")
     if panel.grid is not None:
         _draw_grid(ax, panel.grid)
-    for axis, low, high, words in panel.spans:
-        (ax.axvspan if axis == "x" else ax.axhspan)(low, high, color="0.91", zorder=0, label=words)
+    words = Words(ax)
+    looks, shown = _looks(panel), panel.shown(also)
+    crosses: list[str] = []
+    names: set[str] = set()
+    for series in shown:
+        colour, marker = looks[id(series)]
+        crosses += [colour] * series.failed
+        if series.style == "bar":
+            _draw_bars(ax, series, colour, 0.4 if names & {*series.y} else 0.75)
+            names |= {*series.y}
+        else:
+            _draw_series(ax, series, colour, marker, log_x)
+            _add_notes(words, series)
+    if names:
+        ax.invert_yaxis()
+        ax.tick_params(axis="y", labelleft=panel.ticks is None)
+    # A failure costs infinitely much, so it has no place on a finite axis: the top edge.
+    for k, colour in enumerate(crosses):
+        share = 0.5 if len(crosses) == 1 else 0.03 + 0.94 * k / (len(crosses) - 1)
+        ax.plot([share], [1.0], marker="x", markersize=5, color=colour, transform=ax.transAxes,
+                clip_on=False)  # fmt: skip
+    if panel.ticks and not names:
+        ax.set_xticks(panel.ticks, [f"{value:g}" for value in panel.ticks])
+        ax.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
+    if panel.xlim != (None, None):
+        ax.set_xlim(*panel.xlim)
+    if panel.ylim != (None, None):
+        ax.set_ylim(*panel.ylim)
+    if log_x and not panel.ticks:
+        _few_labels(ax)
+    _draw_marks(ax, panel, words)
+    if panel.grid is None:
+        ax.grid(True, which="major", alpha=0.3, axis="x" if names else "both")
+    boxed = panel.grid is not None or bool(names)
+    handles = ax.get_legend_handles_labels()[0] if boxed and panel.legend else []
+    if handles:
+        box = ax.legend(
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(handles), fontsize=SMALL,
+            facecolor="0.8", framealpha=1.0 if panel.grid else 0.0, borderaxespad=0.3,
+            edgecolor="none", handlelength=1.6, columnspacing=1.2,
+        )  # fmt: skip
+        box.set_in_layout(False)
+    elif panel.legend and not boxed:
+        _name_ends(words, panel, shown, looks)
+    above = max(
+        [
+            1.4 if handles else 0.4 * bool(crosses),
+            *(1 + one.text.get_text().count("\n") for one in words.top),
+        ]
+    )
+    title = textwrap.fill(panel.title, 96 // across) if "\n" not in panel.title else panel.title
+    ax.set_title(title, loc="left", pad=4.0 + above * 1.5 * SMALL)
+    ax.set(xlabel=textwrap.fill(panel.x, 88 // across), ylabel=textwrap.fill(panel.y, 40))
+    return words
+
+
+def _looks(panel: Panel) -> dict[int, tuple[str, str]]:
+    """Colour and marker of every series, whether it is shown or not."""
     taken = {KEYS[series.key][0] for series in panel.series if series.key}
     free = [colour for colour in PALETTE if colour not in taken] or list(PALETTE)
-    unkeyed, crosses = 0, []
-    names: set[str] = set()
+    found, unkeyed = {}, 0
     for series in panel.series:
         if series.key:
             colour, marker = KEYS[series.key]
         else:
             colour, marker = free[unkeyed % len(free)], MARKERS[unkeyed % len(MARKERS)]
             unkeyed += 1
-        crosses += [colour] * series.failed
-        if series.style == "bar":
-            _draw_bars(ax, series, colour, 0.4 if names & {*series.y} else 0.75)
-            names |= {*series.y}
-        else:
-            own = marker if series.marker is None else series.marker
-            _draw_series(ax, series, colour, own, panel.scale in ("log", "log x"))
-    if names:
-        ax.invert_yaxis()
-        ax.tick_params(axis="y", labelleft=panel.ticks is None, labelsize="small")
-    if any(series.theory for series in panel.series):
-        ax.plot([], [], color="black", linewidth=1.0, label=panel.theory)
-    # A failure costs infinitely much, so it has no place on a finite axis: the top edge.
-    for k, colour in enumerate(crosses):
-        share = 0.5 if len(crosses) == 1 else 0.03 + 0.94 * k / (len(crosses) - 1)
-        ax.plot([share], [1.0], marker="x", markersize=7, color=colour, transform=ax.transAxes,
-                clip_on=False)  # fmt: skip
-    if panel.ticks and not names:
-        ax.set_xticks(panel.ticks, [f"{value:g}" for value in panel.ticks])
-        ax.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
-    ax.set(xlabel=panel.x, ylabel=panel.y, title=panel.title)
-    if panel.xlim != (None, None):
-        ax.set_xlim(*panel.xlim)
-    if panel.ylim != (None, None):
-        ax.set_ylim(*panel.ylim)
-    if panel.scale in ("log", "log x") and not panel.ticks:
-        _few_labels(ax)
-    for i, (axis, value, words) in enumerate(panel.lines):
-        _draw_line(ax, axis, value, words, 0.98 - 0.06 * i)
-    if panel.grid is None:
-        ax.grid(True, which="major", alpha=0.3, axis="x" if names else "both")
-    if panel.legend and ax.get_legend_handles_labels()[0]:
-        endless = any(not isinstance(y, str) and np.isposinf(y) for s in panel.series for y in s.y)
-        room = (0.0, 0.0, 1.0, 0.96 if endless else 1.0)
-        place: dict[str, Any] = {"loc": panel.legend, "bbox_to_anchor": room}
-        if panel.legend == "outside":
-            place = {"loc": "center left", "bbox_to_anchor": (1.02, 0.5)}
-        ax.legend(fontsize="small", facecolor="white" if panel.grid is None else "0.8", **place)
+        found[id(series)] = colour, marker if series.marker is None else series.marker
+    return found
+
+
+def _draw_marks(ax: Axes, panel: Panel, words: Words) -> None:
+    """Lines across and grey regions, with their names beside the axes."""
+    for axis, low, high, name in panel.spans:
+        (ax.axvspan if axis == "x" else ax.axhspan)(low, high, color="0.91", zorder=0)
+        if name and panel.legend and axis == "x":
+            words.above(
+                name, math.sqrt(low * high) if ax.get_xscale() == "log" else (low + high) / 2
+            )
+        elif name and panel.legend:
+            words.name(name, (1.0, high), ax.get_yaxis_transform(), "0.4")
+    for axis, value, name in panel.lines:
+        (ax.axvline if axis == "x" else ax.axhline)(value, color="0.3", ls=":", lw=1.2)
+        if axis == "x" and panel.legend:
+            words.above(name, value)
+        elif panel.legend:
+            words.name(name, (1.0, value), ax.get_yaxis_transform(), "0.3")
+
+
+def _name_ends(
+    words: Words, panel: Panel, shown: Sequence[Series], looks: dict[int, tuple[str, str]]
+) -> None:
+    """Names of the curves, each at the point furthest to the right that is seen."""
+    ax = words.ax
+    theory: tuple[Any, Any] | None = None
+    for series in shown:
+        colour, marker = looks[id(series)]
+        x, y = np.asarray(series.x, dtype=float), np.asarray(series.y, dtype=float)
+        if not series.label or not x.size:
+            continue
+        (left, right), (low, high) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
+        seen = (x >= left) & (x <= right) & (y >= low) & (y <= high)
+        endless = np.flatnonzero(np.isposinf(y) & np.isfinite(x))
+        at = ax.transData.transform(np.column_stack((x, np.where(seen, y, low))))[:, 0]
+        of, end = ax.transData, np.array([x[0], y[0]])
+        if seen.any():
+            k = int(np.argmax(np.where(seen, at, -math.inf)))
+            end = np.array([x[k], y[k]])
+        elif endless.size:
+            of, end = ax.get_xaxis_transform(), np.array([x[endless[-1]], 0.98])
+        glyph = (HOLLOW if series.hollow else FILLED).get(marker) or STROKES.get(series.style, "")
+        words.name(series.label, end, of, colour, glyph)
+        if series.theory is not None:
+            theory = end, of
+    if theory is not None:
+        words.name(panel.theory, *theory, "black", STROKES["-"])
+
+
+def _add_notes(words: Words, series: Series) -> None:
+    for word, x, y in zip(series.tags, series.x, series.y, strict=False):
+        if math.isfinite(x) and math.isfinite(y):
+            words.note(word, x, y)
 
 
 def _draw_series(ax: Axes, series: Series, colour: str, marker: str, log_x: bool) -> None:
@@ -384,15 +515,9 @@ def _draw_series(ax: Axes, series: Series, colour: str, marker: str, log_x: bool
         else:
             ax.fill_between(x, low, high, color=colour, alpha=0.2, linewidth=0)
     if series.theory is not None and x.size:
-        ends = float(np.min(x)), float(np.max(x))
-        dense = np.geomspace(*ends, 300) if log_x else np.linspace(*ends, 300)
         # Over many points only black is seen.
         dark = tuple((0.6 if x.size <= 40 else 0.0) * part for part in to_rgb(colour))
-        ax.plot(dense, [series.theory(v) for v in dense], color=dark, linewidth=1.0, zorder=4)
-    for word, a, b in zip(series.tags, x, y, strict=False):
-        if math.isfinite(a) and math.isfinite(b):
-            offset = (8, -12) if series.key == "chosen" else (4, 3)
-            ax.annotate(word, (a, b), fontsize=7, xytext=offset, textcoords="offset points")
+        ax.plot(*theory_line(series, 300, log_x), color=dark, linewidth=1.0, zorder=4)
 
 
 def _draw_bars(ax: Axes, series: Series, colour: str, height: float) -> None:
@@ -402,16 +527,14 @@ def _draw_bars(ax: Axes, series: Series, colour: str, height: float) -> None:
     for word, name, length in zip(series.tags, names, series.x, strict=False):
         # On a log axis nothing has length 0: its word stands at the axis.
         where = ("data", "data") if length > 0.0 else ("axes fraction", "data")
-        ax.annotate(word, (length, name), xycoords=where, fontsize="small", va="center",
+        ax.annotate(word, (length, name), xycoords=where, fontsize=SMALL, va="center",
                     xytext=(4, 0), textcoords="offset points")  # fmt: skip
 
 
 def _draw_grid(ax: Axes, grid: Map) -> None:
-    with np.errstate(divide="ignore"):
-        shown = np.clip(np.log10(np.maximum(grid.values, 1e-300)), -0.5, 0.5)
     # Purple below the bound, orange above: told apart by any colour vision.
-    ax.pcolormesh(grid.x, grid.y, shown, cmap="PuOr_r", vmin=-0.5, vmax=0.5, shading="nearest",
-                  rasterized=True)  # fmt: skip
+    ax.pcolormesh(grid.x, grid.y, log_values(grid), cmap="PuOr_r", vmin=-REACH, vmax=REACH,
+                  shading="nearest", rasterized=True)  # fmt: skip
     within = grid.within()
     if within.any() and not within.all():
         ax.contour(grid.x, grid.y, within.astype(float), levels=[0.5], colors="black",
@@ -420,15 +543,18 @@ def _draw_grid(ax: Axes, grid: Map) -> None:
     ax.set(xlim=(grid.x[0], grid.x[-1]), ylim=(grid.y[0], grid.y[-1]))
 
 
-def _draw_line(ax: Axes, axis: str, value: float, words: str, height: float) -> None:
-    if axis == "x":
-        ax.axvline(value, color="0.3", linestyle=":", linewidth=1.2)
-        ax.annotate(words, (value, height), xycoords=("data", "axes fraction"), fontsize=7,
-                    va="top", xytext=(2, 0), textcoords="offset points")  # fmt: skip
-    else:
-        ax.axhline(value, color="0.3", linestyle=":", linewidth=1.2)
-        ax.annotate(words, (0.01, value), xycoords=("axes fraction", "data"), fontsize=7,
-                    va="top")  # fmt: skip
+def log_values(grid: Map) -> Array:
+    """Decimal logarithm of a map's values, as far as the colours go."""
+    with np.errstate(divide="ignore"):
+        return np.clip(np.log10(np.maximum(grid.values, 1e-300)), -REACH, REACH)
+
+
+def theory_line(series: Series, points: int, logarithmic: bool) -> tuple[Array, Array]:
+    """Theory at so many points between the first and the last x: (x, theory)."""
+    assert series.theory is not None
+    ends = float(np.min(series.x)), float(np.max(series.x))
+    dense = np.geomspace(*ends, points) if logarithmic else np.linspace(*ends, points)
+    return dense, np.array([float(series.theory(v)) for v in dense])
 
 
 def _few_labels(ax: Axes) -> None:
@@ -444,66 +570,6 @@ def _few_labels(ax: Axes) -> None:
 
 
 # --- files ----------------------------------------------------------------------------------------
-
-
-def document(panels: Sequence[Panel]) -> Any:
-    """What a data file holds: every panel with its series, numbers to six digits.
-
-    Of a curve of more than 200 points every second, third, ... is kept.
-    """
-    for panel in panels:
-        if panel.data is not None:
-            return panel.data
-    return {"panels": [_panel_document(panel) for panel in panels if panel.drawn]}
-
-
-def _panel_document(panel: Panel) -> dict[str, Any]:
-    found: dict[str, Any] = {"title": panel.title, "x": panel.x, "y": panel.y}
-    if panel.grid is not None:
-        grid = panel.grid
-        found["grid"] = {"x": _six(grid.x), "y": _six(grid.y), "boundary": _six(grid.boundary())}
-    found["series"] = [_series_document(series) for series in panel.series]
-    return found
-
-
-def _series_document(series: Series) -> dict[str, Any]:
-    few = slice(None, None, math.ceil(len(series.x) / 200) or 1)
-    columns = {"x": series.x, "y": series.y, "low": series.low, "high": series.high}
-    columns["theory"] = series.expected if series.theory else None
-    found: dict[str, Any] = {"label": series.label, "key": series.key, "failed": series.failed}
-    return found | {k: _six(v[few]) for k, v in columns.items() if v is not None}
-
-
-def _six(values: Any) -> list[Any]:
-    return [v if isinstance(v, str) else float(f"{v:.6g}") for v in values]
-
-
-def json_text(data: Any) -> str:
-    """Valid JSON, a list of numbers on one line; what is not finite becomes {"float": "inf"}."""
-    found = json.dumps(_plain(data), indent=1, allow_nan=False)
-    lists = re.compile(r"\[[^\[\]{}\"]*\]")
-    return lists.sub(lambda match: " ".join(match[0].split()), found) + "\n"
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {k: _plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return [_plain(v) for v in value]
-    if isinstance(value, np.generic):
-        return _plain(value.item())
-    if isinstance(value, float) and not math.isfinite(value):
-        return {"float": repr(value)}
-    return value
-
-
-def from_json(content: str) -> Any:
-    """What `json_text` wrote."""
-
-    def number(found: dict[str, Any]) -> Any:
-        return float(found["float"]) if set(found) == {"float"} else found
-
-    return json.loads(content, object_hook=number)
 
 
 def write(target: str | Path, content: str | Callable[[Path], Any]) -> Path:
@@ -532,6 +598,4 @@ def write(target: str | Path, content: str | Callable[[Path], Any]) -> Path:
 
 def write_picture(figure: Figure, target: str | Path) -> Path:
     """Write a drawn figure as a PNG file."""
-    return write(
-        target, lambda path: figure.savefig(path, format="png", dpi=110, bbox_inches="tight")
-    )
+    return write(target, lambda path: figure.savefig(path, format="png", dpi=110))

@@ -25,7 +25,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import POSITIVE, count, one_of, positive, refused, vector
-from course.measure.figure import Panel, Series, from_json, json_text, key_of, write
+from course.measure.data import from_json, json_text
+from course.measure.figure import SIX, Panel, Series, key_of, write
 from course.measure.timing import calls, interleaved
 
 Array = NDArray[np.float64]
@@ -52,6 +53,7 @@ class Method:
         unit: what `Result.count` counts.
         key: whose colour and marker (a row of `course.measure.figure.KEYS`); empty where the name
             says it, or for the next colour.
+        extra: not among the six curves that are drawn before others are switched on.
     """
 
     name: str
@@ -60,6 +62,7 @@ class Method:
     style: str = "ours"
     unit: str = "force evaluations"
     key: str = ""
+    extra: bool = False
 
     def __post_init__(self) -> None:
         one_of("style", self.style, STYLES)
@@ -102,6 +105,7 @@ class Curve:
     unit: str
     points: tuple[Point, ...]
     key: str = ""
+    extra: bool = False
 
     def worked(self) -> list[Point]:
         """The points that did not fail."""
@@ -302,22 +306,30 @@ class WorkPrecision:
         )
         return cls(**data)
 
+    def shown(self) -> list[str]:
+        """Names of the six curves that are drawn: yours, the picks, and the first that matter."""
+        yours = [curve.name for curve in self.curves if curve.style == "yours"]
+        picks = [self.pick(by=by) for by in ("time", "count") if self.tolerance is not None]
+        first = [curve.name for curve in self.curves if not curve.extra]
+        names = dict.fromkeys([*yours, *(pick.name for pick in picks if pick), *first])
+        return [*names][:SIX]
+
     def panels(self) -> list[Panel]:
         """Error against count and against time; the text is the table, the data all points."""
         unit = self.curves[0].unit if self.curves else "count"
         left = self._panel("count", unit)
-        left.title, left.legend, left.footer = self.question, "", self.machine
+        left.title, left.legend, left.footer = self.question, False, self.machine
         left.notes, left.data = [self.table()], self._document()
         return [left, self._panel("time", "time of one run [s]")]
 
     def _panel(self, by: str, cost: str) -> Panel:
-        panel = Panel("", cost, f"error [{self.error_unit}]", scale="log", legend="outside")
+        panel = Panel("", cost, f"error [{self.error_unit}]", scale="log")
+        shown = self.shown()
         for curve in self.curves:
             good = curve.worked()
             failed = len(curve.points) - len(good)
-            label = f"{curve.name} (x: {failed} of {len(curve.points)} failed)" if failed else ""
             series = Series(
-                label or curve.name,
+                curve.name + (f", {failed} of {len(curve.points)} failed" if failed else ""),
                 [p.cost(by) for p in good],
                 [p.error for p in good],
                 "yours" if curve.style == "yours" else curve.key or key_of(curve.name),
@@ -325,6 +337,7 @@ class WorkPrecision:
                 hollow=curve.style == "oracle",
                 size=6.0 if curve.style == "oracle" else 4.0,
                 failed=failed,
+                extra=curve.name not in shown,
             )
             if by == "time":
                 series.low, series.high = [p.low for p in good], [p.high for p in good]
@@ -472,7 +485,7 @@ def _measure_curves(
     curves = []
     for method in methods:
         own = tuple(p for p, (owner, _) in zip(points, runs, strict=True) if owner is method)
-        curves.append(Curve(method.name, method.style, method.unit, own, method.key))
+        curves.append(Curve(method.name, method.style, method.unit, own, method.key, method.extra))
     return tuple(curves), max((found.busy for found in times), default=0.0)
 
 

@@ -10,19 +10,8 @@ import pytest
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from course.measure.figure import (
-    KEYS,
-    Panel,
-    Series,
-    document,
-    draw,
-    from_json,
-    json_text,
-    key_of,
-    text,
-    write,
-    write_picture,
-)
+from course.measure.data import document, from_json, json_text, panels_of
+from course.measure.figure import KEYS, Panel, Series, draw, key_of, text, write, write_picture
 from course.measure.stability import stability_map
 from course.rigid_body.integrators import INTEGRATORS
 
@@ -33,6 +22,10 @@ def _axes(*panels, **layout):
     figure = draw(panels, figure=Figure(layout="constrained"), **layout)
     figure.canvas.draw()
     return figure.axes
+
+
+def _names(ax):
+    return [" ".join(name.get_text().split()) for name in ax.texts]
 
 
 def _line(ax, label):
@@ -93,8 +86,9 @@ def test_scale_ticks_limits_and_lines():
     (ax,) = _axes(panel, title="over all")
     assert (ax.get_xscale(), ax.get_yscale(), ax.get_ylim()[0]) == ("log", "log", 0.1)
     assert [t.get_text() for t in ax.get_xticklabels()] == ["3", "6", "12", "24"]
-    assert [t.get_text() for t in ax.texts] == ["tolerance", "limit"]
-    assert ax.get_legend_handles_labels()[1] == ["jammed", "s"]
+    assert _names(ax) == ["jammed", "tolerance", "limit", "● s"]
+    panel.legend = False
+    assert _names(_axes(panel)[0]) == []
 
 
 def test_theory_is_a_line_beside_the_points_and_never_in_their_place():
@@ -104,7 +98,7 @@ def test_theory_is_a_line_beside_the_points_and_never_in_their_place():
     assert points.get_ydata().tolist() == [1.1, 4.2, 15.0] and points.get_linestyle() == "None"
     np.testing.assert_allclose(dense.get_ydata(), dense.get_xdata() ** 2)
     assert to_hex(dense.get_color()) != points.get_color()
-    assert ax.get_legend_handles_labels()[1] == ["s", "x squared"]
+    assert _names(ax) == ["✚ s", "━ x squared"]
     assert series.expected.tolist() == [1.0, 4.0, 16.0]
     with pytest.raises(ValueError, match="which 'plain' has not"):
         _ = Series("plain", [1.0], [1.0]).expected
@@ -120,7 +114,7 @@ def test_what_has_no_place_on_the_axes_is_still_there():
     assert len(crosses) == 2 and all(cross.get_ydata() == [1.0] for cross in crosses)
     # A series that is nowhere finite is named all the same.
     (ax,) = _axes(Panel("", series=[Series("endless", [1.0], [math.inf])]))
-    assert ax.get_legend_handles_labels()[1] == ["endless"]
+    assert _names(ax) == ["● endless"]
 
 
 def test_bounds_are_a_band_or_bars_across():
@@ -142,7 +136,8 @@ def test_bars_have_names_and_words():
     left, right = _axes(Panel("", series=series), Panel("", series=series, ticks=()))
     assert [t.get_text() for t in left.get_yticklabels()] == ["a", "b", "c"]
     assert [bar.get_width() for bar in left.patches] == [2.0, 0.0, 1.0]
-    assert [t.get_text() for t in left.texts] == ["2", "none"]
+    assert _names(left) == ["2", "none"]
+    assert [t.get_text() for t in left.get_legend().get_texts()] == ["ours", "theirs"]
     assert left.yaxis_inverted() and not right.get_tightbbox().width > left.get_tightbbox().width
     # Over the same names the second is thinner, so that both are seen.
     (ax,) = _axes(Panel("", series=[series[0], Series("b", [1.0], ["a"], style="bar")]))
@@ -154,8 +149,9 @@ def test_a_map_shows_its_boundary_with_theory_over_it():
     theory = Series("theory", 1.0 / grid.y, grid.y, "theory on a map", "--")
     panels = [Panel(name, grid=grid, series=[theory]) for name in ("one", "two", "three")]
     axes = _axes(*panels, columns=2)
-    assert len(axes) == 4 + 1  # a place for the fourth, and one colour bar for all
-    assert axes[0].get_legend_handles_labels()[1] == ["measured", "theory"]
+    assert len(axes) == 3 + 1  # one colour bar for all
+    assert axes[2].get_window_extent().width > 1.8 * axes[0].get_window_extent().width
+    assert [t.get_text() for t in axes[0].get_legend().get_texts()] == ["measured", "theory"]
     (found,) = document(panels[:1])["panels"]
     edge = [1.0 / y for y in found["grid"]["y"]]
     assert found["grid"]["boundary"] == pytest.approx(edge, abs=0.1)
@@ -192,7 +188,34 @@ def test_the_data_are_plain_json_and_come_back():
     assert document([Panel("t", data={"own": 1})]) == {"own": 1}
     long = Series("s", np.arange(500.0), np.arange(500.0) ** 2)
     (found,) = document([Panel("t", series=[long])])["panels"][0]["series"]
-    assert found["x"] == list(range(0, 500, 3)) and found["y"][-1] == 498**2
+    assert len(found["x"]) == 200 and found["x"][-1] == 499 and found["y"][-1] == 499**2
+    assert max(np.diff(found["x"])) == 3
+
+
+def test_what_is_drawn_again_looks_the_same():
+    grid = stability_map(lambda x, y: x * y, np.linspace(0.1, 2.0, 20), np.linspace(0.6, 2.0, 15))
+    panels = [
+        Panel("map", "x", "y", [Series("edge", [1.0], [1.0], "theory on a map", "--")], grid=grid),
+        Panel("curves", "x", "y", scale="log", lines=[("y", 1.5, "tolerance")], xlim=(1.0, None),
+              series=[Series("a", [1.0, 10.0], [1.0, 100.0], "rk4", theory=lambda x: x**2,
+                             tags=["one", "two"], hollow=True, extra=True)]),
+        Panel("bars", series=[Series("b", [1.0], ["name"], style="bar", tags=["1"])], ticks=[]),
+    ]  # fmt: skip
+    again = panels_of(from_json(json_text(document(panels))))
+    within, values = grid.within(), np.clip(np.log10(grid.values), -0.5, 0.5)
+    assert again[0].grid is not None and np.all(again[0].grid.within() == within)
+    np.testing.assert_allclose(np.log10(again[0].grid.values), values, atol=0.005)
+    theory = again[1].series[0].expected
+    assert theory.tolist() == pytest.approx([1.0, 100.0], rel=1e-5)
+    assert again[0].grid.label == grid.label
+    assert again[1].series[0].theory is not None and again[1].series[0].theory(
+        3.0
+    ) == pytest.approx(9.0, rel=2e-3)
+    for panel, found in zip(panels, again, strict=True):
+        panel.grid = found.grid = None
+        for series in [*panel.series, *found.series]:
+            series.theory = None
+        assert found == panel
 
 
 def test_committed_data_are_plain_json():
@@ -233,6 +256,23 @@ def test_series_are_found_by_label():
     for label in ("midpoint", "r"):
         with pytest.raises(ValueError, match="label is"):
             panel[label]
+
+
+def test_six_curves_are_shown_and_the_others_are_named():
+    x = [1.0, 2.0]
+    panel = Panel("", series=[Series(f"m{k}", x, x, extra=k == 1) for k in range(9)])
+    panel.series.append(Series("theory", x, x, "theory"))
+    wanted = ["m0", "m2", "m3", "m4", "m5", "m6", "theory"]
+    assert [series.label for series in panel.shown()] == wanted
+    assert panel.others == ["m1", "m7", "m8"]
+    assert [s.label for s in panel.shown(["m1"])] == ["m0", "m1", *wanted[1:]]
+    assert text([panel]) == "measured, not drawn: m1; m7; m8"
+    (few,) = _axes(panel)
+    assert len(few.lines) == 7 and few.figure.get_supxlabel() == text([panel])
+    (more,) = _axes(panel, also=panel.others)
+    assert len(more.lines) == 10 and more.figure.get_supxlabel() == ""
+    # What is switched on or off changes no colour.
+    assert _line(few, "m2").get_color() == _line(more, "m2").get_color()
 
 
 def test_bad_input():

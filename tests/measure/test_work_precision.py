@@ -113,7 +113,7 @@ def test_failures_are_on_the_chart():
     chart = _measured([_decay(2), Method("bad", diverges, [0.4, 0.2])], tolerance=1e-3)
     for panel, by in zip(chart.panels(), ("count", "time"), strict=True):
         assert [s.failed for s in panel.series] == [0, 2, 0]
-        assert panel.series[1].label == "bad (x: 2 of 2 failed)"
+        assert panel.series[1].label == "bad, 2 of 2 failed"
         assert panel.lines == [("y", 1e-3, "tolerance 0.001 -")]
         pick = chart.pick(by=by)
         assert panel.series[2].x == [pick.point.cost(by)]

@@ -151,7 +151,6 @@ def pid_stability(nx: int = 125, ny: int = 117) -> Iterator[Panel]:
     ]
     panel = Panel(
         "A slower loop stands less gain", "sample time [s]", "factor on all gains", grid=found,
-        legend="upper right",
     )  # fmt: skip
     panel.series = [
         Series("theory: the loop's matrix", dt, [theory(float(x)) for x in dt], "theory on a map",
@@ -276,15 +275,14 @@ def jam_scene() -> Scene:
     )  # fmt: skip
 
 
-@chart(size=(11.0, 4.4))
+@chart
 def pid_windup() -> Iterator[Panel]:
     """A jam of two seconds with anti-windup and without, on the exact joint and on MuJoCo's."""
     left, right = (
-        Panel(title, "time [s]", y, spans=[("x", 0.0, JAM, "jammed")], xlim=(0.0, 5.0),
-              legend=legend)
-        for title, y, legend in (
-            ("The integral of a jam has to be unwound", "angle [rad]", "best"),
-            ("It holds the command at the limit", "command [N m]", ""),
+        Panel(title, "time [s]", y, spans=[("x", 0.0, JAM, "jammed")], xlim=(0.0, 5.0))
+        for title, y in (
+            ("The integral of a jam has to be unwound", "angle [rad]"),
+            ("It holds the command at the limit", "command [N m]"),
         )
     )  # fmt: skip
     left.lines = [("y", STEP, "set-point")]

@@ -46,7 +46,7 @@ def _short(name: str) -> str:
     return function.rsplit(".", 1)[1].lstrip("_") + (" (batch)" if batch else "")
 
 
-@chart(size=(9.0, 6.6))
+@chart(height=5.4)
 def compile_time() -> Iterator[Panel]:
     """Compilation without a cache, with one, and later calls."""
     (_, cold, first, _), (imported, warm, again, last) = _first_calls()
@@ -54,7 +54,7 @@ def compile_time() -> Iterator[Panel]:
     total = sum(cold.values())
     panel = Panel(
         f"Compiling chapter 1 takes {total:.0f} s, once", "processor time of the first call [s]",
-        legend="lower right", footer=machine(),
+        footer=machine(),
     )  # fmt: skip
     for label, seconds in (
         ("first run: compiled", cold),

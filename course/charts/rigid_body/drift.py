@@ -18,7 +18,7 @@ from course.rigid_body.integrators import INTEGRATORS, Array, semi_implicit_eule
 # --- a million steps ------------------------------------------------------------------------------
 
 
-@chart(size=(9.0, 5.2))
+@chart
 def long_run_energy(
     steps: int = 1_000_000, dt: float = 0.02, amplitude: float = 1.0, names: Sequence[str] = ()
 ) -> Iterator[Panel]:
@@ -34,7 +34,7 @@ def long_run_energy(
     panel = Panel(
         "Symplectic methods keep their first error; RK4's grows without end",
         "steps of 20 ms (period 2.1 s)", "largest relative energy error so far", scale="log",
-        xlim=(10, steps), legend="outside",
+        xlim=(10, steps),
     )  # fmt: skip
     ends = np.unique(np.geomspace(10, steps, 120).astype(int))
     for name in names or LABELS:
@@ -140,7 +140,6 @@ def symplectic_not_enough(
     # |trace| = 2 is h1 h2 = 2 + h1 - h2 and h1 h2 = 2 - h1 + h2.
     left = Panel(
         "h1 and h2 in turn: unstable below 2", "omega h1", "omega h2", grid=pairs,
-        legend="lower left",
     )  # fmt: skip
     left.series = [
         Series("|trace| = 2", (2.0 + h) / (1.0 + h), h, "theory on a map", "--"),
@@ -162,7 +161,7 @@ def symplectic_not_enough(
     middle = Panel(
         "Far below the limit too,\nif the steps vary in tune with the motion",
         "cycles of the pattern", "energy over the first", scale="log y", ylim=(1e-2, 1e20),
-        legend="center right", theory="eigenvalue of the cycle",
+        theory="eigenvalue of the cycle",
     )  # fmt: skip
     for name, pattern in {
         "1.7 and 1.2 in turn": [1.7, 1.2],
@@ -190,7 +189,7 @@ def symplectic_not_enough(
 
     right = Panel(
         "Energy bounded, phase not:\nits error grows linearly", "periods", "phase error [rad]",
-        scale="log", lines=[("y", math.pi, "half a period wrong")], legend="lower right",
+        scale="log", lines=[("y", math.pi, "half a period wrong")],
     )  # fmt: skip
     every = 10
     records = math.ceil(periods * 2.0 * math.pi / omega_dt / every)
@@ -289,10 +288,10 @@ def quaternion_drift(
     """
     steps = np.unique(np.geomspace(10, most, points).astype(int))
     left, middle = (
-        Panel(title, "steps", y, scale="log", ylim=(FLOOR / 3.0, 1e15), legend=legend)
-        for title, y, legend in (
-            ("Added, a quaternion grows", "distance of |q| from 1 (0 is at 1e-17)", "upper left"),
-            ("Renormalising does not bring the lag back", "attitude error [rad]", ""),
+        Panel(title, "steps", y, scale="log", ylim=(FLOOR / 3.0, top))
+        for title, y, top in (
+            ("Added, a quaternion grows", "distance of |q| from 1 (0 is at 1e-17)", 1e7),
+            ("Renormalising does not bring the lag back", "attitude error [rad]", 1.0),
         )
     )
     for update in UPDATES:
@@ -327,7 +326,7 @@ def quaternion_drift(
     right = Panel(
         "At fourth order it hardly matters", "step [ms]",
         "attitude error after 20 s of free tumbling [rad]", scale="log", ylim=(1e-11, 1e-4),
-        ticks=(2.5, 5, 10, 20, 40), legend="upper left",
+        ticks=(2.5, 5, 10, 20, 40),
     )  # fmt: skip
     problem = problems.tumble()
     dt = problem.duration / np.array(counts)

@@ -119,7 +119,7 @@ def deviation(measured: float, theory: float) -> float:
     return abs(measured / theory - 1.0) if theory > 0.0 else math.inf
 
 
-@chart(share_y=True, size=(12.0, 5.0))
+@chart(height=4.2)
 def stability_limits(
     zetas: Sequence[float] = (0.0, 0.1, 0.25, 0.5, 1.0, 1.5), names: Sequence[str] = ()
 ) -> Iterator[Panel]:
@@ -129,7 +129,10 @@ def stability_limits(
         zetas: damping ratios.
         names: keys of `contenders`; all by default.
     """
-    shared: dict[str, Any] = {"xlim": (-0.03, 1.6), "ylim": (0.0, 7.0), "legend": "upper left"}
+    shared: dict[str, Any] = {
+        "xlim": (-0.03, 1.6),
+        "ylim": (0.0, 7.0),
+    }
     ours, mujocos = (
         Panel(title, "damping ratio", "largest stable omega dt", **shared)
         for title in (
@@ -191,7 +194,7 @@ def boundary_error(found: Map, method: str) -> float:
 @chart(
     columns=3,
     share_y=True,
-    size=(12.0, 7.4),
+    height=2.7,
     title="Where a step decays and where it grows: measured boundary black, theory white, dashed",
 )
 def stability_maps(nx: int = 200, ny: int = 101) -> Iterator[Panel]:
@@ -199,9 +202,7 @@ def stability_maps(nx: int = 200, ny: int = 101) -> Iterator[Panel]:
     omega_dt, zeta = np.linspace(0.02, 4.0, nx), np.linspace(0.0, 2.0, ny)
     for method, label in LABELS.items():
         found = growth_map(method, omega_dt, zeta)
-        panel = Panel(
-            label, "omega dt", "damping ratio", grid=found, xlim=(0.0, 4.0), legend=""
-        )  # fmt: skip
+        panel = Panel(label, "omega dt", "damping ratio", grid=found, xlim=(0.0, 4.0), legend=False)
         theory = [oscillator.limit(method, float(z)) for z in zeta]
         panel.series.append(Series("theory", theory, zeta, "theory on a map", "--"))
         panel.notes.append(
@@ -264,7 +265,6 @@ def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
     left = Panel(
         "Only discrete survives any step", "omega dt", "growth per step", scale="log",
         lines=[("x", 2.0, "2"), ("x", 2.0 * math.sqrt(2.0), "2 sqrt(2)")], ylim=(1e-4, 1e4),
-        legend="upper left",
     )  # fmt: skip
     widths = dict(zip(modes, (7.0, 2.0, 4.5, 2.0, 2.0), strict=True))
     for name, rows in modes.items():
@@ -284,7 +284,7 @@ def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
 
     middle = Panel(
         "It pays with damping of its own", "omega dt", "damping ratio (the true one is 0)",
-        scale="log", ylim=(3e-3, 3.0), legend="lower right", theory="theory: implicit Euler",
+        scale="log", ylim=(3e-3, 3.0), theory="theory: implicit Euler",
     )  # fmt: skip
     middle.series = [
         Series("discrete", x, [m.damping for m in modes["discrete"]], "MuJoCo discrete", "",
@@ -304,7 +304,7 @@ def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
 
     right = Panel(
         "and with the frequency of the motion", "omega dt", "relative error of the frequency",
-        scale="log", ylim=(1e-9, 3.0), legend="lower right",
+        scale="log", ylim=(1e-9, 3.0),
         theory="1 - atan(x) / x, 2 asin(x / 2) / x - 1",
     )  # fmt: skip
     theory: dict[str, Callable[[float], float]] = {

@@ -36,7 +36,7 @@ def events_order(steps: Sequence[int] = (100, 200, 400, 800), phases: int = 8) -
     panel = Panel(
         "An impact applied at the end of its step makes every integrator first order",
         "step [ms]", "rms error of the angle after 2.5 s [rad]", scale="log",
-        ticks=(3, 6, 12, 24), ylim=(1e-11, 1e2), legend="upper left",
+        ticks=(3, 6, 12, 24), ylim=(1e-11, 1.0),
     )  # fmt: skip
     # The mean step of the phases belongs to the mean error.
     dt = problem.duration / (np.array(steps) + 0.5 * (phases - 1))
@@ -230,7 +230,7 @@ def tunnelling(
     left = Panel(
         "Checks per step: one fast ball in two gets through at v dt = 2 D",
         "travel per step over effective thickness, v dt / D", "share of balls that get through",
-        scale="log x", ticks=(0.5, 1, 2, 5, 10), legend="upper left",
+        scale="log x", ticks=(0.5, 1, 2, 5, 10),
         theory="theory: 1 - D / (v dt)",
     )  # fmt: skip
     left.series = [
@@ -259,7 +259,7 @@ def tunnelling(
     right = Panel(
         "MuJoCo's default contact: a smaller step does not help", "step [ms]",
         "speed that gets through in some phase [m/s]", scale="log", ylim=(None, 1e3),
-        ticks=[h * 1e3 for h in steps], legend="upper right",
+        ticks=[h * 1e3 for h in steps],
         theory=f"theory: (d/2 + r) over {stopping_time() * 1e3:.2f} ms, or over the step",
     )  # fmt: skip
     right.notes.append(
@@ -425,7 +425,6 @@ def zeno_counts(
 
 
 @chart(
-    size=(14.0, 4.8),
     title="Springs, impacts at the end of the step, and semi-implicit flight without a rest speed: "
     "all three chatter",
 )
@@ -453,7 +452,7 @@ def chatter(duration: float = 10.0, points: int = 121) -> Iterator[Panel]:
         ("Its speed", "rms speed [mm/s]", speeds, 1e-4),
     ):
         panel = Panel(
-            title, unit, scale="log x", xlim=(floor, 100.0 * max(values)), legend="",
+            title, unit, scale="log x", xlim=(floor, 100.0 * max(values)),
             ticks=() if values is speeds else None,
         )  # fmt: skip
         for key, part in (("course", slice(0, 5)), ("MuJoCo", slice(5, 8))):
@@ -479,7 +478,7 @@ def chatter(duration: float = 10.0, points: int = 121) -> Iterator[Panel]:
     past = [zeno_counts(late, height, restitution, rest)[0] for rest in (0.0, 0.01)]
     bounces = Panel(
         "Infinitely many bounces in a finite time", "time left to the end of the bouncing [s]",
-        "impacts so far", scale="log x", xlim=(2.0, 5e-7), legend="upper left",
+        "impacts so far", scale="log x", xlim=(2.0, 5e-7),
     )  # fmt: skip
     few = slice(None, None, max(1, points // 30))
     bounces.series = [

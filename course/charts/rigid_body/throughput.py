@@ -34,7 +34,7 @@ class Contender:
     """One way of stepping N bodies with one step size.
 
     Attributes:
-        name: as in the legend.
+        name: at the end of its curve.
         key: row of `course.measure.figure.KEYS`.
         dt: step [s], the largest tried that meets the tolerance.
         error: its largest error at that step.

@@ -1,0 +1,133 @@
+"""The data behind a chart as a file: what was measured, and all that is needed to draw it again."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import re
+import zlib
+from collections.abc import Sequence
+from dataclasses import MISSING, fields
+from typing import Any
+
+import numpy as np
+
+from course.measure.figure import REACH, Array, Panel, Series, log_values, theory_line
+from course.measure.stability import Map
+
+
+def document(panels: Sequence[Panel]) -> Any:
+    """What a data file holds: all that is drawn, numbers to six digits.
+
+    Of a curve of more than 200 points no more are kept. `panels_of` gives the panels back, so that
+    a picture is drawn anew without measuring.
+    """
+    for panel in panels:
+        if panel.data is not None:
+            return panel.data
+    return {"panels": [_panel_document(panel) for panel in panels if panel.drawn]}
+
+
+def _panel_document(panel: Panel) -> dict[str, Any]:
+    found = _said(panel, "series", "grid", "notes", "data")
+    if panel.grid is not None:
+        grid = panel.grid
+        numbers = {"x": grid.x, "y": grid.y, "boundary": grid.boundary()}
+        found["grid"] = {"quantity": grid.quantity, "unit": grid.unit, "values": _packed(grid)}
+        found["grid"] |= {name: _six(values) for name, values in numbers.items()}
+    log_x = panel.scale in ("log", "log x")
+    found["series"] = [_series_document(series, log_x) for series in panel.series]
+    return found
+
+
+def _series_document(series: Series, log_x: bool) -> dict[str, Any]:
+    size = len(series.x)
+    # Evenly as they are seen.
+    even = np.geomspace(1, size, 200) - 1 if log_x else np.linspace(0, size - 1, 200)
+    few = np.unique(even.round().astype(int)).tolist() if size > 200 else range(size)
+    columns = {"x": series.x, "y": series.y, "low": series.low, "high": series.high}
+    columns["theory"] = series.expected if series.theory else None
+    found: dict[str, Any] = {"label": series.label, "key": series.key}
+    found |= _said(series, *columns, "note")
+    found |= {k: _six([v[i] for i in few]) for k, v in columns.items() if v is not None}
+    if series.theory is not None:
+        x, y = theory_line(series, 60, log_x)
+        found["line"] = {"x": _six(x), "y": _six(y)}
+    return found
+
+
+def _said(record: Panel | Series, *but: str) -> dict[str, Any]:
+    """The fields of a record, without some and without those that are as they are by default."""
+    return {
+        f.name: getattr(record, f.name)
+        for f in fields(record)
+        if f.name not in but and getattr(record, f.name) != f.default
+        if f.default_factory is MISSING
+    }
+
+
+def panels_of(data: Any) -> list[Panel]:
+    """The panels of a data file, as `document` wrote it and `from_json` read it."""
+    found = []
+    for entry in data["panels"]:
+        said = {k: v for k, v in entry.items() if k not in ("series", "grid")}
+        said |= {k: tuple(said[k]) for k in ("xlim", "ylim") if k in said}
+        said |= {k: [tuple(row) for row in said[k]] for k in ("lines", "spans") if k in said}
+        grid = _unpacked(entry["grid"]) if "grid" in entry else None
+        found.append(Panel(**said, grid=grid, series=[_series_of(s) for s in entry["series"]]))
+    return found
+
+
+def _series_of(entry: dict[str, Any]) -> Series:
+    said = {k: v for k, v in entry.items() if k not in ("theory", "line")}
+    if "line" not in entry:
+        return Series(**said)
+    x, y = entry["line"]["x"], entry["line"]["y"]
+    return Series(**said, theory=lambda value: float(np.interp(value, x, y)))
+
+
+# A map is drawn in 256 steps: below 128 it is within its bound.
+def _packed(grid: Map) -> str:
+    size = np.abs(log_values(grid)) / REACH
+    step = np.where(grid.within(), 127.0 - np.floor(127.0 * size), 128.0 + np.floor(127.0 * size))
+    return base64.b85encode(zlib.compress(step.astype(np.uint8).tobytes(), 9)).decode("ascii")
+
+
+def _unpacked(entry: dict[str, Any]) -> Map:
+    x, y = np.array(entry["x"]), np.array(entry["y"])
+    step = np.frombuffer(zlib.decompress(base64.b85decode(entry["values"])), dtype=np.uint8)
+    values: Array = np.power(10.0, REACH * (step.reshape(y.size, x.size) - 127.5) / 127.5)
+    return Map(x, y, values, quantity=entry["quantity"], unit=entry["unit"])
+
+
+def _six(values: Any) -> list[Any]:
+    return [v if isinstance(v, str) else float(f"{v:.6g}") for v in values]
+
+
+def json_text(data: Any) -> str:
+    """Valid JSON, a list of numbers on one line; what is not finite becomes {"float": "inf"}."""
+    found = json.dumps(_plain(data), indent=1, allow_nan=False)
+    lists = re.compile(r"\[[^\[\]{}\"]*\]")
+    return lists.sub(lambda match: " ".join(match[0].split()), found) + "\n"
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {k: _plain(v) for k, v in value.items()}
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        return _plain(value.item())
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"float": repr(value)}
+    return value
+
+
+def from_json(content: str) -> Any:
+    """What `json_text` wrote."""
+
+    def number(found: dict[str, Any]) -> Any:
+        return float(found["float"]) if set(found) == {"float"} else found
+
+    return json.loads(content, object_hook=number)

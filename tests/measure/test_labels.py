@@ -1,0 +1,135 @@
+"""Words on charts: where they go, and that every stored chart can be read where it is shown."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from course import charts
+from course.measure.figure import SHOWN, SIX, WIDTH, Panel, Series, draw
+from course.measure.labels import drawn_points, free_place, spread
+from tests.budget import examples
+
+charts.load()
+DRAWN = sorted(path.stem for path in charts.FOLDER.glob("*.json"))
+
+
+def _box(text: Text):
+    return Text.get_window_extent(text)
+
+
+def _drawn(panels, **layout):
+    figure = draw(panels, figure=Figure(layout="constrained"), **layout)
+    figure.draw_without_rendering()
+    return figure
+
+
+def _words(figure):
+    return [t for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip()]
+
+
+def covered(figure):
+    """Texts that lie on a point of a curve, as (text, how many points)."""
+    found = []
+    for ax in figure.axes:
+        points = drawn_points(ax)
+        for text in _words(figure):
+            box = _box(text)
+            inside = np.all((points > box.min) & (points < box.max), axis=1)
+            found += [(text.get_text(), int(inside.sum()))] if inside.any() else []
+    return found
+
+
+def meeting(figure):
+    """Pairs of names and notes that lie on each other."""
+    found = []
+    words = [(t.get_text(), _box(t)) for ax in figure.axes for t in [*ax.texts, ax.title]]
+    for k, (name, box) in enumerate(words):
+        for other, place in words[:k]:
+            width = min(box.x1, place.x1) - max(box.x0, place.x0)
+            height = min(box.y1, place.y1) - max(box.y0, place.y0)
+            found += [(name, other)] if width > 1.0 and height > 1.0 else []
+    return found
+
+
+# --- places -----------------------------------------------------------------------------------
+
+
+@examples(60)
+@given(st.lists(st.tuples(st.floats(-50, 150), st.floats(1, 12)), min_size=1, max_size=8))
+def test_names_move_apart_as_little_as_they_can(boxes) -> None:
+    wanted, sizes = np.array(boxes).T
+    found = spread(wanted, sizes, 0.0, 100.0)
+    order = np.lexsort((np.arange(wanted.size), wanted))
+    low, high = (found + side * 0.5 * sizes for side in (-1, 1))
+    assert np.all(low[order][1:] >= high[order][:-1] - 1e-9)
+    assert low.min() >= -1e-9 and high.max() <= 100.0 + 1e-9
+    # Projected on the convex set of what is allowed: no allowed place is nearer.
+    rng = np.random.default_rng(0)
+    gaps = rng.dirichlet(np.ones(wanted.size + 1), 50) * (100.0 - sizes.sum())
+    before = np.cumsum(sizes[order]) - 0.5 * sizes[order]
+    allowed = np.cumsum(gaps[:, :-1], axis=1) + before
+    slope = (allowed - found[order]) @ (found - wanted)[order]
+    assert slope.min() >= -1e-6 * (1.0 + np.abs(wanted).max()) ** 2
+
+
+def test_names_that_do_not_meet_stay() -> None:
+    assert spread([10.0, 50.0, 30.0], [5.0, 5.0, 5.0], 0.0, 100.0).tolist() == [10.0, 50.0, 30.0]
+    assert spread([20.0, 20.0], [10.0, 10.0], 0.0, 100.0).tolist() == [15.0, 25.0]
+
+
+def test_a_note_takes_the_nearest_place_that_is_free() -> None:
+    room, nothing = (0.0, 0.0, 200.0, 100.0), np.empty((0, 4))
+    wall = np.column_stack((np.full(100, 100.0), np.arange(100.0)))
+    x, y = free_place((30.0, 10.0), (90.0, 50.0), wall, nothing, room)
+    assert abs(x - 100.0) >= 15.0 and np.hypot(x - 90.0, y - 50.0) < 40.0
+    taken = np.array([[60.0, 0.0, 95.0, 100.0]])
+    x, _ = free_place((30.0, 10.0), (90.0, 50.0), wall, taken, room)
+    assert x <= 45.0 or x >= 115.0
+
+
+def test_equal_ends_have_names_side_by_side_and_a_line_to_the_one_that_went() -> None:
+    x = np.linspace(0.0, 1.0, 5)
+    series = [Series(f"method {k}", x, x * (1.0 + 1e-6 * k)) for k in range(6)]
+    figure = _drawn([Panel("t", "x", "y", series, lines=[("y", 1.0, "tolerance")])])
+    assert not meeting(figure) and not covered(figure)
+    (ax,) = figure.axes
+    assert all(_box(name).x0 > ax.get_window_extent().x1 for name in ax.texts)
+    moved = [name.arrow_patch.get_visible() for name in ax.texts]
+    assert moved[1:] == [True] * 6  # a curve ends inside the axes, the tolerance at their edge
+
+
+def test_names_above_move_apart_and_the_title_stands_over_them() -> None:
+    lines = [("x", 1.0, "first limit"), ("x", 1.1, "second,\nof two lines")]
+    figure = _drawn(
+        [Panel("A title", "x", "y", [Series("s", [0.0, 2.0], [0.0, 1.0])], lines=lines)]
+    )
+    assert not meeting(figure) and not covered(figure)
+
+
+# --- every chart ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", DRAWN)
+def test_a_chart_can_be_read_where_it_is_shown(name: str) -> None:
+    """From its data: letters, names, curves, and that no word lies on a curve or another word."""
+    panels = charts.stored(name)
+    figure = _drawn(panels, **charts.CHARTS[name][1])
+    assert figure.get_figwidth() == WIDTH
+    letters = {t.get_text(): t.get_fontsize() / 72.0 * SHOWN / WIDTH for t in _words(figure)}
+    # Capitals are 0.73 of a font's size: those have 8 px.
+    assert min(letters.values()) * 0.73 >= 8.0, min(letters, key=lambda text: letters[text])
+    for panel in panels:
+        curves = [series for series in panel.shown() if series.counts]
+        assert len(curves) <= SIX
+        first = [series for series in panel.series if series.counts and not series.extra]
+        assert len(first) <= SIX, "say which six matter: Series(..., extra=True) for the others"
+    assert covered(figure) == [] and meeting(figure) == []
+    inside, words = (
+        figure.bbox.padded(1.0),
+        [t for ax in figure.axes for t in (*ax.texts, ax.title)],
+    )
+    corners = [(t.get_text(), corner) for t in words for corner in _box(t).get_points()]
+    assert [text for text, corner in corners if not inside.contains(*corner)] == []
