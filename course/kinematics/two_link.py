@@ -194,6 +194,22 @@ def acceleration(q, v, arm):
     return result
 
 
+@register_jitable
+def branches(l1, l2, x, y):
+    """Angles that put the tip at (x, y), or as near as it comes: q1 with the elbow to either side,
+    the bend (q2, and -q2 for the other side), and how far the target is from the base [m, rad].
+
+    tan^2(q2 / 2) = (far - r)(far + r) / ((r - near)(r + near)) at the distance r.
+    """
+    r, far, near = np.hypot(x, y), l1 + l2, abs(l1 - l2)
+    held = np.minimum(np.maximum(r, near), far)
+    bend = 2.0 * np.arctan2(
+        np.sqrt((far - held) * (far + held)), np.sqrt((held - near) * (held + near))
+    )
+    elbow, heading = np.arctan2(l2 * np.sin(bend), l1 + l2 * np.cos(bend)), np.arctan2(y, x)
+    return heading - elbow, heading + elbow, bend, r
+
+
 class TwoLinkIK(NamedTuple):
     """Both answers to where the joints must be.
 
@@ -225,15 +241,7 @@ def two_link_ik(lengths: ArrayLike, target: ArrayLike) -> TwoLinkIK:
     """
     l1, l2 = vector("lengths", lengths, (2,), low=POSITIVE, unit="m")
     x, y = vector("target", target, (2,), (2, None), unit="m")
-    r = np.hypot(x, y)
-    far, near = l1 + l2, abs(l1 - l2)
-    reached = (r <= far) & (r >= near)
-    held = np.clip(r, near, far)
-    # tan^2(q2 / 2) = (far - r)(far + r) / ((r - near)(r + near)).
-    bend = 2.0 * np.arctan2(
-        np.sqrt((far - held) * (far + held)), np.sqrt((held - near) * (held + near))
-    )
-    elbow = np.arctan2(l2 * np.sin(bend), l1 + l2 * np.cos(bend))
-    heading = np.arctan2(y, x)
-    q = np.array([[heading - elbow, heading + elbow], [bend, -bend]])
-    return TwoLinkIK(q, reached[()], np.abs(r - held)[()])
+    left, right, bend, r = branches(l1, l2, x, y)
+    outside = np.maximum(np.maximum(r - (l1 + l2), abs(l1 - l2) - r), 0.0)
+    q = np.array([[left, right], [bend, -bend]])
+    return TwoLinkIK(q, (outside == 0.0)[()], outside[()])

@@ -115,7 +115,8 @@ SLIPS = slips(
         "The mass of each link sits at its end. A uniform rod has its centre of mass half way."),
     inertia_about_the_end=(_SPIN, _SPIN.replace("12.0", "3.0"),
         "m l^2 / 3 is the inertia of a rod about its end, and holds the motion of its centre of "
-        "mass already: that counts twice then. Newton and Euler need m l^2 / 12, about the centre."),
+        "mass already, which then counts twice. Newton and Euler need m l^2 / 12, about the "
+        "centre."),
     inertia_forgotten=(_SPIN, "spin = 0.0",
         "The links have no inertia of their own: m l^2 / 12 times the angular acceleration is "
         "missing, as if each were a point."),
