@@ -16,6 +16,18 @@ from course.kinematics.dynamics import (
     pack,
     regressor,
 )
+from course.kinematics.inverse import (
+    METHODS,
+    IKResult,
+    Samples,
+    disc_distance,
+    elbow_height,
+    ik,
+    mid_range,
+    null_space_step,
+    pose_error,
+    uniform_starts,
+)
 from course.kinematics.motion import (
     analytic_jacobian,
     condition_number,
@@ -31,7 +43,10 @@ from course.kinematics.motion import (
 from course.kinematics.two_link import TwoLink, TwoLinkIK, two_link_ik
 
 __all__ = [
+    "METHODS",
     "Chain",
+    "IKResult",
+    "Samples",
     "TwoLink",
     "TwoLinkIK",
     "acceleration",
@@ -39,9 +54,12 @@ __all__ = [
     "bias",
     "compose",
     "condition_number",
+    "disc_distance",
+    "elbow_height",
     "energy",
     "forward_dynamics",
     "frames",
+    "ik",
     "inertial_parameters",
     "inverse_dynamics",
     "invert",
@@ -50,16 +68,20 @@ __all__ = [
     "linearise",
     "manipulability",
     "mass_matrix",
+    "mid_range",
     "null_space",
+    "null_space_step",
     "pack",
     "panda",
     "planar",
+    "pose_error",
     "random_chain",
     "regressor",
     "singular_values",
     "tip",
     "turn_to",
     "two_link_ik",
+    "uniform_starts",
     "warm",
     "within",
 ]
@@ -69,10 +91,11 @@ def warm() -> None:
     """Compile, or load from the cache, everything in this chapter that is compiled."""
     import numpy as np
 
-    from course.kinematics import dynamics, motion
+    from course.kinematics import dynamics, inverse, motion
     from course.rigid_body import System, simulate
 
     motion.kernels()
     dynamics.kernels()
+    inverse.kernel()
     arm = planar([1.0])
     simulate(System("arm", acceleration, pack(arm), np.zeros(1), np.zeros(1)), "rk4", 1e-3, 1)

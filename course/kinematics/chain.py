@@ -154,14 +154,22 @@ class Chain:
         return found[::-1]
 
     @property
-    def reach(self) -> float:
-        """No pose puts the tip farther from the frame of its first joint than this [m]: the sum of
-        all offsets on the way, and of the longest strokes."""
+    def reach(self) -> tuple[float, float]:
+        """Bounds on the distance from the first joint's frame to the tip [m].
+
+        The farthest is the sum of all offsets on the way and of the longest strokes. The nearest is
+        what the longest offset has over all others, or 0. No posture is outside; whether one is at
+        every distance between is another question.
+        """
         joints = self.path()
-        steps = np.linalg.norm(self.placement[:3, joints[1:]], axis=0).sum()
+        offsets = np.linalg.norm(self.placement[:3, joints[1:]], axis=0)
         stroke = np.maximum(np.abs(self.lower), np.abs(self.upper))[joints]
-        slid = stroke[self.slides[joints]].sum()
-        return float(steps + slid + np.linalg.norm(self.tool[:3]))
+        each = np.concatenate(
+            [offsets, stroke[self.slides[joints]], [np.linalg.norm(self.tool[:3])]]
+        )
+        far = float(each.sum())
+        longest = float(np.max(offsets, initial=each[-1]))
+        return (max(0.0, 2.0 * longest - far) if np.isfinite(far) else 0.0), far
 
 
 def _frozen(value: Array) -> Array:

@@ -1,0 +1,606 @@
+"""Joint positions for a pose of the tip: one loop, five steps, an honest end.
+
+With the error e (position, and the rotation vector of what is left to turn) and the Jacobian J of
+singular values s, a step is J^T e times a number, or it takes each singular direction times
+
+    pseudo_inverse   1 / s
+    damped           s / (s^2 + lambda^2)               never above 1 / (2 lambda)
+    adaptive         1 / s above lambda, s / lambda^2 below it: never above 1 / lambda
+
+(Nakamura and Hanafusa, 1986; Wampler, 1986; Maciejewski and Klein, 1988), or it solves the damped
+equations with a lambda that follows success and failure (levenberg_marquardt: Marquardt, 1963). The
+tip's position is in metres and its turn in radians; one of them counts as much as one of the other.
+
+Limits hold by projection: a joint at its limit that would go beyond is held for a step, and what
+oversteps is put back. A start may end in a place where no step helps; then comes the next start.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from numba import types
+from numba.extending import register_jitable
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import count, finite, one_of, positive, refused, vector
+from course.compiled import MATRIX, compiled
+from course.kinematics.chain import LOWER, UPPER, Chain
+from course.kinematics.motion import (
+    ROWS,
+    columns,
+    frames,
+    jacobian,
+    null_space,
+    place,
+    point_of,
+    tip,
+)
+from course.rigid_body.quaternion import conjugate, log, product, rotate, unit_quaternion
+
+Array = NDArray[np.float64]
+
+METHODS = ("transpose", "pseudo_inverse", "damped", "adaptive", "levenberg_marquardt")
+REASONS = ("solved", "unreachable", "singularity", "limit", "iterations")
+_TRANSPOSE, _PSEUDO, _DAMPED, _ADAPTIVE, _MARQUARDT = range(5)
+_SOLVED, _UNREACHABLE, _SINGULAR, _LIMIT, _ITERATIONS = range(5)
+
+_ZERO = 1e-12  # a singular value below this share of the largest is none
+_NEAR = 1e-3  # and below this one, where no step helps, the place counts as singular
+_STILL = 1e-13  # a step that moves no joint by more has ended [rad or m]
+_PATIENCE = 6  # steps of Levenberg-Marquardt that each win less than a tenth, until it gives up
+
+
+def pose_error(target: ArrayLike, pose: ArrayLike) -> Array:
+    """What is left to go: position, and the shortest turn as a rotation vector, in world axes.
+
+    Args:
+        target, pose: shape (7,) or (7, N) each.
+
+    Returns:
+        Shape (6,) or (6, N) [m, rad].
+    """
+    t, p = (vector(s, x, (7,), (7, None)) for s, x in (("target", target), ("pose", pose)))
+    return np.concatenate([t[:3] - p[:3], log(product(t[3:], conjugate(p[3:])))])
+
+
+# --- compiled -------------------------------------------------------------------------------------
+
+
+@register_jitable
+def decompose(J, A, U):
+    """J = U A with orthogonal U (m, m) and rows of A (m, n) at right angles: s_i v_i^T.
+
+    Turns pairs of rows until all are (Hestenes, 1958): small singular values keep their digits,
+    which the eigenvalues of J J^T would not.
+    """
+    m, n = J.shape
+    for i in range(m):
+        for c in range(n):
+            A[i, c] = J[i, c]
+        for c in range(m):
+            U[i, c] = 1.0 if i == c else 0.0
+    for _ in range(30):
+        turned = False
+        for i in range(m - 1):
+            for j in range(i + 1, m):
+                a, b, c = 0.0, 0.0, 0.0
+                for x in range(n):
+                    a += A[i, x] * A[i, x]
+                    b += A[j, x] * A[j, x]
+                    c += A[i, x] * A[j, x]
+                if abs(c) <= 1e-15 * np.sqrt(a * b) or c == 0.0:
+                    continue
+                turned = True
+                half = (b - a) / (2.0 * c)
+                tangent = (1.0 if half >= 0.0 else -1.0) / (abs(half) + np.sqrt(1.0 + half * half))
+                cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
+                sine = cosine * tangent
+                for x in range(n):
+                    p, q = A[i, x], A[j, x]
+                    A[i, x], A[j, x] = cosine * p - sine * q, sine * p + cosine * q
+                for x in range(m):
+                    p, q = U[x, i], U[x, j]
+                    U[x, i], U[x, j] = cosine * p - sine * q, sine * p + cosine * q
+        if not turned:
+            break
+
+
+@register_jitable
+def gain(s, method, damping):
+    """What a step makes of an error along a singular direction: its number in METHODS."""
+    if method == _DAMPED:
+        return s / (s * s + damping * damping)
+    if method == _ADAPTIVE and s < damping:
+        return s / (damping * damping)
+    return 1.0 / s
+
+
+@register_jitable
+def step(J, e, method, damping, A, U, dq):
+    """One step of every method but Levenberg-Marquardt into dq (n,).
+
+    Args:
+        J, e: Jacobian (m, n) and error (m,).
+        method: number in METHODS.
+        damping: lambda.
+        A, U: room, (m, n) and (m, m).
+    """
+    m, n = J.shape
+    dq[:] = 0.0
+    if method == _TRANSPOSE:
+        # The length that makes the linearised error smallest along J^T e.
+        for c in range(n):
+            for i in range(m):
+                dq[c] += J[i, c] * e[i]
+        along, square = 0.0, 0.0
+        for i in range(m):
+            moved = 0.0
+            for c in range(n):
+                moved += J[i, c] * dq[c]
+            along += moved * e[i]
+            square += moved * moved
+        for c in range(n):
+            dq[c] *= along / square if square > 0.0 else 0.0
+        return
+    decompose(J, A, U)
+    largest = 0.0
+    for i in range(m):
+        largest = max(largest, _length(A, i))
+    for i in range(m):
+        s = _length(A, i)
+        if s <= _ZERO * largest:
+            continue
+        wanted = 0.0
+        for x in range(m):
+            wanted += U[x, i] * e[x]
+        share = gain(s, method, damping) * wanted / s
+        for c in range(n):
+            dq[c] += share * A[i, c]
+
+
+@register_jitable
+def _length(A, i):
+    total = 0.0
+    for c in range(A.shape[1]):
+        total += A[i, c] * A[i, c]
+    return np.sqrt(total)
+
+
+@register_jitable
+def _marquardt(J, e, mu, K, y, dq):
+    """dq = J^T (J J^T + mu)^-1 e by Cholesky; K (m, m) and y (m,) are room."""
+    m, n = J.shape
+    for i in range(m):
+        for j in range(i + 1):
+            total = mu if i == j else 0.0
+            for c in range(n):
+                total += J[i, c] * J[j, c]
+            for c in range(j):
+                total -= K[i, c] * K[j, c]
+            K[i, j] = np.sqrt(total) if i == j else total / K[j, j]
+        total = e[i]
+        for c in range(i):
+            total -= K[i, c] * y[c]
+        y[i] = total / K[i, i]
+    for back in range(m):
+        i = m - 1 - back
+        for c in range(i + 1, m):
+            y[i] -= K[c, i] * y[c]
+        y[i] /= K[i, i]
+    for c in range(n):
+        dq[c] = 0.0
+        for i in range(m):
+            dq[c] += J[i, c] * y[i]
+
+
+@register_jitable
+def _miss(table, q, target, k, pose, e):
+    """Write the error of posture q (n, 1) into e; distance [m] and angle [rad]."""
+    place(table, q, 0, pose)
+    n = q.shape[0]
+    for c in range(3):
+        e[c] = target[c, k] - pose[n, c]
+    distance = np.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
+    if e.size == 3:
+        return distance, 0.0
+    a, b, c, d = target[3, k], target[4, k], target[5, k], target[6, k]
+    w, x, y, z = pose[n, 3], -pose[n, 4], -pose[n, 5], -pose[n, 6]
+    real = a * w - b * x - c * y - d * z
+    x, y, z = (
+        a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x,
+        a * z + b * y - c * x + d * w,
+    )
+    sine = np.sqrt(x * x + y * y + z * z)
+    angle = 2.0 * np.arctan2(sine, abs(real))
+    # Past half a turn the short way round is the other way.
+    scale = 2.0 if sine < 1e-150 else angle / sine
+    if real < 0.0:
+        scale = -scale
+    e[3], e[4], e[5] = scale * x, scale * y, scale * z
+    return distance, angle
+
+
+@register_jitable
+def _held(table, J, e, q, held):
+    """Mark the joints at a limit that would go beyond, and take them out of J; how many."""
+    found = 0
+    for c in range(q.shape[0]):
+        pull = 0.0
+        for i in range(e.size):
+            pull += J[i, c] * e[i]
+        low, high = table[c, LOWER], table[c, UPPER]
+        held[c] = (q[c, 0] <= low and pull < 0.0) or (q[c, 0] >= high and pull > 0.0)
+        if held[c]:
+            found += 1
+            for i in range(e.size):
+                J[i, c] = 0.0
+    return found
+
+
+def _solve(table, target, starts, method, damping, near, turn, most, rank):
+    """Run every start until one succeeds, for N targets.
+
+    Args:
+        table: the arm's.
+        target: shape (7, N), or (3, N) for the position alone.
+        starts: shape (N, S, n).
+        method: number in METHODS.
+        damping: lambda, and the first one of Levenberg-Marquardt.
+        near, turn: tolerances [m, rad].
+        most: steps from each start.
+        rank: of the arm's Jacobian where it is not singular.
+
+    Returns:
+        Postures (n, N), and in six rows: reason, distance, angle, steps, starts, cost.
+    """
+    n, m = table.shape[0] - 1, 6 if target.shape[0] == 7 else 3
+    result, told = np.zeros((n, target.shape[1])), np.zeros((6, target.shape[1]))
+    pose, J3, J = np.empty((n + 1, 7)), np.zeros((6, n, 1)), np.empty((m, n))
+    A, U, K = np.empty((m, n)), np.empty((m, m)), np.empty((m, m))
+    e, y, dq, held = np.empty(m), np.empty(m), np.empty(n), np.empty(n, np.bool_)
+    q, trial = np.empty((n, 1)), np.empty((n, 1))
+    for k in range(target.shape[1]):
+        best, steps, begun = np.inf, 0, 0
+        while begun < starts.shape[1]:
+            for c in range(n):
+                q[c, 0] = min(max(starts[k, begun, c], table[c, LOWER]), table[c, UPPER])
+            begun += 1
+            distance, angle = _miss(table, q, target, k, pose, e)
+            cost = distance * distance + angle * angle
+            mu, slow, reason, stops = damping * damping, 0, _ITERATIONS, 0
+            fresh = True  # J belongs to q
+            for _ in range(most):
+                if distance <= near and angle <= turn:
+                    break
+                if fresh:
+                    columns(table, pose, n, point_of(pose, n, np.zeros(3)), J3, 0)
+                    for i in range(m):
+                        for c in range(n):
+                            J[i, c] = J3[i, c, 0]
+                    stops = _held(table, J, e, q, held)
+                if method == _MARQUARDT:
+                    _marquardt(J, e, mu, K, y, dq)
+                else:
+                    step(J, e, method, damping, A, U, dq)
+                moved = 0.0
+                for c in range(n):
+                    trial[c, 0] = q[c, 0] + (0.0 if held[c] else dq[c])
+                    trial[c, 0] = min(max(trial[c, 0], table[c, LOWER]), table[c, UPPER])
+                    moved = max(moved, abs(trial[c, 0] - q[c, 0]))
+                steps += 1
+                if not moved > _STILL:  # nor where a step is NaN
+                    reason = -1
+                    break
+                gone, angled = _miss(table, trial, target, k, pose, e)
+                new = gone * gone + angled * angled
+                if method == _MARQUARDT:
+                    slow = 0 if new < 0.9 * cost else slow + 1
+                    if not new < cost:
+                        # Back to where the error was, with a shorter step next.
+                        _miss(table, q, target, k, pose, e)
+                        mu, fresh = 8.0 * mu, False
+                    else:
+                        mu *= 0.1
+                    if slow > _PATIENCE:
+                        reason = -1
+                    if not new < cost:
+                        if reason < 0:
+                            break
+                        continue
+                fresh = True
+                for c in range(n):
+                    q[c, 0] = trial[c, 0]
+                distance, angle, cost = gone, angled, new
+                if reason < 0:
+                    break
+            if distance <= near and angle <= turn:
+                reason = _SOLVED
+            elif reason < 0:
+                reason = _UNREACHABLE
+                if stops > 0:
+                    reason = _LIMIT
+                else:
+                    decompose(J, A, U)
+                    largest, kept = 0.0, 0
+                    for i in range(m):
+                        largest = max(largest, _length(A, i))
+                    for i in range(m):
+                        kept += 1 if _length(A, i) > _NEAR * largest else 0
+                    if kept < rank:
+                        reason = _SINGULAR
+            if cost < best or reason == _SOLVED:
+                best = cost
+                for c in range(n):
+                    result[c, k] = q[c, 0]
+                told[0, k], told[1, k], told[2, k], told[5, k] = reason, distance, angle, cost
+            if reason == _SOLVED:
+                break
+        told[3, k], told[4, k] = steps, begun
+    return result, told
+
+
+@functools.cache
+def kernel() -> Any:
+    """The compiled loop."""
+    starts = types.Array(numba.float64, 3, "C", readonly=True)
+    whole, number = numba.int64, numba.float64
+    return compiled(
+        _solve,
+        types.UniTuple(MATRIX, 2)(ROWS, ROWS, starts, whole, number, number, number, whole, whole),
+    )
+
+
+# --- the doors ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class IKResult:
+    """What came of it; for N targets every attribute has N along its last axis.
+
+    Attributes:
+        q: the best posture found, within the limits, (n,) or (n, N).
+        success: whether the tip is there, by forward kinematics at q.
+        reason: "solved"; "unreachable": the target is farther than the arm's bounds, or, from every
+            start, where the error cannot shrink although the Jacobian has its full rank;
+            "singularity": no step helps and the Jacobian has lost rank; "limit": no step helps and
+            a joint is held at its limit; "iterations": they ran out. That of the best posture.
+        distance, angle: from the tip at q to the target [m, rad].
+        iterations: steps of all starts together.
+        starts: how many were used.
+    """
+
+    q: Array
+    success: Any
+    reason: Any
+    distance: Any
+    angle: Any
+    iterations: Any
+    starts: Any
+
+
+class Samples:
+    """A table of postures and their poses, to start from the nearest ones.
+
+    Near is a distance in metres, where a radian counts as a quarter of the arm's reach.
+
+    Attributes:
+        chain: the arm.
+        q: postures within the limits, (n, M).
+    """
+
+    def __init__(self, chain: Chain, size: int, rng: np.random.Generator | int) -> None:
+        """Draw `size` postures uniformly within the limits, and sort their poses."""
+        from scipy.spatial import cKDTree
+
+        self.chain = chain
+        draws = uniform_starts(chain, count("size", size, 1), np.random.default_rng(rng))
+        self.q = np.ascontiguousarray(draws.T)
+        reach = chain.reach[1]
+        self._scale = 0.5 * reach if np.isfinite(reach) else 1.0  # a quaternion moves half the turn
+        poses = tip(chain, self.q)
+        # q and -q are one rotation, so each pose is there twice.
+        mirrored = np.concatenate([poses[:3], -poses[3:]])
+        self._places = cKDTree(poses[:3].T)
+        self._poses = cKDTree(self._points(np.concatenate([poses, mirrored], axis=1)))
+
+    def _points(self, poses: Array) -> Array:
+        return np.column_stack([poses[:3].T, self._scale * poses[3:].T])
+
+    def nearest(self, target: Array, k: int) -> Array:
+        """The k postures whose poses, or positions, are nearest to N targets, shape (N, k, n)."""
+        count("k", k, 1, self.q.shape[1])
+        if len(target) == 3:
+            found = self._places.query(target.T, k)[1]
+        else:
+            found = self._poses.query(self._points(target), k)[1] % self.q.shape[1]
+        return np.ascontiguousarray(self.q.T[np.reshape(found, (-1, k))])
+
+
+def uniform_starts(chain: Chain, size: int, rng: np.random.Generator) -> Array:
+    """Postures drawn uniformly within the limits, shape (size, n); one turn for a joint without.
+
+    Raises:
+        ValueError: for a slide without limits.
+    """
+    low, high = chain.lower.copy(), chain.upper.copy()
+    for i in np.flatnonzero(~(np.isfinite(low) & np.isfinite(high))).tolist():
+        if chain.slides[i]:
+            raise refused(f"(lower[{i}], upper[{i}])", (low[i], high[i]), "finite for a slide")
+        low[i] = low[i] if np.isfinite(low[i]) else min(-np.pi, high[i] - 2.0 * np.pi)
+        high[i] = high[i] if np.isfinite(high[i]) else max(np.pi, low[i] + 2.0 * np.pi)
+    return low + rng.random((size, chain.n)) * (high - low)
+
+
+@functools.lru_cache(maxsize=64)
+def _rank(chain: Chain, rows: int) -> int:
+    """Of the Jacobian where it is not singular: the largest of a few postures."""
+    draws = np.random.default_rng(0).normal(size=(chain.n, 5))
+    stack = jacobian(chain, draws)[:rows].transpose(2, 0, 1)
+    return int(np.linalg.matrix_rank(stack, rtol=1e-9).max())
+
+
+_CHUNK = 256  # targets whose starts are drawn together
+
+
+def ik(
+    chain: Chain,
+    target: ArrayLike,
+    start: ArrayLike | Samples | None = None,
+    *,
+    method: str = "levenberg_marquardt",
+    damping: float = 0.1,
+    tolerance: tuple[float, float] = (1e-6, 1e-6),
+    restarts: int = 60,
+    nearest: int = 10,
+    iterations: int = 100,
+    rng: np.random.Generator | int = 0,
+) -> IKResult:
+    """Joint positions that put the tip at a pose, within the limits.
+
+    Args:
+        chain: the arm.
+        target: poses of the tip, shape (7,) or (7, N); or positions alone, (3,) or (3, N) [m].
+        start: tried first: postures of shape (n,) or (n, S), or `Samples`, of which the `nearest`
+            are taken; default: none.
+        method: one of METHODS.
+        damping: lambda; of Levenberg-Marquardt the first one.
+        tolerance: distance and angle that count as there [m, rad].
+        restarts: uniform draws within the limits that follow.
+        nearest: starts from `Samples`.
+        iterations: steps from each start, at most.
+        rng: who draws, or a seed.
+
+    Returns:
+        The first posture that is there, or the best one, and why it is not.
+
+    Raises:
+        ValueError: for a target or start of another shape, a quaternion that is not unit, no start
+            at all, numbers that are not finite, an unknown method.
+    """
+    goal = vector("target", target, (7,), (7, None), (3,), (3, None))
+    single = goal.ndim == 1
+    goal = np.array(goal.reshape(len(goal), -1), order="C")
+    if len(goal) == 7:
+        goal[3:] = unit_quaternion(goal[3:], "target[3:]")
+    number = METHODS.index(one_of("method", method, METHODS))
+    positive("damping", damping)
+    near, turn = vector("tolerance", tolerance, (2,), low=0.0).tolist()
+    count("restarts", restarts)
+    count("iterations", iterations, 1)
+    rng = np.random.default_rng(rng)
+    given = np.empty((0, chain.n))
+    if isinstance(start, Samples):
+        if start.chain is not chain:
+            raise refused("start", start, "samples of this chain")
+    elif start is not None:
+        given = np.asarray(vector("start", start, (chain.n,), (chain.n, None)).T)
+        given = np.atleast_2d(given)
+    if start is None and not restarts:
+        raise refused("(start, restarts)", (start, restarts), "a start, or restarts from 1 on")
+    rank, parts = _rank(chain, 6 if len(goal) == 7 else 3), []
+    for first in range(0, goal.shape[1], _CHUNK):
+        part = np.ascontiguousarray(goal[:, first : first + _CHUNK])
+        size = part.shape[1]
+        if isinstance(start, Samples):
+            begin = start.nearest(part, min(nearest, start.q.shape[1]))
+        else:
+            begin = np.broadcast_to(given, (size, *given.shape))
+        drawn = begin[:, :0]
+        if restarts:
+            drawn = uniform_starts(chain, size * restarts, rng).reshape(size, restarts, chain.n)
+        starts = np.concatenate([begin, drawn], axis=1)
+        parts.append(
+            kernel()(chain.table, part, starts, number, damping, near, turn, iterations, rank)
+        )
+    q, told = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
+    reason = told[0].astype(np.int64)
+    low, far = chain.reach
+    away = np.linalg.norm(goal[:3] - chain.placement[:3, chain.path()[:1]], axis=0)
+    outside = (away > far + near) | (away < low - near)
+    reason[outside & (reason != _SOLVED)] = _UNREACHABLE
+    names = np.array(REASONS)[reason]
+    found: list[Any] = [q, reason == _SOLVED, names, told[1], told[2]]
+    found += [told[3].astype(np.int64), told[4].astype(np.int64)]
+    if single:
+        found = [q[:, 0], *(value[0].item() for value in found[1:])]
+    return IKResult(*found)
+
+
+# --- what is left to choose -----------------------------------------------------------------------
+
+
+def elbow_height(chain: Chain, q: ArrayLike, joint: int = 3) -> tuple[float, Array]:
+    """Height of a joint's frame [m], and its gradient by the joints, shape (n,)."""
+    return float(frames(chain, q)[2, joint]), jacobian(chain, q, joint=joint)[2]
+
+
+def mid_range(chain: Chain, q: ArrayLike) -> tuple[float, Array]:
+    """Minus half the sum of squared distances from the middle, in half ranges; and its gradient.
+
+    Joints without limits do not count.
+    """
+    (q,) = (vector("q", q, (chain.n,)),)
+    bounded = np.isfinite(chain.lower) & np.isfinite(chain.upper)
+    half = np.where(bounded, 0.5 * (chain.upper - chain.lower), np.inf)
+    middle = np.where(bounded, 0.5 * (chain.upper + chain.lower), 0.0)
+    share = (q - middle) / half
+    return float(-0.5 * share @ share), -share / half
+
+
+def disc_distance(
+    chain: Chain, q: ArrayLike, centre: ArrayLike, radius: float
+) -> tuple[float, Array]:
+    """How far the arm, as lines from joint to joint to tip, keeps off a disc in the x-y plane.
+
+    Returns:
+        The smallest distance [m], negative where a line cuts the disc, and its gradient (n,); the
+        gradient jumps where another line becomes the nearest.
+    """
+    middle = vector("centre", centre, (2,), unit="m")
+    finite("radius", radius, 0.0, unit="m")
+    joints, pose = chain.path(), frames(chain, q)
+    points = np.column_stack([pose[:3, joints], tip(chain, q)[:3]])
+    lines = np.diff(points, axis=1)
+    square = np.maximum(np.sum(lines[:2] ** 2, axis=0), 1e-300)
+    share = np.clip(np.sum((middle[:, None] - points[:2, :-1]) * lines[:2], axis=0) / square, 0, 1)
+    nearest = points[:, :-1] + share * lines
+    away = nearest[:2] - middle[:, None]
+    distance = np.hypot(*away)
+    i = int(np.argmin(distance))
+    joint = joints[i]
+    local = rotate(conjugate(pose[3:, joint]), nearest[:, i] - pose[:3, joint])
+    unit = away[:, i] / max(float(distance[i]), 1e-300)
+    return float(distance[i] - radius), unit @ jacobian(chain, q, local, joint=joint)[:2]
+
+
+def null_space_step(
+    chain: Chain, q: ArrayLike, gradient: ArrayLike, length: float, *, rows: int = 6
+) -> Array:
+    """A posture a step farther along a gradient, as far as the task's null space allows.
+
+    The tip moves by c length^2, as the null space turns on the way; one step of `ik` from there
+    takes it back.
+
+    Args:
+        chain: the arm.
+        q: joint positions, shape (n,).
+        gradient: of an objective, shape (n,).
+        length: of the step, Euclidean [rad]; negative to go down.
+        rows: that the task has, 6, or 3 for the position alone.
+
+    Returns:
+        Shape (n,); q itself where the gradient has no part in the null space.
+    """
+    (q,) = (vector("q", q, (chain.n,)),)
+    count("rows", rows, 1, 6)
+    slope = null_space(jacobian(chain, q)[:rows]) @ vector("gradient", gradient, (chain.n,))
+    size = float(np.linalg.norm(slope))
+    if size <= 1e-12 * float(np.linalg.norm(gradient)):
+        return q.copy()
+    return np.asarray(q + finite("length", length) / size * slope)
