@@ -88,15 +88,15 @@ def decompose(J, A, U):
         turned = False
         for i in range(m - 1):
             for j in range(i + 1, m):
-                a, b, c = 0.0, 0.0, 0.0
+                a, b, both = 0.0, 0.0, 0.0
                 for x in range(n):
                     a += A[i, x] * A[i, x]
                     b += A[j, x] * A[j, x]
-                    c += A[i, x] * A[j, x]
-                if abs(c) <= 1e-15 * np.sqrt(a * b) or c == 0.0:
+                    both += A[i, x] * A[j, x]
+                if abs(both) <= 1e-15 * np.sqrt(a * b):
                     continue
                 turned = True
-                half = (b - a) / (2.0 * c)
+                half = (b - a) / (2.0 * both)
                 tangent = (1.0 if half >= 0.0 else -1.0) / (abs(half) + np.sqrt(1.0 + half * half))
                 cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
                 sine = cosine * tangent

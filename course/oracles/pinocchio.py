@@ -1,18 +1,20 @@
-"""Pinocchio asked for the kinematics of a planar chain.
+"""Pinocchio asked for the kinematics and the dynamics of chains.
 
-The model is built joint by joint, each turning about z and placed at the end of the link before it;
-the tip is a frame at the end of the last link. Building it is not part of what one would time: make
-the chain once, then ask it for positions.
+The model is built joint by joint, each turning about z or sliding along it, with the tip as a frame
+of the last link. Building it is not part of what one would time: make the arm once, then ask it.
 """
 
 from __future__ import annotations
 
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import refused, vector
+from course.kinematics.chain import Chain
+from course.rigid_body.spatial import DOWNWARDS
 
 Array = NDArray[np.float64]
 
@@ -67,3 +69,99 @@ class PlanarChain:
         self._update(self.model, self._data, thetas)
         joints = [self._data.oMi[i].translation for i in range(1, self.model.njoints)]
         return np.array([*joints, self._data.oMf[self._tip].translation])[:, :2]
+
+
+def _depth_first(chain: Chain) -> list[int]:
+    found: list[int] = []
+    waiting = [-1]
+    while waiting:
+        joint = waiting.pop()
+        found += [joint] if joint >= 0 else []
+        waiting += np.flatnonzero(chain.parent == joint)[::-1].tolist()
+    return found
+
+
+def model(chain: Chain, gravity: ArrayLike = DOWNWARDS) -> Any:
+    """The same arm as a `pinocchio.Model`, its joints named by their number in the chain.
+
+    Pinocchio wants the joints of a subtree in a row, so a tree's come depth first: `model.names`
+    tells. Armature is in the model; damping is not, as `rnea` and `aba` know none.
+
+    Args:
+        chain: the arm.
+        gravity: in the world, shape (3,) [m/s^2].
+    """
+    pinocchio = _pinocchio()
+
+    def place(pose: Array) -> Any:
+        return pinocchio.SE3(pinocchio.Quaternion(*pose[3:]).matrix(), pose[:3])
+
+    result, ids = pinocchio.Model(), {-1: 0}
+    for i in _depth_first(chain):
+        kind = pinocchio.JointModelPZ() if chain.slides[i] else pinocchio.JointModelRZ()
+        before = ids[int(chain.parent[i])]
+        ids[i] = result.addJoint(before, kind, place(chain.placement[:, i]), f"joint {i}")
+        body = pinocchio.Inertia(chain.mass[i], chain.centre[:, i], chain.inertia[:, :, i])
+        result.appendBodyToJoint(ids[i], body, pinocchio.SE3.Identity())
+    frame = pinocchio.FrameType.OP_FRAME
+    result.addFrame(pinocchio.Frame("tip", ids[chain.n - 1], place(chain.tool), frame))
+    result.armature = np.array([chain.armature[int(name.split()[1])] for name in result.names[1:]])
+    result.gravity.linear = vector("gravity", gravity, (3,), unit="m/s^2")
+    return result
+
+
+class Arm:
+    """Pinocchio's answers about a chain, in the chain's order of joints.
+
+    Attributes:
+        model, data: Pinocchio's own.
+        order: `q[order]` is Pinocchio's q.
+    """
+
+    def __init__(self, chain: Chain, gravity: ArrayLike = DOWNWARDS) -> None:
+        self._library = _pinocchio()
+        self.model = model(chain, gravity)
+        self.data = self.model.createData()
+        self.order = np.array([int(name.split()[1]) for name in self.model.names[1:]])
+        self._back = np.argsort(self.order)
+        self._tip = self.model.getFrameId("tip")
+        self._damping = chain.damping
+
+    def _pose(self, place: Any) -> Array:
+        x, y, z, w = self._library.Quaternion(place.rotation).coeffs()
+        return np.array([*place.translation, w, x, y, z])
+
+    def frames(self, q: Array) -> Array:
+        """Poses of the joints and, in the last column, of the tip, shape (7, n + 1)."""
+        self._library.framesForwardKinematics(self.model, self.data, q[self.order])
+        joints = [self._pose(self.data.oMi[i + 1]) for i in self._back.tolist()]
+        return np.column_stack([*joints, self._pose(self.data.oMf[self._tip])])
+
+    def jacobians(self, q: Array, v: Array) -> tuple[Array, Array]:
+        """The tip's Jacobian and its time derivative, shape (6, n) each."""
+        library, model, data = self._library, self.model, self.data
+        q, v, axes = q[self.order], v[self.order], library.LOCAL_WORLD_ALIGNED
+        library.computeJointJacobiansTimeVariation(model, data, q, v)
+        library.computeJointJacobians(model, data, q)
+        library.updateFramePlacements(model, data)
+        J = library.getFrameJacobian(model, data, self._tip, axes)
+        rate = library.getFrameJacobianTimeVariation(model, data, self._tip, axes)
+        return J[:, self._back], rate[:, self._back]
+
+    def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
+        """Torques of a motion, the damping of the joints added, shape (n,)."""
+        order = self.order
+        tau = self._library.rnea(self.model, self.data, q[order], v[order], a[order])
+        return np.asarray(tau[self._back] + self._damping * v)
+
+    def mass_matrix(self, q: Array) -> Array:
+        """M, shape (n, n)."""
+        upper = np.triu(self._library.crba(self.model, self.data, q[self.order]))
+        whole = upper + np.triu(upper, 1).T
+        return np.asarray(whole[np.ix_(self._back, self._back)])
+
+    def forward_dynamics(self, q: Array, v: Array, tau: Array) -> Array:
+        """Accelerations, the damping of the joints taken off the torques, shape (n,)."""
+        order, left = self.order, tau - self._damping * v
+        a = self._library.aba(self.model, self.data, q[order], v[order], left[order])
+        return np.asarray(a[self._back])

@@ -1,0 +1,178 @@
+"""A `Chain` as a MuJoCo model, and a MuJoCo model, from MJCF or URDF, as a `Chain`.
+
+MuJoCo parses both formats, so no text is read or written here. It orders bodies depth first, so a
+tree's joints may come in another order there: `addresses` says where each one is.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import refused, vector
+from course.kinematics.chain import HERE, Chain, compose, invert, turn_to
+from course.oracles.mujoco.kit import ALWAYS_OFF, CONTACT_OFF, library
+from course.rigid_body.quaternion import to_matrix
+from course.rigid_body.spatial import DOWNWARDS
+
+Array = NDArray[np.float64]
+
+
+def model(chain: Chain, gravity: ArrayLike = DOWNWARDS) -> Any:
+    """The same arm as an `MjModel`, without contacts, constraints, motors and sensors.
+
+    Joints are named by their number in the chain, the tip is a site. Limits are written down, but
+    nothing enforces them, as the constraint solver is off.
+
+    Args:
+        chain: the arm.
+        gravity: in the world, shape (3,) [m/s^2].
+    """
+    mujoco = library()
+    spec = mujoco.MjSpec()
+    spec.compiler.degree = False
+    spec.option.gravity = vector("gravity", gravity, (3,), unit="m/s^2")
+    for flag in (*ALWAYS_OFF, *CONTACT_OFF):
+        spec.option.disableflags |= int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag.upper()}"))
+    bodies: list[Any] = []
+    for i in range(chain.n):
+        before = spec.worldbody if chain.parent[i] < 0 else bodies[chain.parent[i]]
+        pose, inertia = chain.placement[:, i], chain.inertia[:, :, i]
+        body = before.add_body(name=f"link {i}", pos=pose[:3], quat=pose[3:])
+        body.explicitinertial, body.mass, body.ipos = True, chain.mass[i], chain.centre[:, i]
+        body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+        kind = mujoco.mjtJoint.mjJNT_SLIDE if chain.slides[i] else mujoco.mjtJoint.mjJNT_HINGE
+        joint = body.add_joint(name=f"joint {i}", type=kind, axis=(0.0, 0.0, 1.0))
+        joint.armature = chain.armature[i]
+        joint.damping = [chain.damping[i], *np.zeros(len(np.atleast_1d(joint.damping)) - 1)]
+        joint.limited = int(np.isfinite(chain.lower[i]) and np.isfinite(chain.upper[i]))
+        if joint.limited:
+            joint.range = chain.lower[i], chain.upper[i]
+        bodies.append(body)
+    bodies[-1].add_site(name="tip", pos=chain.tool[:3], quat=chain.tool[3:])
+    return spec.compile()
+
+
+def addresses(model: Any, chain: Chain) -> NDArray[np.int64]:
+    """Where the chain's joints are in `qpos` and `qvel` of `model(chain)`, shape (n,)."""
+    return np.array([model.joint(f"joint {i}").dofadr[0] for i in range(chain.n)])
+
+
+def _named(model: Any, kind: str, i: int) -> str:
+    return f"{kind} {getattr(model, kind)(i).name or i!r}"
+
+
+def _check(model: Any) -> None:
+    """Raise for what a chain lacks, by its name."""
+    mujoco = library()
+    if model.ntendon:
+        raise refused("model", _named(model, "tendon", 0), "an arm without tendons")
+    if model.neq:
+        found = mujoco.mjtEq(int(model.eq_type[0])).name.removeprefix("mjEQ_").lower()
+        raise refused(
+            "model",
+            f"equality {model.equality(0).name or 0!r} ({found})",
+            "an arm without closed loops",
+        )
+    if model.nflex:
+        raise refused("model", _named(model, "flex", 0), "an arm of rigid bodies")
+    hinge, slide = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+    for i in range(model.njnt):
+        name, kind, dof = _named(model, "joint", i), int(model.jnt_type[i]), model.jnt_dofadr[i]
+        if kind not in (hinge, slide):
+            found = mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()
+            raise refused("model", f"{name}, a {found} joint", "joints that turn or slide")
+        if model.body_jntnum[model.jnt_bodyid[i]] > 1:
+            raise refused("model", f"{name} beside another of its body", "one joint a body")
+        if model.jnt_stiffness[i] or model.dof_frictionloss[dof] or model.qpos0[dof]:
+            raise refused("model", f"{name} with a spring, dry friction or ref", "none of these")
+        if np.any(model.dof_dampingpoly[dof]):
+            raise refused("model", f"{name} with damping that is not linear", "linear damping")
+    for i in range(model.nbody):
+        if model.body_gravcomp[i]:
+            raise refused("model", f"{_named(model, 'body', i)} with gravcomp", "none")
+
+
+def chain(model: Any, tip: str | None = None) -> Chain:
+    """A MuJoCo model as a chain, its joints in MuJoCo's order, that of the tip moved to the end.
+
+    Bodies without a joint become part of the link that carries them. Friction and springs, motors,
+    contacts: what a chain lacks and what would move it is refused; what only looks is left out.
+
+    Args:
+        model: an `MjModel`, such as `mujoco.MjModel.from_xml_path` reads from MJCF or URDF.
+        tip: name of a site on a link that carries no other; default: "tip" if there is such a site,
+            else the frame of the last body.
+
+    Raises:
+        ValueError: for a joint that neither turns nor slides, two joints of a body, a spring, dry
+            friction, a tendon, a closed loop, a tip elsewhere: it names the one it found.
+    """
+    _check(model)
+    n = int(model.njnt)
+    if not n:
+        raise refused("model", "without a joint", "one joint or more")
+    # Of each body: the joint that carries it, and its frame in the frame of that joint.
+    carrier, within = [-1], [np.array(HERE)]
+    parent, placement = [], np.empty((7, n))
+    mass, first, second = np.zeros(n), np.zeros((3, n)), np.zeros((3, 3, n))
+    last = 0
+    for b in range(1, model.nbody):
+        before = int(model.body_parentid[b])
+        pose = np.concatenate([model.body_pos[b], model.body_quat[b]])
+        here, joint = compose(within[before], pose), carrier[before]
+        if model.body_jntnum[b]:
+            i = int(model.body_jntadr[b])
+            turn = np.concatenate([model.jnt_pos[i], turn_to(model.jnt_axis[i])])
+            parent.append(joint)
+            placement[:, i] = compose(here, turn)
+            here, joint, last = invert(turn), i, b
+        carrier.append(joint)
+        within.append(here)
+        if joint >= 0:
+            inner = np.concatenate([model.body_ipos[b], model.body_iquat[b]])
+            centre = compose(here, inner)
+            R, m, c = to_matrix(centre[3:]), model.body_mass[b], centre[:3]
+            mass[joint] += m
+            first[:, joint] += m * c
+            moments = R @ np.diag(model.body_inertia[b]) @ R.T
+            second[:, :, joint] += moments + m * (c @ c * np.eye(3) - np.outer(c, c))
+    carried, tool = _tool(model, tip, carrier, within, last)
+    if carried < 0 or carried in parent:
+        found = "the world" if carried < 0 else _named(model, "joint", carried)
+        raise refused("tip", f"on the link of {found}", "on a link that carries no other")
+    order = [i for i in range(n) if i != carried] + [carried]
+    limited, dofs = model.jnt_limited.astype(bool), model.jnt_dofadr
+    centre = first / np.maximum(mass, 1e-300)
+    square = np.sum(centre**2, axis=0) * np.eye(3)[:, :, None]
+    inertia = second - mass * (square - centre[:, None] * centre[None])
+    return Chain(
+        parent=[order.index(parent[i]) if parent[i] >= 0 else -1 for i in order],
+        placement=placement[:, order],
+        mass=mass[order],
+        centre=centre[:, order],
+        inertia=inertia[:, :, order],
+        slides=(model.jnt_type == int(library().mjtJoint.mjJNT_SLIDE))[order],
+        lower=np.where(limited, model.jnt_range[:, 0], -np.inf)[order],
+        upper=np.where(limited, model.jnt_range[:, 1], np.inf)[order],
+        armature=model.dof_armature[dofs][order],
+        damping=model.dof_damping[dofs][order],
+        tool=tool,
+    )
+
+
+def _tool(
+    model: Any, tip: str | None, carrier: list[int], within: list[Array], last: int
+) -> tuple[int, Array]:
+    """The joint whose link carries the tip, and the tip's pose in its frame."""
+    names = [model.site(i).name for i in range(model.nsite)]
+    if tip is None and "tip" not in names:
+        return carrier[last], within[last]
+    name = "tip" if tip is None else tip
+    if name not in names:
+        raise refused("tip", name, f"a site of the model: {', '.join(names) or 'it has none'}")
+    site = model.site(name)
+    body = int(site.bodyid[0])
+    return carrier[body], compose(within[body], np.concatenate([site.pos, site.quat]))
