@@ -295,6 +295,29 @@ def overlapping_pairs(boxes: ArrayLike, method: str = "sweep") -> Pairs:
     return (uniform_grid if method == "grid" else brute_force)(boxes)[0]
 
 
+CROWDS = {"spread": 3, "settled": 2, "aligned": 2}
+
+
+def crowd(kind: str, n: int, rng: np.random.Generator) -> Array:
+    """n boxes of edges 0.5 to 1 m, about one on each cubic metre (on each square metre).
+
+    Args:
+        kind: "spread" in a cube, "settled" in one layer, or "aligned": a wall across the
+            x axis, on which all of them overlap.
+        n: how many.
+        rng: where they are drawn from.
+
+    Returns:
+        Boxes, shape (2, 3, n).
+    """
+    free = CROWDS[one_of("kind", kind, tuple(CROWDS))]
+    middle = rng.uniform(0.0, count("n", n, 1) ** (1.0 / free), (3, n))
+    if kind != "spread":
+        middle[0 if kind == "aligned" else 2] = rng.uniform(0.0, 0.2, n)
+    half = rng.uniform(0.25, 0.5, (3, n))
+    return np.stack((middle - half, middle + half))
+
+
 def warm() -> None:
     """Compile every loop of this file."""
     for function in _KERNELS:

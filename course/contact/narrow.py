@@ -199,16 +199,16 @@ def _gjk(va, vb, pair, s, share, v):
     low, last, rounding = 0.0, math.inf, 4.0 * _EPS * pair[_SIZE]
     iterations = 0
     while True:
-        if square <= 100.0 * rounding * rounding or square >= last:
-            break  # touching; or rounding keeps the point from coming nearer
-        last = square
+        if square <= 100.0 * rounding * rounding:
+            break  # touching
         iterations += 1
         _support(-x, -y, -z, va, vb, pair, s, n)
         # All of the set lies beyond the plane through this support.
         bound = (x * s[n, 0] + y * s[n, 1] + z * s[n, 2]) / math.sqrt(x * x + y * y + z * z)
         low = max(low, bound)
-        if math.sqrt(square) - low <= rounding or _known(s, n, n):
-            break
+        if math.sqrt(square) - low <= rounding or square >= last or _known(s, n, n):
+            break  # certain; or rounding keeps the point from coming nearer
+        last = square
         n = _nearest(s, n + 1, share)
         if n == 5:
             break
@@ -218,7 +218,14 @@ def _gjk(va, vb, pair, s, share, v):
             y += share[i] * s[i, 1]
             z += share[i] * s[i, 2]
         square = x * x + y * y + z * z
-        if n == 3:
+        if n == 2:
+            # Of an edge, what rounding left along it goes.
+            ex, ey, ez = s[1, 0] - s[0, 0], s[1, 1] - s[0, 1], s[1, 2] - s[0, 2]
+            along = (x * ex + y * ey + z * ez) / (ex * ex + ey * ey + ez * ez)
+            x, y, z = x - along * ex, y - along * ey, z - along * ez
+            if x == 0.0 and y == 0.0 and z == 0.0:
+                square = 0.0
+        elif n == 3:
             # The triangle's normal keeps its direction where the point is all but zero.
             m = _normal(s, 0, 1, 2)
             side = m[0] * s[0, 0] + m[1] * s[0, 1] + m[2] * s[0, 2]
@@ -346,25 +353,24 @@ def _epa(va, vb, pair, s, share, best, corner, beyond, face, key, link, stack):
     faces, vertices, iterations = 4, 4, 0
     rounding = 16.0 * _EPS * pair[_SIZE]
     depth, low = math.inf, -math.inf
-    i, j, k = 0, 1, 2
     while True:
         f = 0
         for g in range(1, faces):
             if key[g] < key[f]:
                 f = g
         low = key[f]
-        if low >= depth - rounding:
+        if low > depth + rounding:
             break
         iterations += 1
         x, y, z = face[f, 0], face[f, 1], face[f, 2]
         _support(x, y, z, va, vb, pair, s, vertices)
         sx, sy, sz = s[vertices, 0], s[vertices, 1], s[vertices, 2]
         high = x * sx + y * sy + z * sz
+        last = high - face[f, 3] <= rounding
         if high < depth:
             depth = high
             best[0], best[1], best[2] = x, y, z
-            i, j, k = corner[f, 0], corner[f, 1], corner[f, 2]
-        if high - face[f, 3] <= rounding:
+        if last:
             break
         if vertices == _VERTICES or _known(s, vertices, vertices):
             key[f] = math.inf
@@ -408,17 +414,24 @@ def _epa(va, vb, pair, s, share, best, corner, beyond, face, key, link, stack):
         for n in range(edges, seen):
             key[stack[n]] = math.inf
         vertices += 1
+    # Several triangles may lie in the plane of the nearest face: the one that the origin is above.
+    inside, f = -math.inf, 0
+    for g in range(faces):
+        aligned = face[g, 0] * best[0] + face[g, 1] * best[1] + face[g, 2] * best[2]
+        if math.isfinite(key[g]) and aligned > 1.0 - 1e-9 and key[g] <= depth + rounding:
+            i, j, k = corner[g, 0], corner[g, 1], corner[g, 2]
+            u, v, w = _area(best, s, j, k), _area(best, s, k, i), _area(best, s, i, j)
+            least = min(u, v, w) / (u + v + w)
+            if least > inside:
+                inside, f = least, g
+                share[0], share[1], share[2] = max(u, 0.0), max(v, 0.0), max(w, 0.0)
+    total = share[0] + share[1] + share[2]
+    i, j, k = corner[f, 0], corner[f, 1], corner[f, 2]
     for c in range(9):
         a, b, d = s[i, c], s[j, c], s[k, c]
         s[0, c], s[1, c], s[2, c] = a, b, d
-    u = max(_area(best, s, 1, 2), 0.0)
-    v = max(_area(best, s, 2, 0), 0.0)
-    w = max(_area(best, s, 0, 1), 0.0)
-    total = u + v + w
-    if total > 0.0:
-        share[0], share[1], share[2] = u / total, v / total, w / total
-    else:
-        share[0], share[1], share[2] = 1.0, 0.0, 0.0
+    for c in range(3):
+        share[c] /= total
     return depth, depth - min(low, depth), iterations
 
 
@@ -543,7 +556,8 @@ class Distance:
     Attributes:
         distance: signed: positive apart, 0 touching, negative by the least depth [m].
         normal: unit vector from a to b, shape (dim,). Where it is not unique, as between concentric
-            spheres, it is one of the right ones.
+            spheres, it is one of the right ones. Between cores that all but touch, its error is
+            rounding over their distance.
         point_a, point_b: the nearest points of both surfaces, or the deepest, shape (dim,) [m].
         gap: what the distance may be too large by [m]; rounding, unless the search was cut short.
         iterations: of both searches.

@@ -52,10 +52,12 @@ def spheres_time_of_impact(offset: ArrayLike, velocity: ArrayLike, reach: ArrayL
     """
     p, v = vector("offset", offset, unit="m"), vector("velocity", velocity, unit="m/s")
     r = vector("reach", reach, low=np.finfo(float).tiny, unit="m")
-    c, b, a = np.sum(p * p, axis=0) - r * r, np.sum(p * v, axis=0), np.sum(v * v, axis=0)
-    inside = b * b - a * c
+    far, b, a = np.linalg.norm(p, axis=0), np.sum(p * v, axis=0), np.sum(v * v, axis=0)
+    c = (far - r) * (far + r)
+    # The discriminant b^2 - a c from the distance at which they pass: no digits cancel.
+    passing = np.linalg.norm(p - v * (b / np.where(a > 0.0, a, 1.0)), axis=0)
+    inside = a * (r - passing) * (r + passing)
     hit = (b < 0.0) & (inside >= 0.0)
-    # c / (...) and not (...) / a: the difference of two nearly equal numbers is never taken.
     root = c / np.where(hit, -b + np.sqrt(np.where(hit, inside, 0.0)), 1.0)
     return np.where(c <= 0.0, 0.0, np.where(hit, root, np.inf))
 

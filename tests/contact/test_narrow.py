@@ -1,0 +1,301 @@
+"""Narrow phase: against every feature, closed forms and Coal, in hard scenes, with bad input."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from course import contact
+from course.oracles import coal
+from course.rigid_body.quaternion import exp
+from tests.budget import examples
+from tests.contact import draws
+
+SHAPES = draws.shapes()
+PAIRS = list(itertools.combinations_with_replacement(SHAPES, 2))
+CUBE = contact.box([0.5, 0.5, 0.5])
+HALF = math.sqrt(0.5)
+
+
+def at(x=0.0, y=0.0, z=0.0, turn=(0.0, 0.0, 0.0)):
+    return np.array([x, y, z, *exp(np.array(turn, dtype=float))])
+
+
+def check_points(a, pose_a, b, pose_b, found):
+    """The points lie on the surfaces, and are as far apart as the distance says."""
+    size = a.size + b.size
+    apart = found.point_b - found.point_a
+    assert np.abs(apart - found.distance * found.normal).max() < 1e-13 * size
+    assert np.abs(np.linalg.norm(found.normal, axis=0) - 1.0).max() < 1e-13
+    point = contact.points(np.zeros((a.dim, 1)))
+    for shape, pose, place in ((a, pose_a, found.point_a), (b, pose_b, found.point_b)):
+        q = np.zeros((7 if a.dim == 3 else 3, place.shape[1]))
+        q[: a.dim] = place
+        if a.dim == 3:
+            q[3] = 1.0
+        inside = contact.distance(shape, pose, point, q).distance
+        assert np.abs(inside).max() < 1e-12 * size
+
+
+@pytest.mark.parametrize("spread", [0.3, 1.5])
+@pytest.mark.parametrize(("first", "second"), PAIRS)
+def test_agrees_with_coal(first, second, spread):
+    rng = np.random.default_rng(hash_of(first, second))
+    pose_a, pose_b = draws.poses(rng, 300, spread), draws.poses(rng, 300, spread)
+    a, b = SHAPES[first], SHAPES[second]
+    found = contact.distance(a, pose_a, b, pose_b)
+    other = coal.Pair(a, b).distances(pose_a, pose_b)
+    assert np.abs(found.distance - other).max() < 1e-9 * (a.size + b.size)
+    assert found.gap.max() < 1e-13
+    assert found.iterations.max() < 60
+    check_points(a, pose_a, b, pose_b, found)
+    # The other way round the same, with the normal turned.
+    back = contact.distance(b, pose_b, a, pose_a)
+    assert np.abs(back.distance - found.distance).max() < 1e-13
+
+
+def hash_of(*names):
+    return sum(ord(letter) for letter in "".join(names))
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [("box", "box"), ("capsule", "box"), ("sphere", "box"), ("capsule", "capsule")],
+)
+@pytest.mark.parametrize("angle", [None, 1e-4, 1e-8, 1e-12, 0.0])
+def test_agrees_with_every_feature(first, second, angle):
+    rng = np.random.default_rng(5)
+    pose_a = draws.poses(rng, 300, 0.6)
+    pose_b = draws.poses(rng, 300, 0.6)
+    if angle is not None:
+        pose_b[3:] = draws.turned(rng, pose_a, angle)[3:]
+    a, b = SHAPES[first], SHAPES[second]
+    if first == second == "capsule" and angle in (0.0, 1e-12):
+        with pytest.raises(ValueError, match="two edges that are not parallel"):
+            contact.enumerated(a, pose_a, b, pose_a)
+        return
+    found = contact.distance(a, pose_a, b, pose_b).distance
+    assert (found > 0.0).any()
+    assert (found < 0.0).any()
+    assert np.abs(found - contact.enumerated(a, pose_a, b, pose_b)).max() < 1e-12
+
+
+GAPS = [1e-3, 1e-6, 1e-9, 1e-12, 0.0, -1e-12, -1e-9, -1e-6, -1e-3]
+
+
+@pytest.mark.parametrize("gap", GAPS)
+def test_faces_that_are_all_but_touching(gap):
+    exact = (1.0 + gap) - 1.0
+    for place in (at(1.0 + gap), at(1.0 + gap, 0.1, 0.2), at(1.0 + gap, 0.99, -0.99)):
+        found = contact.distance(CUBE, at(), CUBE, place)
+        assert abs(found.distance - exact) < 1e-15
+        assert found.normal[0] > 0.999999
+    plate = contact.box([5.0, 5.0, 5e-4])
+    found = contact.distance(plate, at(), plate, at(0.3, 0.2, 1e-3 + gap))
+    # Plates that are deep in each other leave sideways only if that were nearer.
+    assert abs(found.distance - (1e-3 + gap - 1e-3)) < 1e-15
+    big, small = contact.box([500.0] * 3), contact.box([5e-4] * 3)
+    found = contact.distance(big, at(), small, at(500.0005 + gap, 1.0, 2.0))
+    assert abs(found.distance - (500.0005 + gap - 500.0 - 5e-4)) < 1e-12
+    edge = at(turn=(0.0, 0.0, math.pi / 4))
+    across = at(2 * HALF + gap, turn=(0.0, math.pi / 4, 0.0))
+    assert abs(contact.distance(CUBE, edge, CUBE, across).distance - gap) < 1e-15
+    for angle in (1e-4, 1e-8, 1e-12):
+        turned = at(1.0 + gap, 0.1, 0.2, (angle, 0.3 * angle, -0.7 * angle))
+        found = contact.distance(CUBE, at(), CUBE, turned).distance
+        expected = contact.enumerated(CUBE, at(), CUBE, turned)[0]
+        assert abs(found - expected) < 1e-15
+
+
+FLAT = contact.points([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0], [0.0] * 4])
+ROD = contact.capsule(0.2, 0.5)
+BAR = contact.capsule(0.1, 0.5, dim=2)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "pose_b", "expected"),
+    [
+        (contact.sphere(1.0), contact.sphere(0.5), at(), -1.5),
+        (ROD, ROD, at(), -0.4),
+        (ROD, ROD, at(turn=(math.pi / 2, 0.0, 0.0)), -0.4),
+        (ROD, ROD, at(y=1e-9, turn=(0.0, math.pi / 2, 0.0)), 1e-9 - 0.4),
+        (ROD, ROD, at(z=0.3), -0.4),
+        (ROD, ROD, at(z=1.3), -0.1),
+        (CUBE, CUBE, at(), -1.0),
+        (contact.box([500.0] * 3), contact.box([5e-4] * 3), at(100.0, 1.0, 2.0), -400.0005),
+        (contact.box([1.0, 1e-6, 1e-6]), contact.box([1.0, 1e-6, 1e-6]),
+         at(z=1e-6, turn=(0.0, 0.0, math.pi / 2)), -1e-6),
+        (FLAT, FLAT, at(0.5, 0.5), 0.0),
+        (FLAT, FLAT, at(1.5, 0.5), 0.5),
+        (FLAT, FLAT, at(0.5, 0.5, -0.5, (math.pi / 2, 0.0, 0.0)), -0.5),
+        (FLAT, contact.sphere(0.25), at(0.5, 0.5, 0.1), -0.15),
+        (contact.points([[0.3], [0.4], [0.0]]), contact.sphere(0.1), at(), 0.4),
+        (contact.box([0.5, 0.5, 0.5], radius=0.1), CUBE, at(1.3), 0.2),
+    ],
+)  # fmt: skip
+def test_degenerate_shapes_and_places(a, b, pose_b, expected):
+    found = contact.distance(a, at(), b, pose_b)
+    assert found.distance == pytest.approx(expected, abs=1e-15 * max(1.0, a.size))
+    assert np.linalg.norm(found.normal) == pytest.approx(1.0, abs=1e-14)
+    assert found.iterations < 30
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "pose_b", "expected"),
+    [
+        (contact.sphere(1.0, 2), contact.sphere(1.0, 2), (0.0, 0.0, 0.0), -2.0),
+        (contact.sphere(1.0, 2), contact.sphere(1.0, 2), (3.0, 4.0, 1.0), 3.0),
+        (contact.box([0.5, 0.5]), contact.box([0.5, 0.5]), (0.9, 0.3, 0.0), -0.1),
+        (contact.box([0.5, 0.5]), contact.box([0.5, 0.5]), (1.0, 0.3, 0.0), 0.0),
+        (contact.box([0.5, 0.5]), contact.box([0.5, 0.5]), (1.2, 0.0, math.pi / 4), 0.7 - HALF),
+        (BAR, BAR, (0.1, 0.2, math.pi / 2), -0.5),
+        (BAR, BAR, (0.1, 0.0, 0.0), -0.2),
+        (contact.points([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), contact.sphere(0.1, 2),
+         (0.25, 0.25, 0.0), -0.35),
+    ],
+)  # fmt: skip
+def test_the_plane_by_the_same_source(a, b, pose_b, expected):
+    found = contact.distance(a, (0.0, 0.0, 0.0), b, pose_b)
+    assert found.distance == pytest.approx(expected, abs=2e-15)
+    assert found.normal.shape == (2,)
+    assert np.linalg.norm(found.normal) == pytest.approx(1.0, abs=1e-14)
+
+
+def test_boxes_of_the_plane_are_bars_of_space():
+    rng = np.random.default_rng(8)
+    pose_a, pose_b = rng.uniform(-1, 1, (3, 300)), rng.uniform(-1, 1, (3, 300))
+    flat = contact.box([0.3, 0.5])
+    found = contact.distance(flat, pose_a, flat, pose_b)
+    check_points(flat, pose_a, flat, pose_b, found)
+    long = contact.box([0.3, 0.5, 50.0])
+    space = [
+        np.vstack((p[:2], 0 * p[:1], exp(np.outer([0, 0, 1], p[2])))) for p in (pose_a, pose_b)
+    ]
+    expected = contact.enumerated(long, space[0], long, space[1])
+    assert np.abs(found.distance - expected).max() < 1e-12
+
+
+sizes = st.floats(-3.0, 3.0).map(lambda power: 10.0**power)
+
+
+@st.composite
+def any_shape(draw):
+    scale = draw(sizes)
+    kind = draw(st.sampled_from(["sphere", "capsule", "box", "points", "flat", "line"]))
+    if kind == "sphere":
+        return contact.sphere(scale)
+    if kind == "capsule":
+        return contact.capsule(scale, draw(sizes))
+    if kind == "box":
+        return contact.box([scale, draw(sizes), draw(sizes)])
+    count = draw(st.integers(1, 8))
+    grid = np.array(draw(st.lists(st.tuples(*[st.integers(-2, 2)] * 3), min_size=count,
+                                  max_size=count)), dtype=float).T  # fmt: skip
+    grid[{"points": 3, "flat": 2, "line": 1}[kind] :] = 0.0
+    return contact.points(scale * grid)
+
+
+angles = st.sampled_from([0.0, 1e-12, 1e-8, 1e-4, 0.3, math.pi / 4, math.pi / 2, math.pi])
+turns = st.tuples(angles, angles, angles)
+shares = st.sampled_from([0.0, 1e-14, 1e-9, 1e-3, 0.5, 1.0, 1.0 + 1e-12, 2.0])
+
+
+@given(any_shape(), any_shape(), turns, turns, st.tuples(shares, shares, shares))
+@examples(300)
+def test_it_always_ends_and_no_plane_proves_it_wrong(a, b, turn_a, turn_b, where):
+    """On any scene: the result is certified from both sides by supports alone."""
+    pose_a = at(turn=turn_a)
+    pose_b = at(*(np.array(where) * max(a.size, b.size)), turn=turn_b)
+    found = contact.distance(a, pose_a, b, pose_b)
+    size = a.size + b.size + np.linalg.norm(pose_b[:3])
+    assert np.linalg.norm(found.normal) == pytest.approx(1.0, abs=1e-12)
+    assert found.gap <= 1e-12 * size
+    # Moved apart by the distance along the normal they touch: no direction is left to separate
+    # them less, and along this one they meet in a plane.
+    corners = [_corners(s, q) @ found.normal for s, q in ((a, pose_a), (b, pose_b))]
+    along = corners[1].min() - corners[0].max() - a.radius - b.radius
+    core = found.distance + a.radius + b.radius
+    turned = 1e-15 * size / core if core > 0.0 else 0.0
+    assert along == pytest.approx(found.distance, abs=(1e-12 + turned) * size)
+
+
+def _corners(shape, pose):
+    from course.rigid_body.quaternion import to_matrix
+
+    return (to_matrix(pose[3:]) @ shape.corners + pose[:3, None]).T
+
+
+def test_sizes_do_not_change_what_is_found():
+    rng = np.random.default_rng(9)
+    pose_a, pose_b = draws.poses(rng, 200, 0.7), draws.poses(rng, 200, 0.7)
+    expected = contact.distance(SHAPES["box"], pose_a, SHAPES["points"], pose_b).distance
+    for scale in (1e-3, 1e3):
+        a, b = contact.box(scale * SHAPES["box"].half), contact.points(scale * draws.CLOUD)
+        big_a, big_b = pose_a.copy(), pose_b.copy()
+        big_a[:3] *= scale
+        big_b[:3] *= scale
+        found = contact.distance(a, big_a, b, big_b).distance
+        assert np.abs(found / scale - expected).max() < 1e-13
+
+
+@pytest.mark.parametrize("name", list(SHAPES))
+def test_a_plane_is_a_box_that_never_ends(name):
+    rng = np.random.default_rng(10)
+    shape, pose = SHAPES[name], draws.poses(rng, 100)
+    slab = contact.box([1e3, 1e3, 1e3])
+    ground, below = at(), at(z=-1e3)
+    found = contact.distance(contact.plane(), ground, shape, pose)
+    expected = contact.distance(slab, below, shape, pose)
+    assert np.abs(found.distance - expected.distance).max() < 1e-11
+    back = contact.distance(shape, pose, contact.plane(), ground)
+    assert np.array_equal(back.distance, found.distance)
+    assert np.array_equal(back.normal, -found.normal)
+    assert np.array_equal(back.point_a, found.point_b)
+
+
+def test_coal_is_not_the_truth():
+    """At its own tolerance it takes a gap for a touch; tightened it is within 1e-9."""
+    for gap in (1e-1, 1e-3, 1e-6, 1e-7):
+        far = at(1.0 + gap, 0.1, 0.2)
+        exact = contact.enumerated(CUBE, at(), CUBE, far)[0]
+        assert contact.distance(CUBE, at(), CUBE, far).distance == pytest.approx(exact, abs=1e-16)
+        tight, loose = (
+            coal.Pair(CUBE, CUBE, tolerance).distances(at()[:, None], far[:, None])[0]
+            for tolerance in (1e-12, None)
+        )
+        assert abs(tight - exact) < 1e-9
+        assert (abs(loose - exact) > 0.9 * gap) == (gap < 1e-5)
+
+
+BAD = [
+    (lambda: contact.sphere(0.0), "radius"),
+    (lambda: contact.sphere(1.0, 4), "dim"),
+    (lambda: contact.capsule(0.1, -1.0), "half_length"),
+    (lambda: contact.box([1.0, 0.0, 1.0]), r"half\[1\]"),
+    (lambda: contact.box([1.0, np.nan, 1.0]), r"half\[1\]"),
+    (lambda: contact.box([1.0]), "half.shape"),
+    (lambda: contact.points(np.zeros((3, 0))), "at least one point"),
+    (lambda: contact.points([[np.inf], [0.0], [0.0]]), r"vertices\[0, 0\]"),
+    (lambda: contact.points([[0.0], [0.0]], radius=-1.0), "radius"),
+    (lambda: contact.distance(CUBE, np.zeros(7), CUBE, at()), "length of 1"),
+    (lambda: contact.distance(CUBE, np.full(7, np.nan), CUBE, at()), "pose_a"),
+    (lambda: contact.distance(CUBE, (0, 0, 0), CUBE, at()), "pose_a.shape"),
+    (lambda: contact.distance(CUBE, at(), contact.sphere(1.0, 2), (0, 0, 0)), "b.dim"),
+    (lambda: contact.distance(contact.plane(), at(), contact.plane(), at()), "no plane"),
+    (lambda: contact.distance(CUBE, np.tile(at()[:, None], 2), CUBE, np.tile(at()[:, None], 3)),
+     "pose_a.shape"),
+    (lambda: contact.enumerated(FLAT, at(), CUBE, at()), "a box, a capsule or a sphere"),
+    (lambda: contact.contacts([], np.zeros((7, 0))), "shapes"),
+    (lambda: contact.contacts([CUBE, CUBE], at()[:, None]), "a column for each shape"),
+    (lambda: contact.contacts([CUBE, contact.sphere(1, 2)], at()[:, None]), "one dimension"),
+    (lambda: contact.contacts([CUBE], at()[:, None], margin=-1.0), "margin"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("call", "words"), BAD, ids=range(len(BAD)))
+def test_bad_input_is_named(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()
