@@ -54,7 +54,7 @@ def test_swaps_are_the_pairs_out_of_order():
     sweep = contact.SweepAndPrune(axis=0)
     sweep.pairs(boxes)
     assert sweep.swaps == 0
-    old = sweep.order.copy()
+    old = np.array(sweep.order)
     moved = boxes + rng.normal(scale=0.2, size=(3, 300))
     sweep.pairs(moved)
     keys = moved[0, 0, old]

@@ -105,9 +105,8 @@ def test_faces_that_are_all_but_touching(gap):
     assert abs(contact.distance(CUBE, edge, CUBE, across).distance - gap) < 1e-15
     for angle in (1e-4, 1e-8, 1e-12):
         turned = at(1.0 + gap, 0.1, 0.2, (angle, 0.3 * angle, -0.7 * angle))
-        found = contact.distance(CUBE, at(), CUBE, turned).distance
-        expected = contact.enumerated(CUBE, at(), CUBE, turned)[0]
-        assert abs(found - expected) < 1e-15
+        signed = contact.distance(CUBE, at(), CUBE, turned).distance
+        assert abs(signed - contact.enumerated(CUBE, at(), CUBE, turned)[0]) < 1e-15
 
 
 FLAT = contact.points([[0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0], [0.0] * 4])
@@ -208,7 +207,8 @@ shares = st.sampled_from([0.0, 1e-14, 1e-9, 1e-3, 0.5, 1.0, 1.0 + 1e-12, 2.0])
 def test_it_always_ends_and_no_plane_proves_it_wrong(a, b, turn_a, turn_b, where):
     """On any scene: the result is certified from both sides by supports alone."""
     pose_a = at(turn=turn_a)
-    pose_b = at(*(np.array(where) * max(a.size, b.size)), turn=turn_b)
+    x, y, z = np.array(where) * max(a.size, b.size)
+    pose_b = at(x, y, z, turn_b)
     found = contact.distance(a, pose_a, b, pose_b)
     size = a.size + b.size + np.linalg.norm(pose_b[:3])
     assert np.linalg.norm(found.normal) == pytest.approx(1.0, abs=1e-12)
