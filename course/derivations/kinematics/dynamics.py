@@ -92,3 +92,125 @@ def two_link_mass_matrix(found):
         max(off(draw) for draw in draws) < 1e-10, M == M.T, swing[0, 0, 0] > swing[0, 0, -1],
         abs(arm.mass_matrix([0.0, turn])[0, 1]) < 1e-12,
     )  # fmt: skip
+
+
+def _true_accelerations(lengths: Any, masses: Any, q: Any, tau: Any) -> np.ndarray:
+    """Of planar rods at rest without gravity, from M = sum m J^T J + I, with 50 digits."""
+    import mpmath as mp
+
+    n = len(q)
+    with mp.workdps(50):
+        heading = [mp.fsum(mp.mpf(float(x)) for x in q[: i + 1]) for i in range(n)]
+        M = mp.zeros(n)
+        for i in range(n):
+            m, length = mp.mpf(float(masses[i])), mp.mpf(float(lengths[i]))
+            arms = [mp.mpf(float(x)) for x in lengths[:i]] + [length / 2]
+            along, across = (
+                [mp.fsum(r * f(a) for r, a in list(zip(arms, heading, strict=False))[j:])
+                 for j in range(i + 1)] for f in (mp.cos, mp.sin)
+            )  # fmt: skip
+            for j in range(i + 1):
+                for k in range(i + 1):
+                    square = along[j] * along[k] + across[j] * across[k]
+                    M[j, k] += m * (square + length**2 / 12)
+        right = mp.matrix([mp.mpf(float(x)) for x in tau])
+        return np.array([float(x) for x in mp.lu_solve(M, right)])
+
+
+@claim(
+    "The articulated-body algorithm loses fewer digits than a factorised mass matrix.",
+    "On long arms. For planar rods at rest under random torques Cholesky's factors lose "
+    "{digits:.1f} digits more with {many:g} links in the median, {digits_heavy:.1f} if the last "
+    "one weighs {factor:.0e} times as much as the others; with {few:g} links the two are alike. "
+    "Neither escapes the conditioning: that weight takes {lost:.0f} digits from the better one.",
+    source="Featherstone, Rigid Body Dynamics Algorithms (2008), ch. 7 and 10",
+)
+def articulated_bodies_lose_fewer_digits(found):
+    from scipy.linalg import cho_factor, cho_solve
+
+    from course.kinematics import forward_dynamics, mass_matrix, planar
+
+    def errors(n: int, factor: float, postures: int) -> np.ndarray:
+        """Median relative errors of articulated bodies and of Cholesky's factors."""
+        seen = []
+        for _ in range(postures):
+            lengths, masses = found.rng.uniform(0.3, 1, n), found.rng.uniform(0.5, 2, n)
+            masses[-1] *= factor
+            q, tau = found.rng.uniform(-3, 3, n), found.rng.normal(size=n)
+            arm, truth = planar(lengths, masses), _true_accelerations(lengths, masses, q, tau)
+            ours = forward_dynamics(arm, q, np.zeros(n), tau, gravity=(0, 0, 0))
+            other = cho_solve(cho_factor(mass_matrix(arm, q)), tau)
+            size = np.linalg.norm(truth)
+            seen.append([np.linalg.norm(x - truth) / size + 1e-18 for x in (ours, other)])
+        return np.median(seen, axis=0)
+
+    few, many = found.given("few", 2), found.given("many", 8)
+    factor = found.given("factor", 1e6)
+    short, long, loaded = errors(few, 1, 60), errors(many, 1, 20), errors(many, factor, 20)
+    found.figure("digits", np.log10(long[1] / long[0]), 0.4)
+    found.figure("digits_heavy", np.log10(loaded[1] / loaded[0]), 0.4)
+    found.figure("lost", np.log10(loaded[0] / long[0]), 0.2)
+    found.statement = (
+        f"Errors {long[0]:.0e} and {long[1]:.0e} with {many} links, {loaded[0]:.0e} and "
+        f"{loaded[1]:.0e} with the heavy one; the truth is a solution with 50 digits."
+    )
+
+    def better(n: int, load: float) -> bool:
+        ours, other = errors(n, load, 9)
+        return bool(other > 2 * ours)
+
+    draws = list(zip(found.rng.integers(7, 11, 8), 10 ** found.rng.uniform(0, 6, 8), strict=True))
+    found.heard(
+        short[1] > 2 * short[0] and long[1] > 2 * long[0],
+        only_if="the arm is long: with seven planar links or more by more than a factor of 2",
+        inside=[better(int(n), load) for n, load in draws],
+        outside=[better(2, load) for _, load in draws],
+    )
+    found.corrected(
+        0.4 < short[1] / short[0] < 2.5, long[1] > 5 * long[0], loaded[1] > 20 * loaded[0],
+        loaded[0] > 1e3 * long[0],
+    )  # fmt: skip
+
+
+@claim(
+    "From enough torques and motions one can identify all ten inertial numbers of each link.",
+    "Torques are linear in them, but of the {numbers:g} of the 7-R arm only {seen:g} combinations "
+    "show in any motion of its joints: the first link turns about one line only, so most of its "
+    "numbers never act, and mass can be moved between links without a trace. Fit the combinations.",
+    source="Atkeson, An and Hollerbach, Estimation of inertial parameters (1986)",
+)
+def torques_tell_ten_numbers(found):
+    from course.kinematics import inverse_dynamics, panda, regressor
+    from course.kinematics.dynamics import inertial_parameters
+
+    arm = panda()
+
+    def motions(count: int) -> tuple[Any, Any, Any]:
+        q = found.rng.uniform(arm.lower, arm.upper, (count, 7)).T
+        return q, found.rng.normal(size=q.shape), found.rng.normal(size=q.shape)
+
+    def rows(count: int) -> np.ndarray:
+        return regressor(arm, *motions(count)).transpose(2, 0, 1).reshape(-1, 70)
+
+    def rank(matrix: np.ndarray) -> int:
+        s = np.linalg.svd(matrix)[1]
+        return int(np.sum(s > 1e-9 * s[0]))
+
+    matrix = rows(60)
+    numbers = found.figure("numbers", matrix.shape[1])
+    seen = found.figure("seen", rank(matrix))
+    # Numbers that differ along the unseen directions give the same torques elsewhere.
+    unseen = np.linalg.svd(matrix)[2][seen:]
+    fresh = motions(20)
+    other = inertial_parameters(arm) + found.rng.normal(size=len(unseen)) @ unseen
+    Y = regressor(arm, *fresh)
+    friction = arm.armature[:, None] * fresh[2] + arm.damping[:, None] * fresh[1]
+    torques = np.einsum("ijk,j->ik", Y, other) + friction
+    found.statement = (
+        f"Rank of the regressor over 60 random motions; with 200 it is {rank(rows(200))}."
+    )
+    found.heard(seen == numbers)
+    found.corrected(
+        np.allclose(torques, inverse_dynamics(arm, *fresh), atol=1e-9), seen < numbers,
+        rank(rows(200)) == seen, rank(matrix[:, :10]) < 10,
+    )  # fmt: skip
