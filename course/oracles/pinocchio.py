@@ -6,13 +6,14 @@ of the last link. Building it is not part of what one would time: make the arm o
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import refused, vector
+from course.check import one_of, refused, vector
 from course.kinematics.chain import Chain
 from course.rigid_body.spatial import DOWNWARDS
 
@@ -165,3 +166,70 @@ class Arm:
         order, left = self.order, tau - self._damping * v
         a = self._library.aba(self.model, self.data, q[order], v[order], left[order])
         return np.asarray(a[self._back])
+
+    def calls(self, what: str, q: Array, v: Array, x: Array) -> Callable[[], None]:
+        """A function that asks about N states, one Python call of Pinocchio's own for each.
+
+        Args:
+            what: "rnea" (x: accelerations), "aba" (x: torques) or "jacobian" of the tip.
+            q, v, x: shape (n, N); laid out beforehand as Pinocchio reads them.
+        """
+        library, model, data, tip = self._library, self.model, self.data, self._tip
+        one_of("what", what, ("rnea", "aba", "jacobian"))
+        rows = [list(np.ascontiguousarray(state[self.order].T)) for state in (q, v, x)]
+
+        def jacobians() -> None:
+            axes = library.LOCAL_WORLD_ALIGNED
+            for here in rows[0]:
+                library.computeFrameJacobian(model, data, here, tip, axes)
+
+        def dynamics() -> None:
+            ask = getattr(library, what)
+            for here, rate, third in zip(*rows, strict=True):
+                ask(model, data, here, rate, third)
+
+        return jacobians if what == "jacobian" else dynamics
+
+    def usual_ik(
+        self,
+        target: Array,
+        starts: Array,
+        limits: tuple[Array, Array] | None = None,
+        rate: float = 0.1,
+        most: int = 1000,
+        tolerance: float = 1e-6,
+    ) -> tuple[Array, bool, int]:
+        """The loop that Pinocchio's users write: the log of the pose error, a share of its step.
+
+        As in the example of its documentation (Inverse kinematics, clik): damping 1e-12, a tenth of
+        every step, a thousand steps.
+
+        Args:
+            target: pose of the tip, shape (7,).
+            starts: shape (S, n), tried one after the other.
+            limits: lower and upper, to which each step is clamped; None as in the example.
+            rate: share of a step.
+            most: steps from each start.
+            tolerance: distance and angle that count as there [m, rad].
+
+        Returns:
+            The last posture, whether its tip is there, and the steps of all starts.
+        """
+        library, model, data = self._library, self.model, self.data
+        goal = library.SE3(library.Quaternion(*target[3:]).matrix(), target[:3])
+        steps, q = 0, starts[0]
+        for start in starts:
+            q = start[self.order].copy()
+            for _ in range(most):
+                library.framesForwardKinematics(model, data, q)
+                left = data.oMf[self._tip].actInv(goal)
+                error = library.log6(left).vector
+                if max(np.linalg.norm(error[:3]), np.linalg.norm(error[3:])) < tolerance:
+                    return q[self._back], True, steps
+                J = library.computeFrameJacobian(model, data, q, self._tip)
+                J = -library.Jlog6(left.inverse()) @ J
+                q = q - rate * J.T @ np.linalg.solve(J @ J.T + 1e-12 * np.eye(6), error)
+                if limits is not None:
+                    q = np.clip(q, limits[0][self.order], limits[1][self.order])
+                steps += 1
+        return q[self._back], False, steps

@@ -253,7 +253,7 @@ def damping_map(
     peak = 1 / (2 * most)
     left = Panel(
         f"A tip at {SPEED:g} m/s, joints of {RATE:g} rad/s", "elbow from stretched [rad]",
-        "damping lambda [m/rad]", scale="log", grid=grid, legend="upper right",
+        "damping lambda [m/rad]", scale="log", grid=grid,
         ylim=(damping[0], damping[-1]),
     )  # fmt: skip
     left.series = [

@@ -6,12 +6,13 @@ tree's joints may come in another order there: `addresses` says where each one i
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import refused, vector
+from course.check import one_of, refused, vector
 from course.kinematics.chain import HERE, Chain, compose, invert, turn_to
 from course.oracles.mujoco.kit import ALWAYS_OFF, CONTACT_OFF, library
 from course.rigid_body.quaternion import to_matrix
@@ -176,3 +177,46 @@ def _tool(
     site = model.site(name)
     body = int(site.bodyid[0])
     return carrier[body], compose(within[body], np.concatenate([site.pos, site.quat]))
+
+
+def calls(chain: Chain, what: str, q: Array, v: Array, x: Array) -> Callable[[], None]:
+    """A function that asks about N states, one call of MuJoCo's for each.
+
+    Args:
+        chain: the arm.
+        what: "inverse" (x: accelerations), "forward" (x: torques) or "jacobian" of the tip.
+        q, v, x: shape (n, N).
+    """
+    mujoco, mj = library(), model(chain)
+    one_of("what", what, ("inverse", "forward", "jacobian"))
+    data, at = mujoco.MjData(mj), np.argsort(addresses(mj, chain))
+    rows = [list(np.ascontiguousarray(state[at].T)) for state in (q, v, x)]
+    J = np.zeros((6, chain.n))
+
+    def jacobians() -> None:
+        for here in rows[0]:
+            data.qpos[:] = here
+            mujoco.mj_kinematics(mj, data)
+            mujoco.mj_comPos(mj, data)
+            mujoco.mj_jacSite(mj, data, J[:3], J[3:], 0)
+
+    def dynamics() -> None:
+        ask = mujoco.mj_inverse if what == "inverse" else mujoco.mj_forward
+        third = data.qacc if what == "inverse" else data.qfrc_applied
+        for here, rate, given in zip(*rows, strict=True):
+            data.qpos[:], data.qvel[:], third[:] = here, rate, given
+            ask(mj, data)
+
+    return jacobians if what == "jacobian" else dynamics
+
+
+def moved(
+    chain: Chain, q: Array, v: Array, tau: Array, gravity: ArrayLike, dt: float, steps: int
+) -> Array:
+    """Joint positions after steps of MuJoCo's RK4 under constant torques, shape (n,)."""
+    mujoco, mj = library(), model(chain, gravity)
+    mj.opt.timestep, mj.opt.integrator = dt, mujoco.mjtIntegrator.mjINT_RK4
+    data, at = mujoco.MjData(mj), addresses(mj, chain)
+    data.qpos[at], data.qvel[at], data.qfrc_applied[at] = q, v, tau
+    mujoco.mj_step(mj, data, steps)
+    return np.array(data.qpos[at])

@@ -1,0 +1,174 @@
+"""How many arms a second beside Pinocchio and MuJoCo, and when two links in a plane are enough."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course.charts import chart
+from course.kinematics import TwoLink, forward_dynamics, inverse_dynamics, jacobian, panda, tip
+from course.kinematics.two_link import TORQUES, acceleration
+from course.measure.figure import Panel, Series
+from course.measure.scene import LeftOut, Modelled, Scene, Tolerance
+from course.measure.timing import calls, interleaved
+from course.measure.work_precision import machine
+from course.oracles.mujoco import chain as mujoco_chain
+from course.oracles.pinocchio import Arm
+from course.rigid_body import quaternion
+from course.rigid_body.integrators import rk4
+from course.rigid_body.spatial import STANDARD_GRAVITY
+
+Array = NDArray[np.float64]
+
+# --- throughput -----------------------------------------------------------------------------------
+
+ASKED = {
+    "Torques (Newton-Euler)": (inverse_dynamics, "rnea", "inverse"),
+    "Accelerations (articulated bodies)": (forward_dynamics, "aba", "forward"),
+    "Jacobian of the tip": (lambda arm, q, v, x: jacobian(arm, q), "jacobian", "jacobian"),
+}
+
+
+@chart(columns=3)
+def arm_throughput(
+    sizes: Sequence[int] = (1, 10, 100, 1000, 10_000, 100_000), most: int = 10_000,
+    repeats: int = 7, clock: Callable[[], float] = time.process_time,
+) -> Iterator[Panel]:  # fmt: skip
+    """States of the 7-R arm a second, in batches of N: the course, Pinocchio, MuJoCo.
+
+    Args:
+        sizes: N.
+        most: the largest N for those that are called once a state; their time a state is the same.
+        repeats: rounds.
+        clock: see `course.measure.timing.calls`.
+    """
+    arm = replace(panda(), damping=0.0)  # Pinocchio's calls know none
+    states = np.random.default_rng(0).uniform(-1, 1, (3, 7, max(sizes)))
+    other = Arm(arm)
+    for title, (ours, theirs, mujocos) in ASKED.items():
+        panel = Panel(title, "states at a time N", "states per second", scale="log")
+        rates: dict[str, list[tuple[int, float, float, float]]] = {}
+        busy = 0.0
+        for n in sizes:
+            q, v, x = (np.ascontiguousarray(s[:, :n]) for s in states)
+            given = (q[:, 0], v[:, 0], x[:, 0]) if n == 1 else (q, v, x)
+            runs = {"course": calls(ours, arm, *given, clock=clock)}
+            if n <= most:
+                runs["Pinocchio"] = calls(other.calls(theirs, q, v, x), clock=clock)
+                runs["MuJoCo"] = calls(mujoco_chain.calls(arm, mujocos, q, v, x), clock=clock)
+            timed = interleaved(list(runs.values()), repeats=repeats, sample=3e-3)
+            for name, found in zip(runs, timed, strict=True):
+                row = (n, n / found.median, n / found.high, n / found.low)
+                rates.setdefault(name, []).append(row)
+                busy = max(busy, found.busy)
+        for name, rows in rates.items():
+            n, middle, low, high = np.array(rows).T
+            panel.series.append(Series(name, n, middle, name, low=low, high=high))
+        one = {name: rows[0][1] for name, rows in rates.items()}
+        batch = {name: max(row[1] for row in rows) for name, rows in rates.items()}
+        panel.notes = [
+            f"{title:<36} one at a time {one['course'] / one['Pinocchio']:5.2f} times Pinocchio's "
+            f"call, in batch {batch['course'] / batch['Pinocchio']:5.2f} times; MuJoCo's call "
+            f"{one['course'] / one['MuJoCo']:.2f} and {batch['course'] / batch['MuJoCo']:.2f} times"
+        ]
+        panel.footer = machine(busy) + "; one core"
+        yield panel
+
+
+# --- when are two links in a plane enough? --------------------------------------------------------
+
+ARM = TwoLink()
+START, RATES, HELD = np.array([0.3, 0.8]), np.array([0.5, -1.0]), np.array([0.15, -0.05])
+DURATION, STEP = 1.0, 1e-3  # s
+TOLERANCE = 0.002  # m: a tenth of the radius of the reaching task's target
+
+
+def closed(arm: TwoLink = ARM) -> Array:
+    """Where the closed form's joints are after the motion, shape (2,)."""
+    column = arm.column()
+    column[TORQUES, 0] = HELD
+    q, v = START[:, None], RATES[:, None]
+    for _ in range(round(DURATION / STEP)):
+        q, v = rk4(q, v, acceleration, STEP, column)
+    return np.asarray(q[:, 0])
+
+
+def spatial(tilt: float = 0.0, skew: float = 0.0, armature: float = 0.0) -> Array:
+    """The tip after the same motion of MuJoCo's arm in space, as seen from the base, (3,) [m].
+
+    Args:
+        tilt: of the base about y, so that gravity pulls along x [rad].
+        skew: of the elbow's axis about the first link [rad].
+        armature: inertia of the motors on their joints [kg m^2].
+    """
+    chain = replace(ARM.chain(), armature=armature)
+    placement = chain.placement.copy()
+    placement[3:, 1] = quaternion.exp(np.array([skew, 0.0, 0.0]))
+    chain = replace(chain, placement=placement)
+    g = STANDARD_GRAVITY * np.array([np.sin(tilt), 0.0, -np.cos(tilt)])
+    steps = round(DURATION / STEP)
+    return tip(chain, mujoco_chain.moved(chain, START, RATES, HELD, g, STEP, steps))[:3]
+
+
+def _off(other: Array) -> float:
+    return float(np.linalg.norm(other - tip(ARM.chain(), closed())[:3]))
+
+
+def uncoupled() -> Array:
+    """The tip if each joint felt a constant inertia of its own, and nothing of the other."""
+    M, damping = np.diag(ARM.mass_matrix(START)), np.array(ARM.damping)
+    rate = damping / M  # M v' = tau - c v has a closed form
+    final = HELD / damping
+    q = START + final * DURATION + (RATES - final) * (1 - np.exp(-rate * DURATION)) / rate
+    return tip(ARM.chain(), q)[:3]
+
+
+def reaching_arm() -> Scene:
+    """The scene of the reaching task: where is the tip after a second of held torques?"""
+    return Scene(
+        question="Where is the tip of the two-link arm after a second?",
+        tolerance=Tolerance(TOLERANCE, "m", "a tenth of the radius of the reaching task's target"),
+        degrees_of_freedom=("shoulder", "elbow"),
+        modelled=(
+            Modelled("coupling of the joints", lambda: _off(uncoupled()), "m",
+                     against="two joints on their own"),
+            Modelled("friction", lambda: _off(tip(ARM.chain(), closed(
+                replace(ARM, damping=(0.0, 0.0))))[:3]), "m", against="closed form without"),
+        ),
+        left_out=(
+            LeftOut("base out of level by 0.01 deg", lambda: _off(spatial(np.radians(0.01))), "m",
+                    against="MuJoCo in space"),
+            LeftOut("elbow axis skewed by 0.03 deg", lambda: _off(spatial(skew=np.radians(0.03))),
+                    "m", against="MuJoCo in space"),
+        ),
+    )  # fmt: skip
+
+
+@chart
+def two_links_enough(angles: Sequence[float] = tuple(np.logspace(-3, 1, 17))) -> Iterator[Panel]:
+    """Error of the planar closed form against MuJoCo's arm in space, and where the plane ends.
+
+    Args:
+        angles: of the faults [degrees].
+    """
+    panel = Panel("When are two links in a plane enough?", "fault [degrees]",
+                  "error of the tip after 1 s [m]", scale="log",
+                  lines=[("y", TOLERANCE, "tolerance")])  # fmt: skip
+    for name, fault in (
+        ("base out of level", lambda x: spatial(tilt=x)),
+        ("elbow axis skewed", lambda x: spatial(skew=x)),
+    ):
+        errors = np.array([_off(fault(np.radians(x))) for x in angles])
+        edge = float(np.interp(TOLERANCE, errors, angles))
+        panel.series.append(
+            Series(name, angles, errors, note=f"{name:<20} within 2 mm up to {edge:.2g} degrees")
+        )
+    motor = _off(spatial(armature=0.005))
+    panel.notes = [
+        reaching_arm().table(),
+        f"with neither fault the two agree to {_off(spatial()):.1e} m; motors of 5 g m^2 on the "
+        f"joints would move the tip by {1e3 * motor:.0f} mm; steps a second: chart vector_env",
+    ]
+    yield panel

@@ -1,0 +1,246 @@
+"""Joint angles for a pose: shares solved, residuals, and what a learned start is worth."""
+
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course.charts import chart
+from course.kinematics import Chain, Samples, ik, panda, planar, tip, two_link_ik
+from course.measure.figure import Panel, Series
+from course.measure.success import collect
+
+Array = NDArray[np.float64]
+Solve = Callable[[Array, np.random.Generator], float]
+HOME = np.array([0.0, -0.6, 0.0, -2.2, 0.0, 1.6, 0.8])  # of the 7-R arm [rad]
+
+
+def reachable(chain: Chain, count: int, seed: int) -> list[Array]:
+    """Poses of random postures within the limits."""
+    q = np.random.default_rng(seed).uniform(chain.lower, chain.upper, (count, chain.n))
+    return list(tip(chain, q.T).T)
+
+
+def near_singular(count: int, seed: int, beside: float = 1e-4) -> list[Array]:
+    """Poses of the 7-R arm with its shoulder within `beside` [rad] of a singular posture."""
+    arm, rng = panda(), np.random.default_rng(seed)
+    q = rng.uniform(arm.lower, arm.upper, (count, 7))
+    q[:, [1, 2, 4]] = np.array([0.0, np.pi / 2, 0.0]) + rng.uniform(-beside, beside, (count, 3))
+    return list(tip(arm, q.T).T)
+
+
+def beyond(chain: Chain, count: int, seed: int, factor: float = 1.05) -> list[Array]:
+    """Reachable poses moved out beyond the arm's reach."""
+    base, found = chain.placement[:3, 0], []
+    for pose in reachable(chain, count, seed):
+        out = (pose[:3] - base) / np.linalg.norm(pose[:3] - base)
+        found.append(np.concatenate([base + factor * chain.reach[1] * out, pose[3:]]))
+    return found
+
+
+def solver(chain: Chain, start: Any = None, **options: Any) -> Solve:
+    """The course's `ik` as a count of iterations, infinite where it did not succeed."""
+
+    def solve(target: Array, rng: np.random.Generator) -> float:
+        first = start(target, rng) if callable(start) else start
+        found = ik(chain, target, first, rng=rng, **options)
+        return float(found.iterations) if found.success else np.inf
+
+    return solve
+
+
+# --- residuals ------------------------------------------------------------------------------------
+
+METHODS = ("transpose", "pseudo_inverse", "damped", "adaptive", "levenberg_marquardt")
+
+
+@chart
+def ik_residual(
+    budgets: Sequence[int] = (1, 2, 3, 4, 5, 6, 8, 10, 13, 17, 23, 30, 45, 70, 100),
+    targets: int = 60,
+) -> Iterator[Panel]:
+    """What is left of the error after k steps, by method: an ordinary target, and one on the edge.
+
+    Args:
+        budgets: numbers of steps.
+        targets: random ones, of which the median is drawn.
+    """
+    rng, arm, two = np.random.default_rng(8), panda(), planar([1.0, 0.8])
+    near = tip(arm, HOME[:, None] + rng.uniform(-0.4, 0.4, (7, targets)))
+    angle = rng.uniform(-np.pi, np.pi, targets)
+    edge = 1.8 * np.array([np.cos(angle), np.sin(angle), 0 * angle])
+    scenes = {
+        "An ordinary target of the 7-R arm": (arm, near, HOME),
+        "A target on the edge of two links": (two, edge, np.array([0.3, 1.0])),
+    }
+    for title, (chain, goals, start) in scenes.items():
+        panel = Panel(title, "steps", "median error left [m, rad]", scale="log y")
+        for method in METHODS:
+            left = []
+            for k in budgets:
+                found = ik(
+                    chain, goals, start, method=method, restarts=0, iterations=k,
+                    tolerance=(1e-14, 1e-14),
+                )  # fmt: skip
+                left.append(float(np.median(np.hypot(found.distance, found.angle))))
+            there = [k for k, e in zip(budgets, left, strict=True) if e < 1e-6]
+            said = f"below 1e-6 after {there[0]} steps" if there else f"{left[-1]:.1e} at the end"
+            panel.series.append(
+                Series(method, budgets, np.maximum(left, 1e-17), method,
+                       note=f"{title:<34} {method:<20} {said}")
+            )  # fmt: skip
+        yield panel
+
+
+# --- learned starts -------------------------------------------------------------------------------
+
+
+def trained(
+    chain: Chain, rows: Sequence[int], heads: int = 8, steps: int = 1500, width: int = 192
+) -> Callable[[Array, np.random.Generator], Array]:
+    """A small network that proposes postures for a pose: several heads, the nearest one learns.
+
+    One head would learn the mean of all answers, which is none (Guzman-Rivera et al., Multiple
+    choice learning, 2012).
+
+    Args:
+        chain: the arm.
+        rows: of the pose that the network sees.
+        heads: proposals for a target.
+        steps: of Adam, with 512 fresh postures each.
+        width: of the two hidden layers.
+
+    Returns:
+        (target, rng) -> starts, shape (n, heads).
+    """
+    import torch
+
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # two threads that share a busy core cost more than they win
+    torch.manual_seed(0)
+    rng = np.random.default_rng(0)
+    low, high = (
+        np.where(np.isfinite(x), x, s * np.pi) for x, s in ((chain.lower, -1), (chain.upper, 1))
+    )
+    angles, seen = 2 * chain.n, len(rows)
+    net = torch.nn.Sequential(
+        torch.nn.Linear(seen, width), torch.nn.SiLU(), torch.nn.Linear(width, width),
+        torch.nn.SiLU(), torch.nn.Linear(width, heads * angles),
+    )  # fmt: skip
+    optimiser = torch.optim.Adam(net.parameters(), 2e-3)
+    slower = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
+    for _ in range(steps):
+        q = rng.uniform(low[:, None], high[:, None], (chain.n, 512))
+        pose = torch.tensor(_signed(tip(chain, q))[list(rows)].T, dtype=torch.float32)
+        truth = torch.tensor(np.concatenate([np.cos(q), np.sin(q)]).T, dtype=torch.float32)
+        off = ((net(pose).reshape(-1, heads, angles) - truth[:, None]) ** 2).sum(dim=2)
+        # A little for all heads, so that none is left behind for good.
+        loss = off.min(dim=1).values.mean() + 0.02 * off.mean()
+        optimiser.zero_grad()
+        loss.backward()
+        optimiser.step()
+        slower.step()
+    torch.set_num_threads(threads)
+
+    def propose(target: Array, rng: np.random.Generator) -> Array:
+        pose = np.concatenate([target, np.zeros(7 - target.size)])[:, None]
+        with torch.no_grad():
+            out = net(torch.tensor(_signed(pose)[list(rows), 0], dtype=torch.float32))
+        c, s = np.asarray(out.reshape(heads, 2, chain.n), dtype=float).transpose(1, 2, 0)
+        q = np.arctan2(s, c)[:, rng.permutation(heads)]
+        return np.asarray(np.clip(q, chain.lower[:, None], chain.upper[:, None]))
+
+    return propose
+
+
+def _signed(pose: Array) -> Array:
+    """Poses with qw from 0 on: q and -q are one rotation, and one input."""
+    return np.concatenate([pose[:3], pose[3:] * np.where(pose[3:4] < 0, -1.0, 1.0)])
+
+
+def solution_curve(lengths: Sequence[float], target: Array, count: int = 720) -> Array:
+    """All postures of three links that put the tip at a point, by its last heading, (3, M).
+
+    Two links reach the wrist for each heading: the answers are a curve, or two.
+    """
+    heading = np.linspace(-np.pi, np.pi, count, endpoint=False)
+    wrist = target[:2, None] - lengths[2] * np.array([np.cos(heading), np.sin(heading)])
+    answer = two_link_ik(lengths[:2], wrist)
+    ends = heading - answer.q.sum(axis=0)
+    q = np.stack([answer.q[0], answer.q[1], ends])[:, :, answer.reached]
+    return np.asarray(q.reshape(3, -1))
+
+
+def covered(curve: Array, found: Array, near: float = 0.3) -> float:
+    """Share of the curve (3, M) within `near` [rad] of a posture found (3, K), joint by joint."""
+    apart = np.abs(np.angle(np.exp(1j * (curve[:, :, None] - found[:, None]))))
+    return float((apart.max(axis=0).min(axis=1) < near).mean())
+
+
+@chart
+def learned_seeds(
+    targets: int = 1000, steps: int = 1500, table: int = 10_000,
+    draws: Sequence[int] = (1, 2, 4, 8, 16, 32, 64, 128), points: int = 40,
+) -> Iterator[Panel]:  # fmt: skip
+    """What a learned solver must beat: starts for Levenberg-Marquardt, and the answers covered.
+
+    Args:
+        targets: reachable poses of the 7-R arm.
+        steps: of training.
+        table: postures in the table.
+        draws: numbers of starts, for the coverage.
+        points: targets of the 3-R arm.
+    """
+    arm = panda()
+    network = trained(arm, range(7), steps=steps)
+    ways: dict[str, Any] = {
+        "uniform starts": solver(arm),
+        "nearest of a table": solver(arm, Samples(arm, table, 1)),
+        "network's starts": solver(arm, network),
+    }
+    budgets = np.unique(np.round(np.logspace(0.3, 3.5, 60)))
+    left = Panel("7-R arm: solved within a budget", "steps of Levenberg-Marquardt",
+                 "share of targets solved", scale="log x")  # fmt: skip
+    problems = reachable(arm, targets, 2)
+    for name, solve in ways.items():
+        found, _ = collect(name, solve, problems, (0,), "steps")
+        left.series.append(found.series(budgets, name))
+    yield left
+
+    lengths = (1.0, 0.8, 0.5)
+    three = planar(lengths)
+    proposals = trained(three, (0, 1), heads=max(draws), steps=steps)
+    places, rng = Samples(three, table, 1), np.random.default_rng(3)
+    radius, angle = rng.uniform(0.3, 1.9, points), rng.uniform(-np.pi, np.pi, points)
+    goals = np.array([radius * np.cos(angle), radius * np.sin(angle), 0 * angle]).T
+
+    def uniform(goal: Array, k: int) -> Array:
+        return rng.uniform(-np.pi, np.pi, (3, k))
+
+    def nearest(goal: Array, k: int) -> Array:
+        return places.nearest(goal[:, None], k)[0].T
+
+    def learned(goal: Array, k: int) -> Array:
+        return proposals(goal, rng)[:, :k]
+
+    right = Panel("3-R arm: answers found of a known curve", "starts, each solved",
+                  "share of the curve within 0.3 rad", scale="log x")  # fmt: skip
+    for (name, _), seeds in zip(ways.items(), (uniform, nearest, learned), strict=True):
+        shares = np.zeros((len(draws), points))
+        for j, goal in enumerate(goals):
+            starts = seeds(goal, max(draws))
+            # One answer from each start, as a chain of its own.
+            ends = [ik(three, goal, start, restarts=0) for start in starts.T]
+            good = np.array([end.q for end in ends if end.success]).reshape(-1, 3).T
+            order = np.flatnonzero([end.success for end in ends])
+            curve = solution_curve(lengths, goal)
+            for i, k in enumerate(draws):
+                kept = good[:, order < k]
+                shares[i, j] = covered(curve, kept) if kept.size else 0.0
+        mean = shares.mean(axis=1)
+        right.series.append(
+            Series(name, draws, mean, name,
+                   note=f"{name:<20} covers {mean[-1]:.0%} of the answers with {draws[-1]} starts")
+        )  # fmt: skip
+    yield right
