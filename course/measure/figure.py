@@ -107,6 +107,9 @@ KEYS: dict[str, tuple[str, str]] = {
     "uniform starts": (BLUE, "o"),
     "nearest of a table": (GREEN, "D"),
     "network's starts": (VERMILION, "s"),
+    "usual loop": (VERMILION, "s"),
+    "usual loop, clamped, 20 starts": (AMBER, "P"),
+    "same with full steps": (PINK, "v"),
     "Pinocchio": (GREEN, "D"),
     # drawn black
     "yours": ("black", "s"),

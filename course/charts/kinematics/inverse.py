@@ -1,5 +1,7 @@
 """Joint angles for a pose: shares solved, residuals, and what a learned start is worth."""
 
+import functools
+import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -7,9 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from course.charts import chart
-from course.kinematics import Chain, Samples, ik, panda, planar, tip, two_link_ik
+from course.kinematics import (
+    Chain,
+    Samples,
+    ik,
+    panda,
+    planar,
+    pose_error,
+    tip,
+    two_link_ik,
+    within,
+)  # fmt: skip
 from course.measure.figure import Panel, Series
 from course.measure.success import collect
+from course.oracles.pinocchio import Arm
 
 Array = NDArray[np.float64]
 Solve = Callable[[Array, np.random.Generator], float]
@@ -48,6 +61,109 @@ def solver(chain: Chain, start: Any = None, **options: Any) -> Solve:
         return float(found.iterations) if found.success else np.inf
 
     return solve
+
+
+# --- solved within a budget -----------------------------------------------------------------------
+
+
+def usual(chain: Chain, clamped: bool, starts: int, rate: float, most: int) -> Solve:
+    """Pinocchio's usual loop as a count of steps, infinite where it ends beyond the limits."""
+    arm, limits = Arm(chain), (chain.lower, chain.upper)
+
+    def solve(target: Array, rng: np.random.Generator) -> float:
+        begin = rng.uniform(*limits, (starts, chain.n))
+        q, there, steps = arm.usual_ik(target, begin, limits if clamped else None, rate, most)
+        return float(steps) if there and within(chain, q) else np.inf
+
+    return solve
+
+
+def a_second(run: Callable[[], Any]) -> float:
+    """Solved targets a second of processor time; `run` gives a flag for each."""
+    start = time.process_time()
+    solved = np.sum(run())
+    return float(solved) / (time.process_time() - start)
+
+
+@chart
+def ik_success(
+    targets: int = 10_000, slow: int = 300, seeds: Sequence[int] = (0, 1, 2), table: int = 10_000
+) -> Iterator[Panel]:
+    """Share of poses solved within the limits against time, beside the loop that users write.
+
+    Args:
+        targets: poses of the 7-R arm.
+        slow: how many of them Pinocchio's loops get.
+        seeds: of the starts.
+        table: postures in the table.
+    """
+    arm = panda()
+    samples = Samples(arm, table, 1)
+    sets = {
+        "Reachable poses of the 7-R arm": reachable(arm, targets, 0),
+        "Poses within 1e-4 rad of a singular posture": near_singular(targets // 10, 0),
+    }
+    ours = {"uniform starts": solver(arm), "nearest of a table": solver(arm, samples)}
+    theirs = {
+        "usual loop": usual(arm, False, 1, 0.1, 1000),
+        "usual loop, clamped, 20 starts": usual(arm, True, 20, 0.1, 1000),
+        "same with full steps": usual(arm, True, 60, 1.0, 100),
+    }
+    for title, poses in sets.items():
+        panel = Panel(title, "time for a pose [s]", "share of the poses solved", scale="log x",
+                      ylim=(0, 1.02))  # fmt: skip
+        budgets = np.logspace(-4.3, 0.5, 70)
+        for name, solve in (ours | theirs).items():
+            mine = name in ours
+            steps, seconds = collect(
+                name, solve, poses if mine else poses[:slow], seeds if mine else seeds[:1], "steps"
+            )
+            series = seconds.series(budgets, name)
+            series.note = (
+                f"{name:<31} {steps.ever:7.2%} solved, half within {steps.budget()[0]:g} steps"
+            )
+            panel.series.append(series)
+        whole = np.array(poses).T
+        found = {name: ik(arm, whole, start, rng=0) for name, start in (("", None), ("t", samples))}
+        for name, result in zip(ours, found.values(), strict=True):
+            left = pose_error(whole, tip(arm, result.q))[:, result.success]
+            wrong = np.maximum(*(np.linalg.norm(x, axis=0) for x in (left[:3], left[3:]))) > 1e-6
+            panel.notes.append(
+                f"{name:<20} {result.success.mean():.2%} of {len(poses)}, "
+                f"{wrong.sum()} claims that FK contradicts, "
+                f"{result.starts.mean():.1f} starts and {result.iterations.mean():.0f} steps each"
+            )
+        if title.startswith("Reach"):
+            panel.notes += _rates(arm, whole, samples, theirs, slow)
+        yield panel
+    far = ik(arm, np.array(beyond(arm, slow, 0)).T, restarts=10)
+    shares = {str(r): float(np.mean(far.reason == r)) for r in np.unique(far.reason)}
+    said = ", ".join(f"{name} {share:.0%}" for name, share in shares.items())
+    yield Panel(
+        "Beyond", notes=[f"poses 5 % beyond the reach: {far.success.sum()} claimed; {said}"]
+    )
+
+
+def _rates(
+    arm: Chain, poses: Array, samples: Samples, loops: dict[str, Solve], slow: int
+) -> list[str]:
+    """Solved a second: the course in one batch, each loop one pose after the other."""
+    rates, few = {}, poses.T[:slow]
+
+    def batch(start: Any) -> Any:
+        return ik(arm, poses, start, rng=1).success
+
+    def one_by_one(solve: Solve) -> Any:
+        rng = np.random.default_rng(1)
+        return np.isfinite([solve(pose, rng) for pose in few])
+
+    for name, start in (("uniform starts", None), ("nearest of a table", samples)):
+        rates[name] = a_second(functools.partial(batch, start))
+    for name, solve in loops.items():
+        rates[name] = a_second(functools.partial(one_by_one, solve))
+    best = rates["nearest of a table"]
+    return [f"{name:<31} {rate:10.3g} solved a second, table is {best / rate:6.1f} times that"
+            for name, rate in rates.items()]  # fmt: skip
 
 
 # --- residuals ------------------------------------------------------------------------------------

@@ -231,6 +231,9 @@ def rank_loss_is_failure(found):
 def singular_start(found):
     import sympy
 
+    from course.kinematics import ik, planar
+    from course.kinematics.inverse import METHODS
+
     away, damping = found.given("away_m", 0.5), 0.1
     steps = found.given("steps", 100)
 
@@ -251,6 +254,11 @@ def singular_start(found):
     law = sympy.lambdify((e, value), 1 + sympy.diff(step[1], bend).subs(bend, 0))
 
     draws = found.rng.uniform((0.01, 0.03), (1.0, 0.5), (30, 2))
+    straight, goal = planar(_ARM), [sum(_ARM) - away, 0.0, 0.0]
+    stuck = [
+        ik(straight, goal, [0.0, 0.0], method=method, restarts=0, iterations=steps).q
+        for method in METHODS
+    ]
     found.figure("growth", growth(1e-5, away, damping), 1e-4)
     stretched = _jacobian(np.zeros(2))
     still = [stretched.T @ [-away, 0.0], np.linalg.pinv(stretched) @ [-away, 0.0]]
@@ -260,7 +268,7 @@ def singular_start(found):
     found.corrected(
         all(left(0.0, e, value) == abs(sum(_ARM) - (sum(_ARM) - e)) for e, value in draws),
         all(abs(growth(1e-5, *d) / law(*d) - 1) < 1e-4 for d in draws), bent < 1e-4,
-        not np.any(still),
+        not np.any(still), not np.any(stuck),
     )  # fmt: skip
 
 
@@ -443,4 +451,35 @@ def euler_jacobian_locks(found):
     found.corrected(
         np.allclose(flat[:, 0], locked[:, 0]), (locked[:, 1] > 5 * locked[:, 0]).mean() > 0.9,
         np.median(flat[:, 1] / flat[:, 0]) < 2,
+    )  # fmt: skip
+
+
+@claim(
+    "An IK loop that has converged has found joint angles for the arm.",
+    "For the pose, not for the arm: the usual loop, a tenth of each pseudo-inverse step and no "
+    "limits, converges from random starts on {there_percent:.0f} % of reachable poses of the 7-R "
+    "arm and ends within the limits on {within_percent:.0f} %. Hold the limits in every step, and "
+    "start again where that gets stuck: then {ours_percent:.1f} % are solved.",
+)
+def converged_within_limits(found):
+    from course.kinematics import ik, panda, tip, within
+    from course.oracles.pinocchio import Arm
+
+    arm, count = panda(), 120
+    poses = tip(arm, found.rng.uniform(arm.lower, arm.upper, (count, 7)).T)
+    starts = found.rng.uniform(arm.lower, arm.upper, (count, 1, 7))
+    loop = Arm(arm)
+    ends = [loop.usual_ik(pose, start) for pose, start in zip(poses.T, starts, strict=True)]
+    there = np.array([end[1] for end in ends])
+    kept = there & [bool(within(arm, end[0])) for end in ends]
+    off = np.abs(tip(arm, np.array([end[0] for end in ends])[there].T)[:3] - poses[:3, there])
+    ours = ik(arm, poses)
+    found.figure("there_percent", 100 * there.mean(), 0.05)
+    found.figure("within_percent", 100 * kept.mean(), 0.3)
+    found.figure("ours_percent", 100 * np.mean(ours.success & within(arm, ours.q)), 0.02)
+    found.statement = f"{count} reachable poses, Pinocchio's functions in the loop of its example."
+    found.heard(kept.sum() == there.sum())
+    found.corrected(
+        there.mean() > 0.8, kept.mean() < 0.4, off.max() < 1e-5,
+        np.mean(ours.success & within(arm, ours.q)) > 0.98,
     )  # fmt: skip
