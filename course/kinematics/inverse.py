@@ -93,11 +93,11 @@ def decompose(J, A, U):
                     a += A[i, x] * A[i, x]
                     b += A[j, x] * A[j, x]
                     both += A[i, x] * A[j, x]
-                if abs(both) <= 1e-15 * np.sqrt(a * b):
+                if abs(both) <= 1e-15 * np.sqrt(a * b) + 1e-290:
                     continue
                 turned = True
                 half = (b - a) / (2.0 * both)
-                tangent = (1.0 if half >= 0.0 else -1.0) / (abs(half) + np.sqrt(1.0 + half * half))
+                tangent = (1.0 if half >= 0.0 else -1.0) / (abs(half) + np.hypot(1.0, half))
                 cosine = 1.0 / np.sqrt(1.0 + tangent * tangent)
                 sine = cosine * tangent
                 for x in range(n):

@@ -147,7 +147,8 @@ class Arm:
         library.updateFramePlacements(model, data)
         J = library.getFrameJacobian(model, data, self._tip, axes)
         rate = library.getFrameJacobianTimeVariation(model, data, self._tip, axes)
-        return J[:, self._back], rate[:, self._back]
+        # Of a single joint Pinocchio returns a row of six.
+        return J.reshape(6, -1)[:, self._back], rate.reshape(6, -1)[:, self._back]
 
     def inverse_dynamics(self, q: Array, v: Array, a: Array) -> Array:
         """Torques of a motion, the damping of the joints added, shape (n,)."""

@@ -1,0 +1,105 @@
+"""Bad input of the chapter: named, with its value and what is allowed."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from course import kinematics
+from course.kinematics import Chain, TwoLink, ik, panda, planar, tip, two_link_ik
+
+NAN = float("nan")
+
+
+def changed(**fields):
+    """A good arm of two joints with some fields changed."""
+    arm = planar([1.0, 0.5])
+    names = ("parent", "placement", "mass", "centre", "inertia", "lower", "upper", "tool")
+    return Chain(**{**{name: getattr(arm, name) for name in names}, **fields})
+
+
+def with_one(name, index, value):
+    """A field of that arm with one number changed."""
+    array = np.array(getattr(planar([1.0, 0.5]), name), dtype=float)
+    array[index] = value
+    return {name: array}
+
+
+ARM = panda()
+Q = np.zeros(7)
+POSE = np.array([0.4, 0, 0.4, 1, 0, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        # Chains.
+        (lambda: changed(parent=[]), r"len\(parent\) is 0, allowed is a whole number from 1 on"),
+        (lambda: planar([]), r"len\(lengths\) is 0"),
+        (lambda: kinematics.random_chain(0, np.random.default_rng(0)), "n is 0"),
+        (lambda: changed(parent=[1, -1]), r"parent\[0\] is 1, allowed is -1 or a joint before 0"),
+        (lambda: changed(parent=[-1, 1]), r"parent\[1\] is 1"),
+        (lambda: changed(parent=[-1, -2]), r"parent\[1\] is -2"),
+        (lambda: changed(parent=[-1.0, 0.0]), "allowed is a row of whole numbers"),
+        (lambda: changed(lower=[1.0, 0.0], upper=[0.5, 1.0]), r"\(lower\[0\], upper\[0\]\) is"),
+        (lambda: changed(lower=[NAN, 0.0]), r"lower\[0\] is nan"),
+        (lambda: changed(**with_one("placement", (3, 1), 1.1)), r"placement\[3:\]\[:, 1\] is"),
+        (lambda: changed(**with_one("placement", (0, 1), NAN)), r"placement\[0, 1\] is nan"),
+        (lambda: changed(placement=np.zeros((6, 2))), "placement.shape is"),
+        (lambda: changed(**with_one("mass", 1, 0.0)), r"mass\[1\] is 0.0, allowed is a positive"),
+        (lambda: changed(**with_one("inertia", (0, 0, 1), 9.0)), "inertia is .* principal moments"),
+        (lambda: changed(damping=-1.0), "damping is -1.0"),
+        (lambda: changed(tool=[0, 0, 0, 2, 0, 0, 0]), r"tool\[3:\] is"),
+        (lambda: planar([1.0, 0.0]), r"lengths\[1\] is 0.0, allowed is a positive finite number"),
+        (lambda: planar([1.0, 0.5], [1.0]), "masses.shape is"),
+        (lambda: kinematics.turn_to([0, 0, 0]), "axis is .*, allowed is a direction"),
+        # Motion.
+        (lambda: tip(ARM, np.zeros(6)), r"q.shape is \(6,\), allowed is \(7,\) or \(7, N\)"),
+        (lambda: tip(ARM, [NAN] * 7), r"q\[0\] is nan"),
+        (lambda: kinematics.jacobian(ARM, Q, [0, 0]), "point.shape"),
+        (lambda: kinematics.jacobian(ARM, Q, joint=7), "joint is 7"),
+        (lambda: kinematics.jacobian_rate(ARM, Q, np.zeros((7, 2))), r"v.shape is \(7, 2\)"),
+        (lambda: kinematics.condition_number(np.eye(6), 0.0), "length is 0.0"),
+        (lambda: kinematics.condition_number(np.eye(3), 1.0), r"J.shape is \(3, 3\)"),
+        (lambda: kinematics.null_space(np.zeros(3)), "J.shape"),
+        # Dynamics.
+        (lambda: kinematics.inverse_dynamics(ARM, Q, Q, [NAN] * 7), r"a\[0\] is nan"),
+        (lambda: kinematics.inverse_dynamics(ARM, Q, Q, Q, np.zeros(5)), "wrench.shape"),
+        (lambda: kinematics.bias(ARM, Q, Q, gravity=(0, 0)), "gravity.shape"),
+        (lambda: kinematics.forward_dynamics(ARM, Q, Q, np.zeros(6)), "tau.shape"),
+        (lambda: kinematics.pack(ARM, [1.0, 2.0]), "tau.shape"),
+        (lambda: kinematics.linearise(ARM, Q, Q, np.zeros(3)), "tau.shape"),
+        # Inverse kinematics.
+        (lambda: ik(ARM, np.zeros(6)), r"target.shape is \(6,\)"),
+        (lambda: ik(ARM, np.zeros(7)), r"target\[3:\]\[:, 0\] is .*normalise it"),
+        (lambda: ik(ARM, [NAN, 0, 0, 1, 0, 0, 0]), r"target\[0\] is nan"),
+        (lambda: ik(ARM, POSE, np.zeros(6)), r"start.shape is \(6,\)"),
+        (lambda: ik(ARM, POSE, kinematics.Samples(panda(), 5, 0)), "samples of this chain"),
+        (lambda: ik(ARM, POSE, restarts=0), r"\(start, restarts\) is \(None, 0\)"),
+        (lambda: ik(ARM, POSE, method="newton"), "method is 'newton', allowed is one of"),
+        (lambda: ik(ARM, POSE, damping=0.0), "damping is 0.0"),
+        (lambda: ik(ARM, POSE, tolerance=(1e-6, -1.0)), r"tolerance\[1\] is -1.0"),
+        (lambda: ik(ARM, POSE, iterations=0), "iterations is 0"),
+        (lambda: ik(changed(slides=[False, True]), [1.0, 0, 0]), "allowed is finite for a slide"),
+        (lambda: two_link_ik([1.0, 0.0], [1.0, 0.0]), r"lengths\[1\] is 0.0"),
+        (lambda: two_link_ik([1.0, 0.5], [1.0, 0.0, 0.0]), r"target.shape is \(3,\)"),
+        (lambda: two_link_ik([1.0, 0.5], [NAN, 0.0]), r"target\[0\] is nan"),
+        (lambda: two_link_ik([1.0, 0.5, 0.2], [1.0, 0.0]), "lengths.shape"),
+        # Two links.
+        (lambda: TwoLink(lengths=(1.0, 0.0)), r"lengths\[1\] is 0.0"),
+        (lambda: TwoLink(payload=-1.0), "payload is -1.0"),
+        (lambda: TwoLink().regressor([0, 0], [0, 0, 0], [0, 0]), "v.shape"),
+        (lambda: TwoLink().regressor([0, 0], [[0], [0]], [0, 0]), r"v.shape is \(2, 1\), .* q"),
+    ],
+)
+def test_bad_input_is_named(call, message) -> None:
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
+def test_a_chain_does_not_change_after_its_checks() -> None:
+    arm: Any = panda()
+    with pytest.raises(ValueError, match="read-only"):
+        arm.mass[0] = -1.0
+    with pytest.raises(AttributeError):
+        arm.mass = np.ones(7)
