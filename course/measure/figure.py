@@ -9,7 +9,7 @@ smaller than 8 px there; every curve, line and region has its name at its end, i
 no other name and no curve is (`course.measure.labels`). What an author says: which curves matter.
 A panel shows six; the others are `Series(..., extra=True)`, are named under the picture and in the
 text, and are switched on by `draw(panels, also=[...])`, in a notebook by a control
-(`course.simulations.tradeoff`). Keep a label short: it is broken after 24 letters.
+(`course.simulations.trade_off`). Keep a label short: it is broken after 24 letters.
 """
 
 from __future__ import annotations

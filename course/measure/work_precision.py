@@ -133,6 +133,7 @@ class WorkPrecision:
     failed_above: float
     machine: str
     ratio: float | None = None  # time of the reader's method over that of the pick run beside it
+    duration: float | None = None  # simulated time of a run [s]; a setting is then a step [s]
     _repeat: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def curve(self, name: str) -> Curve:
@@ -314,15 +315,65 @@ class WorkPrecision:
         names = dict.fromkeys([*yours, *(pick.name for pick in picks if pick), *first])
         return [*names][:SIX]
 
-    def panels(self) -> list[Panel]:
-        """Error against count and against time; the text is the table, the data all points."""
-        unit = self.curves[0].unit if self.curves else "count"
-        left = self._panel("count", unit)
+    def price(self, tolerance: float, by: str = "time") -> str:
+        """What a tolerance costs, in a sentence: the pick, its cost, and that of a tenth.
+
+        Args:
+            tolerance: largest error allowed.
+            by: "time" or "count".
+        """
+        pick = self.pick(positive("tolerance", tolerance), by)
+        wanted = f"{tolerance:.2g}{self._unit}"
+        if pick is None:
+            errors = [(p.error, c.name, p) for c in self.curves for p in c.worked()]
+            if not errors:
+                return "No run worked."
+            error, name, point = min(errors, key=lambda entry: entry[0])
+            return (
+                f"Nothing here comes within {wanted}: the smallest error is {error:.1e}"
+                f"{self._unit}, of {name} at {self._setting(point)}."
+            )
+        cost = pick.point.cost(by) / (self.duration or 1.0)
+        spent = _seconds(cost) if by == "time" else f"{cost:.3g} {self._counted}"
+        said = f"{pick.name} at {self._setting(pick.point)}: {spent} per "
+        said += "run" if self.duration is None else "simulated s"
+        finer = self.pick(0.1 * tolerance, by)
+        if finer is None:
+            return f"{said}; no run here has a tenth of that error."
+        times = finer.point.cost(by) / pick.point.cost(by)
+        if finer.point == pick.point:
+            return f"{said}; a tenth of the error costs no more."
+        other = "" if finer.name == pick.name else f", with {finer.name}"
+        return f"{said}; a tenth of the error would cost {times:.2g} times as much{other}."
+
+    def range(self) -> tuple[float, float]:
+        """Tolerances worth asking for: decades that hold the errors of all runs, and one more."""
+        errors = [p.error for curve in self.curves for p in curve.worked()]
+        errors = [max(error, 1e-16) for error in errors] + [self.tolerance or 1.0]
+        low, high = math.floor(math.log10(min(errors))), math.ceil(math.log10(max(errors)))
+        return 10.0 ** (low - 1), 10.0**high
+
+    @property
+    def _counted(self) -> str:
+        return self.curves[0].unit
+
+    def _setting(self, point: Point) -> str:
+        if self.duration is None:
+            return f"a setting of {point.parameter:.3g}"
+        return _seconds(point.parameter)
+
+    def panels(self, pick: bool = True) -> list[Panel]:
+        """Error against count and against time; the text is the table, the data all points.
+
+        Args:
+            pick: whether tolerance and picks are drawn.
+        """
+        left = self._panel("count", self._counted if self.curves else "count", pick)
         left.title, left.legend, left.footer = self.question, False, self.machine
         left.notes, left.data = [self.table()], self._document()
-        return [left, self._panel("time", "time of one run [s]")]
+        return [left, self._panel("time", "time of one run [s]", pick)]
 
-    def _panel(self, by: str, cost: str) -> Panel:
+    def _panel(self, by: str, cost: str, marked: bool) -> Panel:
         panel = Panel("", cost, f"error [{self.error_unit}]", scale="log")
         shown = self.shown()
         for curve in self.curves:
@@ -343,15 +394,16 @@ class WorkPrecision:
                 series.low, series.high = [p.low for p in good], [p.high for p in good]
                 series.across = True
             panel.series.append(series)
-        pick = None if self.tolerance is None else self.pick(by=by)
+        tolerance = self.tolerance if marked else None
+        pick = None if tolerance is None else self.pick(by=by)
         if pick is not None:
             panel.series.append(
                 Series("", [pick.point.cost(by)], [pick.point.error], "chosen", "", hollow=True,
                        size=13.0, tags=[f"pick: {pick.name}"])
             )  # fmt: skip
-        if self.tolerance is not None:
-            words = f"tolerance {self.tolerance:g}{self._unit}"
-            panel.lines = [("y", self.tolerance, words)]
+        if tolerance is not None:
+            words = f"tolerance {tolerance:g}{self._unit}"
+            panel.lines = [("y", tolerance, words)]
         errors = [e for s in panel.series for e in s.y]
         if errors and self.reference_uncertainty > 0.5 * min(errors):
             # Below this an error says how good the reference is, not how good the method.
@@ -378,6 +430,7 @@ def measure(
     best: bool = False,
     question: str = "",
     error_unit: str = "-",
+    duration: float | None = None,
 ) -> WorkPrecision:
     """Run every method with every setting and compare with the reference.
 
@@ -394,6 +447,8 @@ def measure(
             work would else make a zigzag of a curve.
         question: what is being asked, the chart's title.
         error_unit: unit of the error.
+        duration: simulated time of a run [s], where a setting is a step [s]: costs are then said
+            per simulated second.
 
     Returns:
         The measured `WorkPrecision`.
@@ -444,6 +499,7 @@ def measure(
         tolerance=tolerance,
         reference_uncertainty=uncertainty,
         failed_above=failed_above,
+        duration=duration,
         machine=machine(busy) + (f"; least of {repeats} rounds" if best else ""),
         _repeat={"methods": list(methods), "options": options},
     )

@@ -203,6 +203,7 @@ def work_precision(
         best=best,
         question=question.text,
         error_unit=problem.unit,
+        duration=problem.duration,
     )
 
 
@@ -309,6 +310,7 @@ def box_work_precision(repeats: int = 5, counts: tuple[int, ...] = _BOX_STEPS) -
         repeats=repeats,
         question="Where is the bouncing box after 1 s?",
         error_unit="m",
+        duration=BOX_DURATION,
     )
 
 
