@@ -343,7 +343,7 @@ def draw(
         if maps:
             owners = [ax for ax, _ in maps]
             bar = figure.colorbar(owners[0].collections[0], ax=owners, extend="both", shrink=0.85)
-            bar.set_label(maps[0][1], fontsize=SMALL)
+            bar.set_label(textwrap.fill(maps[0][1], 44), fontsize=SMALL)
         if title:
             figure.suptitle(textwrap.fill(title, 96))
         footers = [panel.footer for panel in shown if panel.footer][:1]
@@ -398,10 +398,12 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
     if panel.grid is None:
         ax.grid(True, which="major", alpha=0.3, axis="x" if names else "both")
     boxed = panel.grid is not None or bool(names)
-    handles = ax.get_legend_handles_labels()[0] if boxed and panel.legend else []
+    handles, labels = ax.get_legend_handles_labels() if boxed and panel.legend else ([], [])
+    # As many in a row as there is room for.
+    per_row = max(1, 84 // across // (6 + max(map(len, labels), default=1)))
     if handles:
         box = ax.legend(
-            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=len(handles), fontsize=SMALL,
+            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=per_row, fontsize=SMALL,
             facecolor="0.8", framealpha=1.0 if panel.grid else 0.0, borderaxespad=0.3,
             edgecolor="none", handlelength=1.6, columnspacing=1.2,
         )  # fmt: skip
@@ -410,7 +412,7 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
         _name_ends(words, panel, shown, looks)
     above = max(
         [
-            1.4 if handles else 0.4 * bool(crosses),
+            0.3 + 1.1 * math.ceil(len(handles) / per_row) if handles else 0.4 * bool(crosses),
             *(1 + one.text.get_text().count("\n") for one in words.top),
         ]
     )

@@ -4,8 +4,9 @@
 
     TradeOff(accuracy.work_precision("pendulum"))
 
-Dragging the slider (or the arrow keys on it) moves the tolerance over the chart, the pick goes along,
-and a sentence says the price. The buttons switch on the curves that are not among the first six.
+Dragging the slider (or the arrow keys on it) moves the tolerance over the chart, the pick goes
+along, and a sentence says the price. The buttons switch on the curves that are not among the first
+six.
 """
 
 from __future__ import annotations
@@ -45,9 +46,13 @@ class Chart:
         draw(panels, height=4.2, also=labels, figure=self.figure)
         self._moving: list[Any] = []
         for ax in self.figure.axes:
-            line = ax.axhline(1.0, color="0.3", linestyle=":", linewidth=1.6, animated=True)
+            limits = ax.get_ylim()
+            line = ax.axhline(
+                measured.tolerance, color="0.3", linestyle=":", linewidth=1.6, animated=True
+            )
             (ring,) = ax.plot([], [], marker="o", markersize=13, markerfacecolor="none",
                               color="black", linestyle="none", animated=True)  # fmt: skip
+            ax.set_ylim(limits)
             self._moving.append((line, ring))
         self._canvas.draw()
         self._empty = self._canvas.copy_from_bbox(self.figure.bbox)
