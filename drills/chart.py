@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Union
 
 from drills import exercise as exercises
 from drills.attempt import Attempt, Place
@@ -15,6 +15,7 @@ from drills.grade import start_child
 from drills.report import Report
 
 if TYPE_CHECKING:
+    from course.measure.figure import Panel
     from course.measure.work_precision import WorkPrecision
 
 Run = Callable[[float], tuple[Any, float]]
@@ -51,6 +52,23 @@ class Plan:
     error: Callable[[Any, Any], float] | None = None
 
 
+@dataclass(frozen=True)
+class Drawing:
+    """What is shown of an exercise in which speed buys no accuracy: pictures, and their notes."""
+
+    drawn: Sequence[Panel]
+
+    def panels(self) -> Sequence[Panel]:
+        """What is drawn."""
+        return self.drawn
+
+    def table(self) -> str:
+        """What is said."""
+        from course.measure.figure import text
+
+        return text(self.drawn)
+
+
 def chart_of(
     question: str,
     planned: Callable[[Attempt], Plan],
@@ -60,6 +78,7 @@ def chart_of(
     failed_above: float = math.inf,
     unit: str = "force evaluations",
     repeats: int = 3,
+    converges: bool = True,
 ) -> Callable[[Attempt, Place], WorkPrecision]:
     """The chart of an exercise: both answers through a pipe, other methods and libraries beside.
 
@@ -71,6 +90,7 @@ def chart_of(
         failed_above: error of an answer that is none.
         unit: of the counts.
         repeats: how often each is run.
+        converges: whether the error has an order in the setting.
     """
 
     def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
@@ -100,6 +120,7 @@ def chart_of(
             repeats=repeats,
             question=question,
             error_unit=error_unit,
+            converges=converges,
         )
 
     return chart
@@ -117,8 +138,11 @@ def angle_between(answer: Any, truth: Any) -> float:
     return float(quaternion.angle_between(answer / length, truth))
 
 
-def chart(name: str, source: str, filename: str = "submission.py", seed: int = 0) -> WorkPrecision:
-    """Measure the submission beside the reference and the library, in one run.
+Charted = Union["WorkPrecision", Drawing]
+
+
+def chart(name: str, source: str, filename: str = "submission.py", seed: int = 0) -> Charted:
+    """Measure, or draw, the submission beside the reference and the library, in one run.
 
     Args:
         name: of the exercise.
@@ -145,7 +169,7 @@ def chart(name: str, source: str, filename: str = "submission.py", seed: int = 0
         return charted.chart(attempt, worked)
 
 
-def picture(measured: WorkPrecision, path: str | Path) -> Path:
+def picture(measured: Charted, path: str | Path) -> Path:
     """Draw the chart into a PNG file, which is replaced only when the new one is complete."""
     from matplotlib.figure import Figure
 

@@ -20,7 +20,7 @@ from drills.sandbox import Limits
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from course.measure.work_precision import WorkPrecision
+    from drills.chart import Charted
 
 # A child's limits leave the reference this many times its own time.
 HEADROOM = 20
@@ -173,7 +173,7 @@ class Exercise:
         given: source of the module that the child gets as `given`, or "".
         limits: the child's limits; None for the usual ones.
         replayed: how many calls are repeated in a second process to check determinism.
-        chart: runs the submission beside a library and the worked answer, which is in a child of
+        chart: runs or draws the submission beside the worked answer, which is in a child of
             its own, so that their times compare; the submission's curve has style "yours".
         picture: draws a case that failed: what came back beside what is right.
     """
@@ -184,7 +184,7 @@ class Exercise:
     given: str = ""
     limits: Limits | None = None
     replayed: int = 200
-    chart: Callable[[Attempt, Place], WorkPrecision] | None = None
+    chart: Callable[[Attempt, Place], Charted] | None = None
     picture: Callable[[Figure, Shown], None] | None = None
 
 

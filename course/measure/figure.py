@@ -203,6 +203,7 @@ class Panel:
         title, x, y: texts; a panel without series and grid is text alone.
         series: drawn in order.
         scale: one of `SCALES`.
+        equal: one scale for both axes, where both are lengths.
         lines: straight lines across, ("x" or "y", value, words).
         spans: grey regions, ("x" or "y", low, high, words).
         grid: a quantity over x and y, drawn as a map with its measured boundary.
@@ -220,6 +221,7 @@ class Panel:
     y: str = ""
     series: list[Series] = field(default_factory=list)
     scale: str = "linear"
+    equal: bool = False
     lines: Sequence[tuple[str, float, str]] = ()
     spans: Sequence[tuple[str, float, float, str]] = ()
     grid: Map | None = None
@@ -394,6 +396,8 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
         ax.set_ylim(*panel.ylim)
     if log_x and not panel.ticks:
         _few_labels(ax)
+    if panel.equal:
+        ax.set_aspect("equal", adjustable="datalim")
     _draw_marks(ax, panel, words)
     if panel.grid is None:
         ax.grid(True, which="major", alpha=0.3, axis="x" if names else "both")

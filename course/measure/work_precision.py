@@ -134,6 +134,7 @@ class WorkPrecision:
     machine: str
     ratio: float | None = None  # time of the reader's method over that of the pick run beside it
     duration: float | None = None  # simulated time of a run [s]; a setting is then a step [s]
+    converges: bool = True  # whether an order says something: a share of successes has none
     _repeat: dict[str, Any] = field(default_factory=dict, repr=False, compare=False)
 
     def curve(self, name: str) -> Curve:
@@ -229,7 +230,7 @@ class WorkPrecision:
                         f"{head} {p.error:>10.2e} {p.count:>10.4g} {_seconds(p.time):>10}"
                         f" {quartiles:>21}"
                     )
-            order = self.observed_order(curve.name)
+            order = self.observed_order(curve.name) if self.converges else math.nan
             if not math.isnan(order):
                 lines.append(f"{curve.name:<{wide}} observed order {order:.2f}")
         if self.tolerance is not None:
@@ -431,6 +432,7 @@ def measure(
     question: str = "",
     error_unit: str = "-",
     duration: float | None = None,
+    converges: bool = True,
 ) -> WorkPrecision:
     """Run every method with every setting and compare with the reference.
 
@@ -449,6 +451,7 @@ def measure(
         error_unit: unit of the error.
         duration: simulated time of a run [s], where a setting is a step [s]: costs are then said
             per simulated second.
+        converges: whether the table says the order at which the error falls with the setting.
 
     Returns:
         The measured `WorkPrecision`.
@@ -500,6 +503,7 @@ def measure(
         reference_uncertainty=uncertainty,
         failed_above=failed_above,
         duration=duration,
+        converges=converges,
         machine=machine(busy) + (f"; least of {repeats} rounds" if best else ""),
         _repeat={"methods": list(methods), "options": options},
     )

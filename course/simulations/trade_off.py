@@ -47,9 +47,7 @@ class Chart:
         self._moving: list[Any] = []
         for ax in self.figure.axes:
             limits = ax.get_ylim()
-            line = ax.axhline(
-                measured.tolerance, color="0.3", linestyle=":", linewidth=1.6, animated=True
-            )
+            line = ax.axhline(limits[0], color="0.3", linestyle=":", linewidth=1.6, animated=True)
             (ring,) = ax.plot([], [], marker="o", markersize=13, markerfacecolor="none",
                               color="black", linestyle="none", animated=True)  # fmt: skip
             ax.set_ylim(limits)

@@ -599,15 +599,17 @@ show("rk4_costs_four_times")
 # failed is a mark at the top, not a gap.
 
 # %%
+from course.simulations.trade_off import TradeOff
+
 result = accuracy.work_precision("double_pendulum", repeats=3, best=True)
-_ = accuracy.draw(result)
-plt.show()
 for curve in result.curves:
     print(f"{curve.name:<22} observed order {result.observed_order(curve.name):.1f}")
+TradeOff(result)
 
 # %% [markdown]
-# The circle marks the cheapest run within the tolerance. MuJoCo's integrators are curves in the same picture. In plain
-# coordinates they are our methods: its `Euler` lies on semi-implicit Euler, its `RK4` on RK4, in error to several
+# Drag the tolerance, or use the arrow keys on it: the circle goes to the cheapest run within it, and the sentence says
+# what that costs. The buttons switch on the other methods. MuJoCo's integrators are curves in the same picture. In
+# plain coordinates they are our methods: its `Euler` lies on semi-implicit Euler, its `RK4` on RK4, in error to several
 # digits. Its `implicitfast` and `discrete` are of first order. What differs is the time per step, because MuJoCo's is a
 # step of a general engine.
 #
@@ -844,9 +846,9 @@ predict("impacts_at_rest")
 
 # %% [markdown]
 # A ball's bounces get shorter by the factor $e$ each time, infinitely many in a finite time. A box that should lie
-# still "bounces" at every step: gravity gives it the speed $gh$, and the impact turns it round. A rest speed, below which
-# an impact is the last, ends that where impacts are found within the step, and at the end of a step only if it is
-# above $gh$:
+# still "bounces" at every step: gravity gives it the speed $gh$, and the impact turns it round. A rest speed, below
+# which an impact is the last, ends that where impacts are found within the step, and at the end of a step only if it
+# is above $gh$:
 #
 # ![Chatter](../docs/charts/chatter.png)
 
@@ -904,10 +906,10 @@ figures(
 # </div>
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *Objects pass through each other.* Compare the distance travelled per step, $vh$, of one against the
-# other, with the *sum* of both thicknesses. If it is larger, the collision may never be looked at, and no integrator
-# helps: sweep the motion, or find the impact time (MuJoCo: `speculative`). From half of it on, it may first be seen past
-# the middle: the same cure. If it is much smaller, the contact was too soft: stiffen it.
+# **Debugging tip.** *Objects pass through each other.* Compare the distance travelled per step, $vh$, of one against
+# the other, with the *sum* of both thicknesses. If it is larger, the collision may never be looked at, and no
+# integrator helps: sweep the motion, or find the impact time (MuJoCo: `speculative`). From half of it on, it may first
+# be seen past the middle: the same cure. If it is much smaller, the contact was too soft: stiffen it.
 #
 # </div>
 # <div class="alert alert-block alert-danger">

@@ -361,6 +361,7 @@ EXERCISE = Exercise(
         tolerance=0.1,
         error_unit="share unsolved",
         repeats=2,
+        converges=False,
     ),
     slips=SLIPS,
 )
