@@ -146,6 +146,12 @@ SLIPS = slips(
     damping_twice=(_GAIN, "gain = s / (s**2 + 2.0 * damping**2)",
         "The damping counts twice: a factor of 2 comes from one of the two squares and not from "
         "the other. The gradient of both has it."),
+    damping_halved=(_GAIN, "gain = s / (s**2 + 0.25 * damping**2)",
+        "The damping is halved, as by a 1/2 that stands at one of the two squares only. The bound "
+        "is then twice as high."),
+    damping_to_the_fourth=(_GAIN, "gain = s / (s**2 + damping**4)",
+        "The damping is squared twice: in the stacked system [J; lambda I] it stands as it is, and "
+        "its square comes by itself."),
     damping_relative=(_GAIN, "gain = s / (s**2 + (damping * s.max()) ** 2)",
         "The damping is taken relative to the largest singular value. It is given in m/rad, the "
         "unit of the singular values, and is used as it is."),

@@ -125,6 +125,14 @@ SLIPS = slips(
     tool_not_turned=(_TIP, "tip = frame[:3, 3] + tool",
         "The tool's offset is added in the axes of the world. It is given in the last frame and "
         "turns with it."),
+    tool_turned_back=(_TIP, "tip = frame[:3, 3] + frame[:3, :3].T @ tool",
+        "The tool's offset is turned the wrong way: the rotation of the last frame takes what is "
+        "given in it to the world, its transpose takes it back."),
+    axis_of_another_letter=("axes.append(frame[:3, 2])", "axes.append(frame[:3, 0])",
+        "The joints turn about x. The axis is z, the third column of the rotation."),
+    axis_from_a_row=("axes.append(frame[:3, 2])", "axes.append(frame[2, :3])",
+        "The axis is read from a row. The columns of a rotation are the frame's axes in the world; "
+        "its rows are the world's in the frame."),
     arm_from_the_base=(_LINEAR, "np.cross(axes, np.tile(tip, (len(axes), 1)))",
         "Every joint swings the tool point about the origin. It swings it about itself: the arm "
         "is x - p_i, from the joint to the point."),

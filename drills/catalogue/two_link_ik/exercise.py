@@ -153,6 +153,8 @@ SLIPS = slips(
         "elbow turns the first link as well: put the negative q2 into the formula of q1."),
     rows_swapped=(_BENDS, "for q2 in (-bend, bend):",
         "Both arms are right and stand in the other order: the one with q2 from 0 to pi is first."),
+    branches_in_columns=("return np.array(rows)", "return np.array(rows).T",
+        "The two arms stand in columns. One row is one arm, (q1, q2)."),
     aside_added=(_AIM, "math.atan2(y, x) + aside",
         "The first link is on the wrong side of the line to the target: what the elbow adds to "
         "the direction of the tip has to be subtracted from q1."),

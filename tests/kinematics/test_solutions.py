@@ -1,0 +1,307 @@
+"""The worked answers of chapter 4 against closed forms, Pinocchio, MuJoCo and their laws."""
+
+import ast
+import math
+import warnings
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pinocchio
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from course import kinematics
+from course.drills import fk3
+from course.rigid_body.quaternion import angle_between, from_euler_zyx, to_matrix
+from drills import cards
+from drills import exercise as exercises
+from drills.grade import attempt
+from drills.verify import in_this_process
+from solutions import kinematics as solutions
+from tests.budget import examples
+
+NEW = ("two_link_ik", "jacobian", "damped_step", "null_space_step", "rnea_planar", "wrist_ik")
+
+
+@pytest.fixture(autouse=True)
+def _floating_point_is_quiet():
+    """No answer may warn, whatever it is given here."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", RuntimeWarning)
+        yield
+
+
+def numbers(low: float, high: float):
+    return st.floats(low, high, allow_nan=False)
+
+
+def rngs():
+    return st.integers(0, 2**32 - 1).map(np.random.default_rng)
+
+
+def test_the_answers_stand_alone():
+    tree = ast.parse(Path(solutions.__file__).read_text(encoding="utf-8"))
+    imported = {
+        name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import | ast.ImportFrom)
+        for name in (
+            [alias.name for alias in node.names] if isinstance(node, ast.Import) else [node.module]
+        )
+    }
+    assert imported == {"__future__", "math", "numpy", "numpy.typing"}
+
+
+def test_the_chapter_has_its_exercises():
+    mine = {card.name: card for card in cards.cards() if card.chapter == 4}
+    assert mine.keys() >= {"fk3", *NEW}
+    for name in NEW:
+        assert mine[name].solution == f"solutions.kinematics:{mine[name].entry}"
+        assert len(exercises.of(name).slips) >= 8
+        assert exercises.of(name).picture is not None
+
+
+@pytest.mark.parametrize("name", NEW)
+def test_a_wrong_answer_is_drawn(name):
+    """The picture of the first case that the starter has wrong."""
+    from drills import picture
+
+    card = cards.card(name)
+    report = attempt(card, card.starter(), seed=3, place=in_this_process).report
+    assert not report.passed
+    figure = picture.figure_of(report)
+    assert figure is not None and len(figure.axes[0].lines) >= 2
+
+
+# --- two links ------------------------------------------------------------------------------------
+
+
+@examples(100)
+@given(arrays(float, 2, elements=numbers(0.05, 3.0)), numbers(0.0, 1.0), numbers(-4.0, 4.0))
+def test_both_arms_reach_the_target_by_forward_kinematics(lengths, share, angle):
+    inner, outer = abs(lengths[0] - lengths[1]), lengths.sum()
+    r = inner + share * (outer - inner)
+    target = r * np.array([math.cos(angle), math.sin(angle)])
+    rows = solutions.two_link_ik(lengths, target)
+    for q in rows:
+        tip = fk3(np.array([*lengths, 0.0]), np.array([*q, 0.0]))[-1]
+        np.testing.assert_allclose(tip, target, rtol=0, atol=1e-12)
+    assert 0.0 <= rows[0, 1] <= math.pi and rows[1, 1] == -rows[0, 1]
+    course = kinematics.two_link_ik(lengths, target)
+    if course.reached:
+        off = np.exp(1j * rows.T) - np.exp(1j * course.q)
+        assert np.abs(off).max() < 1e-7
+
+
+@given(arrays(float, 2, elements=numbers(0.05, 3.0)), numbers(-3.0, 3.0))
+def test_targets_out_of_reach_are_refused_and_the_slack_is_not(lengths, angle):
+    inner, outer = abs(lengths[0] - lengths[1]), lengths.sum()
+    direction = np.array([math.cos(angle), math.sin(angle)])
+    for r in (outer + 2e-9, 2.0 * outer, inner - 2e-9, 0.5 * inner - 1e-8):
+        if r >= 0.0:
+            with pytest.raises(ValueError, match="from the base"):
+                solutions.two_link_ik(lengths, r * direction)
+    stretched = solutions.two_link_ik(lengths, (outer + 5e-10) * direction)
+    assert (stretched[:, 1] == 0.0).all()
+
+
+# --- the Jacobian ---------------------------------------------------------------------------------
+
+
+def pinocchio_arm(placements, tool):
+    """The same arm in Pinocchio, and its tool's frame."""
+    model, joint = pinocchio.Model(), 0
+    for i, placement in enumerate(placements):
+        place = pinocchio.SE3(placement[:3, :3].copy(), placement[:3, 3].copy())
+        joint = model.addJoint(joint, pinocchio.JointModelRZ(), place, f"joint {i}")
+    place = pinocchio.SE3(np.eye(3), np.array(tool, dtype=float))
+    return model, model.addFrame(
+        pinocchio.Frame("tool", joint, place, pinocchio.FrameType.OP_FRAME)
+    )
+
+
+@examples(60)
+@given(rngs(), st.integers(1, 9))
+def test_the_jacobian_is_pinocchios(rng, n):
+    placements = np.tile(np.eye(4), (n, 1, 1))
+    placements[:, :3, 3] = rng.normal(size=(n, 3))
+    for placement in placements:
+        q = rng.normal(size=4)
+        placement[:3, :3] = to_matrix(q / np.linalg.norm(q))
+    q, tool = rng.uniform(-9.0, 9.0, n), rng.normal(size=3)
+    model, frame = pinocchio_arm(placements, tool)
+    data = model.createData()
+    expected = pinocchio.computeFrameJacobian(
+        model, data, q, frame, pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
+    )
+    found = solutions.geometric_jacobian(placements, q, tool)
+    np.testing.assert_allclose(found, expected.reshape(6, n), rtol=0, atol=1e-12 * (1.0 + n))
+
+
+def test_the_jacobian_of_the_panda_is_the_chapters():
+    arm, rng = kinematics.panda(), np.random.default_rng(8)
+    placements = np.tile(np.eye(4), (arm.n, 1, 1))
+    placements[:, :3, 3] = arm.placement[:3].T
+    placements[:, :3, :3] = np.moveaxis(to_matrix(arm.placement[3:]), 2, 0)
+    for q in rng.uniform(arm.lower, arm.upper, (20, 7)):
+        found = solutions.geometric_jacobian(placements, q, arm.tool[:3])
+        np.testing.assert_allclose(found, kinematics.jacobian(arm, q), rtol=0, atol=1e-14)
+
+
+# --- damped and redundant steps -------------------------------------------------------------------
+
+
+@examples(100)
+@given(rngs(), st.integers(1, 6), st.integers(1, 8), numbers(-7.0, 1.0), st.integers(0, 5))
+def test_a_damped_step_minimises_and_keeps_its_bound(rng, m, n, power, rank):
+    J, error, damping = rng.normal(size=(m, n)), rng.normal(size=m), 10.0**power
+    if rank < min(m, n):
+        J = rng.normal(size=(m, rank)) @ rng.normal(size=(rank, n))
+    step = solutions.damped_step(J, error, damping)
+    assert np.linalg.norm(step) <= np.linalg.norm(error) / (2.0 * damping) * (1.0 + 1e-9)
+    # The least of |J dq - e|^2 + lambda^2 |dq|^2 by another way: one longer system, by QR.
+    longer = np.vstack((J, damping * np.eye(n)))
+    truth = np.linalg.lstsq(longer, np.concatenate((error, np.zeros(n))), rcond=0.0)[0]
+    allowed = np.linalg.norm(error) / damping * 1e-14 * (100.0 + 30.0 * np.linalg.norm(J) / damping)
+    np.testing.assert_allclose(step, truth, rtol=0, atol=allowed)
+
+
+def test_the_bound_is_reached_where_the_singular_value_is_the_damping():
+    for damping in (1e-6, 0.1, 3.0):
+        step = solutions.damped_step(np.diag([2.0, damping]), np.array([0.0, 1.0]), damping)
+        assert step[1] == pytest.approx(0.5 / damping, rel=1e-12) and step[0] == 0.0
+
+
+def test_normal_equations_lose_a_damping_of_1e_minus_7():
+    """Why the exercise asks for it: the textbook's formula breaks its own bound there."""
+    rng, damping = np.random.default_rng(5), 1e-7
+    U, _, Vt = np.linalg.svd(rng.normal(size=(3, 3)))
+    J, error = U * np.array([2.0, 1.0, damping]) @ Vt, U[:, 2]
+    normal = J.T @ np.linalg.solve(J @ J.T + damping**2 * np.eye(3), error)
+    truth = 0.5 / damping
+    assert np.linalg.norm(solutions.damped_step(J, error, damping)) == pytest.approx(truth, 1e-6)
+    assert abs(np.linalg.norm(normal) / truth - 1.0) > 1e-4
+
+
+@examples(80)
+@given(rngs(), st.integers(1, 6), st.integers(0, 3))
+def test_a_null_space_step_solves_the_task_and_is_the_nearest_that_does(rng, m, spare):
+    n = m + spare
+    U, _, Vt = np.linalg.svd(rng.normal(size=(m, n)), full_matrices=False)
+    J = U * rng.uniform(0.3, 2.0, m) @ Vt
+    dx, wish, weights = rng.normal(size=m), rng.normal(size=n), rng.uniform(0.1, 10.0, n)
+    step = solutions.null_space_step(J, dx, wish, weights)
+    np.testing.assert_allclose(J @ step, dx, rtol=0, atol=1e-12 * (1.0 + n))
+    # Stationary under J dq = dx: W (dq - wish) is a combination of the rows of J (Lagrange).
+    pull = weights * (step - wish)
+    np.testing.assert_allclose(kinematics.null_space(J) @ pull, 0.0, rtol=0, atol=1e-11)
+
+
+def test_a_null_space_step_leaves_the_tip_of_the_panda_to_second_order():
+    arm, q = kinematics.panda(), np.array([0.3, -0.4, 0.1, -1.9, 0.0, 1.7, 0.6])
+    J = kinematics.jacobian(arm, q)
+    up = kinematics.jacobian(arm, q, joint=3)[2]  # how the elbow's height answers to the joints
+    step = solutions.null_space_step(J, np.zeros(6), up, np.ones(7))
+    height = [kinematics.frames(arm, q + h * step)[2, 3] for h in (0.0, 1e-3)]
+    assert height[1] > height[0]
+    off = [kinematics.tip(arm, q + h * step)[:3] - kinematics.tip(arm, q)[:3] for h in (0.02, 0.01)]
+    assert np.linalg.norm(off[0]) / np.linalg.norm(off[1]) == pytest.approx(4.0, rel=0.05)
+
+
+# --- inverse dynamics -----------------------------------------------------------------------------
+
+
+def mujoco_torques(lengths, masses, q, v, a, gravity):
+    """The same arm in MuJoCo, asked by mj_inverse."""
+    spec = mujoco.MjSpec()
+    spec.option.gravity = [0.0, -gravity, 0.0]
+    spec.compiler.degree = False
+    body, offset = spec.worldbody, 0.0
+    for length, mass in zip(lengths, masses, strict=True):
+        across = mass * length**2 / 12.0
+        body = body.add_body(pos=[offset, 0, 0], mass=mass, ipos=[0.5 * length, 0, 0],
+                             inertia=[across, across, across], explicitinertial=True)  # fmt: skip
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
+        offset = length
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
+    mujoco.mj_inverse(model, data)
+    return data.qfrc_inverse.copy()
+
+
+@examples(40)
+@given(rngs(), st.integers(1, 8), st.sampled_from([0.0, 9.81]))
+def test_torques_are_those_of_pinocchio_and_mujoco(rng, n, gravity):
+    lengths, masses = rng.uniform(0.1, 1.0, n), rng.uniform(0.2, 3.0, n)
+    q, v, a = rng.uniform(-4, 4, n), 3.0 * rng.normal(size=n), 5.0 * rng.normal(size=n)
+    found = solutions.rnea_planar(lengths, masses, q, v, a, gravity)
+    model, joint, place = pinocchio.Model(), 0, pinocchio.SE3.Identity()
+    model.gravity.linear = np.array([0.0, -gravity, 0.0])
+    for i, (length, mass) in enumerate(zip(lengths, masses, strict=True)):
+        joint = model.addJoint(joint, pinocchio.JointModelRZ(), place, f"joint {i}")
+        across = mass * length**2 / 12.0
+        rod = pinocchio.Inertia(mass, np.array([0.5 * length, 0, 0]), across * np.eye(3))
+        model.appendBodyToJoint(joint, rod, pinocchio.SE3.Identity())
+        place = pinocchio.SE3(np.eye(3), np.array([length, 0.0, 0.0]))
+    expected = pinocchio.rnea(model, model.createData(), q, v, a)
+    scale = 1.0 + np.abs(expected).max()
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * scale)
+    theirs = mujoco_torques(lengths, masses, q, v, a, gravity)
+    np.testing.assert_allclose(found, theirs, rtol=0, atol=1e-10 * scale)
+    course = kinematics.inverse_dynamics(
+        kinematics.planar(lengths, masses), q, v, a, gravity=(0.0, -gravity, 0.0)
+    )
+    np.testing.assert_allclose(found, course, rtol=0, atol=1e-12 * scale)
+
+
+@examples(60)
+@given(rngs(), st.integers(1, 6))
+def test_the_torques_power_is_the_rate_of_the_energy(rng, n):
+    """tau . v = dE/dt, by complex-free central differences along the motion."""
+    lengths, masses = rng.uniform(0.2, 1.0, n), rng.uniform(0.2, 3.0, n)
+    q, v, a = rng.normal(size=(3, n))
+    gravity = 9.81
+
+    def energy(t):
+        angle, rate = np.cumsum(q + v * t + 0.5 * a * t * t), np.cumsum(v + a * t)
+        links = lengths * np.exp(1j * angle)
+        speeds = 1j * rate * links
+        middle = np.cumsum(links) - 0.5 * links
+        velocity = np.cumsum(speeds) - 0.5 * speeds
+        kinetic = 0.5 * masses @ (np.abs(velocity) ** 2 + lengths**2 / 12.0 * rate**2)
+        return kinetic + gravity * masses @ middle.imag
+
+    power = solutions.rnea_planar(lengths, masses, q, v, a, gravity) @ v
+    h = 1e-4
+    rate = (energy(h) - energy(-h)) / (2.0 * h)
+    assert power == pytest.approx(rate, abs=1e-5 * (1.0 + np.abs(power) + energy(0.0) ** 2))
+
+
+# --- the wrist ------------------------------------------------------------------------------------
+
+
+@examples(25)
+@given(rngs(), st.sampled_from([1.0, -1.0]), st.integers(-2, 2))
+def test_the_wrist_goes_the_short_way_to_the_nearest_answer(rng, sign, turns):
+    """The goal is known: the closed form of Euler angles has it, whatever the sign says."""
+    goal = np.array([rng.uniform(-1.5, 1.5) + 2.0 * math.pi * turns, *rng.uniform(-0.7, 0.7, 2)])
+    start = goal + rng.uniform(-0.9, 0.9, 3)
+    target = sign * from_euler_zyx(*goal)
+    found = solutions.wrist_ik(start, target, 0.05, 100)
+    np.testing.assert_allclose(found, goal, rtol=0, atol=1e-8)
+
+
+def test_the_starter_of_the_hunt_arrives_and_has_gone_round():
+    """The bug is silent: the hand is right, a joint is a full turn away."""
+    names: dict = {}
+    exec(cards.card("wrist_ik").starter(), names)
+    start, goal = np.array([0.2, 0.3, -0.2]), np.array([0.7, -0.3, 0.4])
+    for sign in (1.0, -1.0):
+        target = sign * from_euler_zyx(*goal)
+        found = names["wrist_ik"](start, target, 0.05, 100)
+        assert angle_between(from_euler_zyx(*found), target) < 1e-6
+        assert (np.abs(found - goal).max() < 1e-6) == (sign > 0)
