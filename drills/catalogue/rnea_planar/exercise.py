@@ -131,8 +131,8 @@ SLIPS = slips(
         "this joint as well."),
     own_force_twice=("x * force[1] - y * force[0]",
         "x * (force + forces[i])[1] - y * (force + forces[i])[0]",
-        "The link's own force counts twice: half way, where it acts, and once more at the end, with "
-        "those of the links beyond. Take the moment before you add it."),
+        "The link's own force counts twice: half way, where it acts, and once more at the end, "
+        "with those of the links beyond. Take the moment before you add it."),
     lever_of_half_a_link=(_BEYOND, "0.5 * (x * force[1] - y * force[0])",
         "The force of the links beyond acts half way along the link. It acts at its end."),
 )  # fmt: skip
