@@ -514,7 +514,8 @@ def ik(
         drawn = begin[:, :0]
         if restarts:
             drawn = uniform_starts(chain, size * restarts, rng).reshape(size, restarts, chain.n)
-        starts = np.concatenate([begin, drawn], axis=1)
+        # With a start for all and none drawn NumPy would keep the order of the broadcast.
+        starts = np.ascontiguousarray(np.concatenate([begin, drawn], axis=1))
         parts.append(
             kernel()(chain.table, part, starts, number, damping, near, turn, iterations, rank)
         )

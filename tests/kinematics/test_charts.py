@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from course import charts
+from course.charts.kinematics import dynamics, inverse
+from course.kinematics import ik, planar, tip
 
 
 def slope(series) -> float:
@@ -47,3 +49,68 @@ def test_damping_keeps_the_joints_within_their_speed_where_theory_says() -> None
     assert grid.values.max() > 3
     for series in right.series:
         assert series.y[-1] > 5 * series.y[0]
+
+
+def test_the_four_steps_end_as_theory_says() -> None:
+    usual, edge = charts.build("ik_residual", budgets=(1, 2, 3, 5, 8, 12, 20), targets=12)
+    left = {series.label: np.asarray(series.y) for series in usual.series}
+    # Newton's steps double the digits; damping leaves a share of every one.
+    assert left["pseudo_inverse"][3] < 1e-9 and left["levenberg_marquardt"][4] < 1e-9
+    ratios = left["damped"][3:6] / left["damped"][2:5]
+    assert np.all(ratios < 0.5) and left["damped"][3] > 1e3 * left["pseudo_inverse"][3]
+    assert left["transpose"][-1] > 1e-5
+    # At the edge the Jacobian loses rank: the error is quartered a step, not squared.
+    newton = np.asarray(edge["pseudo_inverse"].y)
+    assert newton[5] / newton[4] == pytest.approx(0.25**4, rel=0.5)
+    assert edge["damped"].y[-1] > 100 * newton[-1]
+
+
+def test_shares_solved_keep_their_order() -> None:
+    reached, beside, far = charts.build("ik_success", targets=60, slow=12, seeds=(0,), table=500)
+    for panel in (reached, beside):
+        share = {series.label: series.y[-1] for series in panel.series}
+        assert share["uniform starts"] > 0.95 and share["nearest of a table"] > 0.95
+        assert share["usual loop"] < 0.7 < share["usual loop, clamped, 20 starts"]
+        assert all(" 0 claims that FK contradicts" in line for line in panel.notes[:2])
+    assert " 0 claimed" in far.notes[0]
+
+
+def test_the_curve_of_answers_is_complete_and_right() -> None:
+    lengths, target = (1.0, 0.8, 0.5), np.array([1.1, 0.4, 0.0])
+    curve = inverse.solution_curve(lengths, target)
+    assert np.abs(tip(planar(lengths), curve)[:3] - target[:, None]).max() < 1e-12
+    found = ik(planar(lengths), np.repeat(target[:, None], 40, axis=1), restarts=1, rng=3)
+    assert found.success.sum() > 30
+    on = np.array([inverse.covered(q[:, None], curve, 0.02) for q in found.q.T[found.success]])
+    assert np.all(on == 1)
+    assert inverse.covered(curve, curve[:, :1]) < 0.2 < 1 == inverse.covered(curve, curve)
+
+
+def test_learned_starts_are_solved_in_fewer_steps_than_random_ones() -> None:
+    left, right = charts.build(
+        "learned_seeds", targets=60, steps=150, table=500, draws=(1, 8), points=3
+    )
+    half = {s.label: s.x[np.argmax(s.y >= 0.5)] for s in left.series}
+    assert half["network's starts"] < half["uniform starts"] > half["nearest of a table"]
+    for series in right.series:
+        assert series.y[0] <= series.y[1] <= 1
+
+
+def test_batches_of_arms_grow_past_one_call_a_state() -> None:
+    panels = charts.build("arm_throughput", sizes=(1, 200), repeats=3)
+    for panel in panels:
+        assert [list(s.x) for s in panel.series] == [[1, 200]] * 3
+        ours, theirs = (np.asarray(panel[name].y) for name in ("course", "Pinocchio"))
+        # Ratios of processor time, with room: in batch the course is 2 to 4 times as fast.
+        assert ours[1] > 5 * ours[0] and ours[1] > theirs[1]
+
+
+def test_the_plane_ends_at_a_fault_of_a_tenth_of_a_degree() -> None:
+    (panel,) = charts.build("two_links_enough", angles=(0.01, 0.1, 1.0))
+    assert dynamics.reaching_arm().check() == []
+    for series in panel.series:
+        assert slope(series) == pytest.approx(1.0, abs=0.1)
+        assert series.y[0] < dynamics.TOLERANCE < series.y[1]
+    assert (
+        np.abs(dynamics.spatial() - tip(dynamics.ARM.chain(), dynamics.closed())[:3]).max() < 1e-12
+    )

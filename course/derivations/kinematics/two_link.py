@@ -184,7 +184,7 @@ def singular_stretched_or_folded(found):
     bent = [shoulder() for _ in range(30)]
     usual = [found.rng.uniform(arm.lower, arm.upper) for _ in range(30)]
     shown = np.array([0.0, 0.0, half, -1.8, 0.0, 1.5, 0.0])
-    reach = np.linalg.norm(tip(arm, shown)[:3] - [0, 0, arm.placement[2, 0]]) / arm.reach[1][1]
+    reach = np.linalg.norm(tip(arm, shown)[:3] - [0, 0, arm.placement[2, 0]]) / arm.reach[1]
     found.figure("rank_bent", rank(jacobian(arm, shown)))
     found.figure("reach_percent", 100 * reach, 1e-3)
     arms, ends = _lengths(found.rng, 20), np.array([0.0, np.pi, -np.pi])
