@@ -104,6 +104,7 @@ class TradeOff(ipywidgets.VBox):
         )
         rows = [self.picture, self.slider, self.sentence, *([more] if self.switches else [])]
         super().__init__(rows)
+        self.add_class("course-trade-off")
 
     def _redraw(self) -> None:
         on = [name for name, switch in self.switches.items() if switch.value]

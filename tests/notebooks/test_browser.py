@@ -382,6 +382,28 @@ def exercise(page: Any, canvas: Any) -> tuple[float, float, float, float]:
     return statistics.median(latencies), max(latencies), pictures, moves
 
 
+def drag_the_tolerance(page: Any) -> None:
+    """Keys and the mouse move the tolerance of the live chart; pick and price go along."""
+    place = page.locator(".course-trade-off").first
+    place.scroll_into_view_if_needed()
+    words, handle = place.locator(".widget-html-content").first, place.locator(".noUi-handle").first
+    changed = "([words, old]) => words.innerText !== old"
+    before = words.inner_text()
+    assert "simulated s" in before
+    handle.focus()
+    for _ in range(30):
+        handle.press("ArrowLeft")
+    page.wait_for_function(changed, arg=[words.element_handle(), before])
+    before, box = words.inner_text(), handle.bounding_box()
+    page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"])
+    page.mouse.down()
+    page.mouse.move(0.0, box["y"] + 0.5 * box["height"], steps=8)
+    page.mouse.up()
+    page.wait_for_function(changed, arg=[words.element_handle(), before])
+    page.wait_for_function("words => words.innerText.includes('Nothing here')",
+                           arg=words.element_handle())  # fmt: skip
+
+
 def test_chapter_1_in_the_browser(tmp_path, capsys):
     assert not why_no_browser(), f"the browser test cannot run: {why_no_browser()}"
     available = importlib.util.find_spec(EXTENSION) is not None
@@ -397,6 +419,7 @@ def test_chapter_1_in_the_browser(tmp_path, capsys):
             assert seen[seen.index("film ") :] == ["film ", "live"], "the picture was away"
             look_at_the_page(page)
             median, worst, pictures, moves = exercise(page, canvas)
+            drag_the_tolerance(page)
             # As a document; another view of the notebook has the same kernel.
             open_notebook(page, address.format("doc"))
             run_simulation(page)
