@@ -396,10 +396,6 @@ def _aba(table, q, v, tau, wrench, gravity):
     return result
 
 
-def _forward(table, q, v, tau, wrench, gravity):
-    return _aba(table, q, v, tau, wrench, gravity)
-
-
 def acceleration(q, v, params):
     """Joint accelerations, for the integrators of chapter 1.
 
@@ -424,17 +420,19 @@ def kernels() -> tuple[Any, Any, Any]:
     return (
         compiled(_rnea, MATRIX(ROWS, ROWS, ROWS, ROWS, ROWS, ROW)),
         compiled(_crba, CUBE(ROWS, ROWS)),
-        compiled(_forward, MATRIX(ROWS, ROWS, ROWS, ROWS, ROWS, ROW)),
+        compiled(_aba, MATRIX(ROWS, ROWS, ROWS, ROWS, ROWS, ROW)),
     )
 
 
 # --- the doors ------------------------------------------------------------------------------------
 
-_NONE = np.empty((6, 0))
+_NONE, _DOWN = np.empty((6, 0)), np.array(DOWNWARDS)
 
 
 def _outside(wrench: ArrayLike | None, gravity: ArrayLike, count: int) -> tuple[Array, Array]:
-    down = np.ascontiguousarray(vector("gravity", gravity, (3,), unit="m/s^2"))
+    down = _DOWN
+    if gravity is not DOWNWARDS:
+        down = np.ascontiguousarray(vector("gravity", gravity, (3,), unit="m/s^2"))
     if wrench is None:
         return _NONE, down
     array = vector("wrench", wrench, (6,), (6, count))

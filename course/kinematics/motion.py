@@ -11,6 +11,7 @@ Source: Siciliano, Sciavicco, Villani and Oriolo, Robotics (2009), ch. 2-3.
 from __future__ import annotations
 
 import functools
+import math
 from typing import Any
 
 import numba
@@ -226,11 +227,12 @@ def batch(chain: Chain, **states: Any) -> tuple[bool, list[Array]]:
         chain: the arm.
         **states: by name, each of shape (n,) or (n, N); all of one shape.
     """
-    n, found, first = chain.n, [], None
+    n, found, first = len(chain.table) - 1, [], None
     for name, value in states.items():
-        # A loop that asks one posture at a time pays for each check, so the usual case is short.
-        good = type(value) is np.ndarray and value.dtype == np.float64 and value.shape == (n,)
-        if not (good and np.isfinite(value).all()):
+        # Who asks one posture at a time pays for each check. A square that is finite is of finite
+        # numbers, and quicker than to look at each.
+        quick = type(value) is np.ndarray and value.shape == (n,) and value.dtype == np.float64
+        if not (quick and math.isfinite(value.dot(value))):
             value = vector(name, value, (n,), (n, None))
         if first is not None and value.shape != first:
             raise refused(f"{name}.shape", value.shape, f"that of {next(iter(states))}, {first}")
