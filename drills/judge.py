@@ -277,7 +277,7 @@ def constant_factor(answers: Sequence[Answer]) -> str:
     moving = np.abs(truth) > 1e-9 * np.max(np.abs(truth), initial=0.0)
     factor = float(np.median(got[moving] / truth[moving])) if moving.any() else 0.0
     near = np.abs(got - factor * truth) <= 1e-7 * np.abs(truth) + 1e-12
-    if abs(factor) < 1e-9 or not near.all():
+    if abs(factor) < 1e-9 or abs(factor - 1.0) < 1e-6 or not near.all():
         return ""
     return (
         f"Every value is {factor:.4g} times the right one, in every case: the way is right, and a "

@@ -1,0 +1,130 @@
+"""A sweep over contacts: values against the worked answer, and cases for each face of the cone."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drills.exercise import Exercise, coarse_slips, slips, value_slips
+from drills.judge import WHOLE, Case, coarse, judge_of
+
+Array = NDArray[np.float64]
+
+
+def cases(rng: np.random.Generator) -> list[Case]:
+    """One contact on each part of the cone, then several that are coupled."""
+
+    def delassus(n: int, coupling: float = 1.0) -> Array:
+        """Of n contacts on bodies that share coordinates."""
+        J = rng.normal(size=(3 * n, 3 * n + 2))
+        A = J @ J.T / 3.0 + 0.2 * np.eye(3 * n)
+        blocks = np.kron(np.eye(n), np.ones((3, 3)))
+        return np.asarray(A * (blocks + coupling * (1.0 - blocks)))
+
+    def alone(normal: float, slip: float, mu: float, label: str, level: str = "core") -> Case:
+        """A contact whose step, before it is projected, is (normal, slip in some direction)."""
+        A, turn = delassus(1), rng.uniform(-math.pi, math.pi)
+        wanted = np.array([normal, slip * math.cos(turn), slip * math.sin(turn)])
+        start = rng.uniform(0.0, 0.3, (1, 3))
+        b = np.linalg.eigvalsh(A)[-1] * (start[0] - wanted) - A @ start[0]
+        return Case((start, A, b, mu), label, level)
+
+    def several(n: int, mu: float, label: str = "several contacts") -> Case:
+        start = np.abs(rng.normal(size=(n, 3)))
+        return Case((start, delassus(n), rng.normal(size=3 * n) - 0.5, mu), label)
+
+    return [
+        alone(1.0, 0.2, 0.6, "inside the cone", "simple"),
+        Case((np.zeros((1, 3)), np.eye(3), np.array([-2.0, 0.0, 0.0]), 0.5), "no slip", "simple"),
+        alone(1.0, 2.0, 0.5, "sliding", "simple"),
+        alone(-1.0, 0.3, 0.5, "coming apart"), alone(-0.3, 0.2, 1.0, "coming apart"),
+        alone(-0.2, 1.5, 0.8, "sliding, the step below zero"),
+        alone(0.4, 3.0, 1.2, "sliding, much friction"),
+        *(several(n, mu) for n, mu in ((2, 0.5), (3, 0.8), (5, 0.3), (8, 1.0))),
+        Case((np.zeros((4, 3)), delassus(4, 0.0), rng.normal(size=12), 0.7), "not coupled"),
+        alone(1.0, 0.5, 0.0, "no friction", "edge"), alone(-1.0, 0.5, 0.0, "no friction", "edge"),
+        Case((np.zeros((1, 3)), np.diag([1.0, 2.0, 4.0]), np.zeros(3), 0.5), "at rest", "edge"),
+        Case((np.array([[1, 0, 0], [2, 1, 0]]), 2 * np.eye(6, dtype=int) + 1,
+              np.array([-3, 1, 0, 2, -1, 4]), 1), WHOLE, "edge"),
+    ]  # fmt: skip
+
+
+CONE = "on_cone, *(mu * on_cone / slip * np.array(tangent))"
+
+SLIPS = slips(
+    friction_scaled_back=("on_cone = (normal + mu * slip) / (1.0 + mu * mu)",
+        "on_cone = max(normal, 0.0)",
+        "The normal impulse is kept and friction is scaled back to mu times it. That point is on "
+        "the cone and not the nearest one: the projection moves both, and other impulses are left "
+        "at rest by it than by yours."),
+    tangents_one_by_one=("            g[i] = " + CONE,
+        "            normal = max(normal, 0.0)\n"
+        "            g[i] = normal, *np.clip(tangent, -mu * normal, mu * normal)",
+        "Each tangent is clamped by itself: that is a box, not a cone. In a diagonal direction it "
+        "lets through up to sqrt(2) times as much friction. The length of both together counts."),
+    old_impulses=("velocity = A[rows] @ g.ravel()",
+        "velocity = A[rows] @ np.asarray(impulses, dtype=float).ravel()",
+        "All contacts use the impulses from before the sweep. That is Jacobi; Gauss-Seidel uses "
+        "what the contacts before it have just become."),
+    against_the_sign=("g[i] - step * velocity", "g[i] + step * velocity",
+        "The impulses move along the velocity. They must act against it."),
+    apex_forgotten=("elif mu * slip <= -normal:", "elif False:",
+        "Contacts that come apart get the wrong impulse: behind the apex, where mu |t| <= -n, the "
+        "nearest point of the cone is the apex, zero."),
+    zero_when_negative=("elif mu * slip <= -normal:", "elif normal <= 0.0:",
+        "Every step with a negative normal impulse is set to zero. Where the tangents are long the "
+        "nearest point of the cone is on its side."),
+    not_projected=("if slip <= mu * normal:", "if True:",
+        "The impulses are moved and not projected: contacts pull, and friction has no bound."),
+    diagonal_for_eigenvalue=("np.linalg.eigvalsh(A[rows, rows])[-1]", "A[3 * i, 3 * i]",
+        "The step is one over the normal entry of A. The task divides by the largest eigenvalue of "
+        "the whole block."),
+    trace_for_eigenvalue=("np.linalg.eigvalsh(A[rows, rows])[-1]", "np.trace(A[rows, rows])",
+        "The step is one over the trace of the block: safe and shorter than the task's, which "
+        "divides by the largest eigenvalue."),
+    smallest_eigenvalue=("np.linalg.eigvalsh(A[rows, rows])[-1]",
+        "np.linalg.eigvalsh(A[rows, rows])[0]",
+        "You divide by the smallest eigenvalue. Steps that are too long for the stiff direction do "
+        "not converge: the largest is due."),
+    block_alone=("velocity = A[rows] @ g.ravel()", "velocity = A[rows, rows] @ g[i]",
+        "Only the contact's own block is used: the impulses of the others move it too. Take all "
+        "columns of its rows."),
+    free_velocity_forgotten=(" + np.asarray(b, dtype=float)[rows]", "",
+        "b is missing: the velocity that the contacts have without any impulse."),
+    impulse_forgotten=("*tangent = g[i] - step * velocity", "*tangent = -step * velocity",
+        "The new impulse is the old one less a step, not the step alone."),
+    cone_turned=("(normal + mu * slip) / (1.0 + mu * mu)",
+        "(mu * normal + slip) / (1.0 + mu * mu)",
+        "Normal and tangent have changed places in the projection: the cone's side is the line "
+        "t = mu n, so n becomes (n + mu |t|) / (1 + mu^2)."),
+    normal_last=("normal, *tangent = g[i]", "*tangent, normal = g[i]",
+        "g[i] = normal, *tangent", "g[i] = *tangent, normal", "g[i] = " + CONE,
+        "g[i] = *(mu * on_cone / slip * np.array(tangent)), on_cone",
+        "The last of a contact's three impulses is taken for the normal one. It is the first."),
+)  # fmt: skip
+
+
+def allowed(case: Case, truth: tuple[Any, ...]) -> float:
+    """1e-11 of the largest impulse, one added."""
+    return 1e-11 * (1.0 + float(np.abs(truth[0]).max()))
+
+
+EXERCISE = Exercise(
+    judge=judge_of(
+        cases,
+        allowed,
+        "a sweep is some dozens of products; eigenvalues are known to 1e-14",
+        told=coarse,
+    ),
+    examples=(
+        "pgs_sweep(np.zeros((1, 3)), np.eye(3), np.array([-1.0, 0.2, 0.0]), 0.5)",
+        "pgs_sweep(np.zeros((1, 3)), np.eye(3), np.array([-1.0, 2.0, 0.0]), 0.5)",
+        "pgs_sweep(np.ones((2, 3)), np.eye(6) + 0.2, np.array([-1.0, 0, 0, 3.0, 1.0, 0]), 0.5)",
+    ),
+    slips=SLIPS
+    + coarse_slips("pgs_sweep", "A sweep can't converge beyond its rounding.")
+    + value_slips("pgs_sweep", in_part=False),
+)
