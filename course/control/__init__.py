@@ -23,6 +23,7 @@ from course.control.sampled import (
     pid_law,
     ultimate_gain,
 )
+from course.control.touch import Probe, TouchLaw, run_touch
 from course.drills import PID, closed_loop
 
 __all__ = [
@@ -33,8 +34,10 @@ __all__ = [
     "Gains",
     "Joint",
     "Margins",
+    "Probe",
     "Record",
     "StepMetrics",
+    "TouchLaw",
     "closed_loop",
     "growth",
     "held",
@@ -43,6 +46,7 @@ __all__ = [
     "margins",
     "pid_law",
     "run_joint",
+    "run_touch",
     "step_metrics",
     "ultimate_gain",
     "warm",
@@ -53,3 +57,4 @@ def warm() -> None:
     """Compile, or load from the cache, everything in this chapter that is compiled."""
     Controller(Gains(1.0), 1e-3).update(0.0, 0.0)
     run_joint(Joint(1.0), Actuator(), Encoder(), Gains(1.0), 1.0, 1e-3, 1e-2)
+    run_touch(Probe(), TouchLaw(), 0.0, 1e-3, 1e-2)

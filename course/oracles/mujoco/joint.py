@@ -35,6 +35,8 @@ class MotorJoint:
         substeps: int = 10,
         friction: float = 0.0,
         integrator: str = "implicitfast",
+        actuator: str = "<motor {}/>",
+        defaults: bool = False,
     ) -> None:
         """A joint at rest at angle 0.
 
@@ -46,6 +48,9 @@ class MotorJoint:
             substeps: MuJoCo steps in a sample.
             friction: dry friction [N m]: as much torque as it takes to start, and lost on the way.
             integrator: one of `MUJOCO_INTEGRATORS`.
+            actuator: MuJoCo's element for the drive, with {} where the joint's name goes; of a
+                servo, such as "<position kp='30' {}/>", the command is the set-point.
+            defaults: dry friction with MuJoCo's default impedance, else with the largest.
 
         Raises:
             ValueError: for an argument out of its range.
@@ -59,14 +64,15 @@ class MotorJoint:
         self.dt, self.substeps = positive("dt", dt, unit="s"), substeps
         step = dt / substeps
         stiff = f'solref="{2.0 * step:.17g} 1" solimp="{_STIFF}"'
+        hard = "" if defaults else f'solimpfriction="{_STIFF}"'
         moments = " ".join([f"{inertia:.17g}"] * 3)
         body = (
             f'<body><joint name="hinge" type="hinge" axis="0 0 1" damping="{damping:.17g}" '
-            f'frictionloss="{friction:.17g}" solimpfriction="{_STIFF}"/>'
+            f'frictionloss="{friction:.17g}" {hard}/>'
             f'<inertial pos="0 0 0" mass="1" diaginertia="{moments}"/></body>'
         )
         extra = (
-            '<actuator><motor joint="hinge"/></actuator>'
+            "<actuator>" + actuator.replace("{}", 'joint="hinge"') + "</actuator>"
             f'<equality><joint joint1="hinge" active="false" {stiff}/></equality>'
         )
         xml = scene_xml(body, step, integrator, 0.0, springs=True, touching=True, extra=extra)
@@ -74,7 +80,7 @@ class MotorJoint:
         # Every scene of chapter 1 has motors off; this one is about its motor.
         self.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
         self.data = mujoco.MjData(self.model)
-        self._step = mujoco.mj_step
+        self._step, self._fresh = mujoco.mj_step, mujoco.mj_resetData
         self._load = load
         self.reset()
 
@@ -91,10 +97,8 @@ class MotorJoint:
     def reset(self, q: float = 0.0, v: float = 0.0) -> None:
         """Put the joint at an angle [rad] with a speed [rad/s], free."""
         data = self.data
-        data.time, data.qpos[0], data.qvel[0] = 0.0, q, v
-        data.ctrl[0], data.qfrc_applied[0] = 0.0, self._load
-        data.eq_active[0] = 0
-        data.qacc_warmstart[:] = 0.0
+        self._fresh(self.model, data)
+        data.qpos[0], data.qvel[0], data.qfrc_applied[0] = q, v, self._load
 
     def step(self, command: float, blocked: bool = False) -> float:
         """Hold a torque for one sample.
