@@ -1,0 +1,322 @@
+"""Claims of chapter 6: what sampling, delay and the estimate of the rate cost."""
+
+import numpy as np
+
+from course.control import sampled
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "J": Symbol("inertia [kg m^2]"),
+    "b": Symbol("viscous friction [N m s/rad]"),
+    "w": Symbol("angular frequency of the swing [rad/s]"),
+    "T": Symbol("delay [s]"),
+    "kd": Symbol("rate gain [N m s/rad]"),
+    "h": Symbol("sample time dt [s]"),
+    "c": Symbol("kd dt / (2 J)", 0.05, 0.9),
+    "V": Symbol("kd dt / J", 0.05, 0.9),
+}
+
+
+def _growth(kp, kd, *, dt=1.0, delay=0.0, rate="exact", inertia=1.0, damping=0.0, tau=0.0):
+    """Growth per sample of PD on a joint."""
+    plant = sampled.held(*sampled.joint_system(inertia, damping), dt, delay)
+    law = sampled.pid_law(kp, 0.0, kd, dt=dt, rate=rate, tau=tau)
+    return sampled.growth(sampled.loop_matrix(plant, law))
+
+
+def _edge(kp, kd, **loop):
+    """Whether the loop is stable just inside of kp and grows just outside."""
+    return _growth(kp * (1 - 1e-6), kd, **loop) <= 1 + 1e-9 < _growth(kp * (1 + 1e-5), kd, **loop)
+
+
+@claim(
+    "A joint with friction is stable under P at any gain: too much of it only oscillates.",
+    "So says the continuous loop. A held command is half a sample late, and with w from "
+    "w tan(w (D + dt/2)) = b/J the largest gain is {formula}: {held_n_m_per_rad:.0f} N m/rad for "
+    "J = {inertia:g}, b = {damping:g} at {rate_hz:.0f} Hz, and {late_n_m_per_rad:.1f} with "
+    "{delay_ms:g} ms of delay. That formula is within {worst:.1e} of the loop's eigenvalue.",
+    ask=(
+        "J q'' + b q' = -K q(t - T) swings for ever at the angular frequency w. What is K?",
+        "K, gain = w*sqrt((J*w)^2 + b^2)",
+        {
+            "J*w^2": "That is without friction.",
+            "w*(J*w + b)": "Inertia and friction are a right angle apart: add their squares.",
+            "b/T": "That is the limit of a long delay only.",
+        },
+    ),
+    source="G. F. Franklin, J. D. Powell, M. L. Workman, Digital Control, 1998, sec. 4.3",
+)
+def p_at_any_gain(found):
+    import sympy
+
+    J, b, w = sympy.symbols("J b w", positive=True)
+    # K e^(-i w T) = J w^2 - i b w: its size is the gain, its angle the delay
+    found.formula = sympy.simplify(sympy.sqrt((J * w**2) ** 2 + (b * w) ** 2))
+    inertia, damping = found.given("inertia", 0.5), found.given("damping", 0.5)
+    dt, late = 1 / found.given("rate_hz", 1000), found.given("delay_ms", 10) / 1000
+    system = sampled.joint_system(inertia, damping)
+    gains = {D: sampled.ultimate_gain(*system, dt, D) for D in (0.0, dt, 3.7 * dt, late, 100 * dt)}
+    found.figure("held_n_m_per_rad", gains[0.0][0])
+    found.figure("late_n_m_per_rad", gains[late][0])
+    theory = {D: sampled.delay_limit(inertia, damping, D + dt / 2) for D in gains}
+    found.figure("worst", max(abs(gains[D][0] / theory[D][0] - 1) for D in gains), 0.01)
+    edges = [
+        _edge(gains[D][0], 0.0, dt=dt, delay=D, inertia=inertia, damping=damping) for D in gains
+    ]
+    found.statement = "Ultimate gain of the exact sampled joint at five delays."
+    found.heard(_growth(1e5, 0.0, dt=dt, inertia=inertia, damping=damping) <= 1)
+    found.corrected(
+        all(edges), max(abs(gains[D][0] / theory[D][0] - 1) for D in gains) < 1e-4,
+        all(abs(theory[D][0] / float(found.formula.subs(
+            {J: inertia, b: damping, w: 2 * np.pi / theory[D][1]})) - 1) < 1e-9 for D in gains),
+    )  # fmt: skip
+
+
+def _coefficients(open_loop):
+    """Coefficients of the closed loop's polynomial in z, from z^0 up, the last one 1."""
+    import sympy
+
+    z = sympy.Symbol("z")
+    top, _ = sympy.fraction(sympy.cancel(sympy.together(1 + open_loop)))
+    poly = sympy.Poly(top, z)
+    return [sympy.expand(c / poly.LC()) for c in reversed(poly.all_coeffs())]
+
+
+def _held_inertia():
+    """(z, torque to angle, torque to speed) of a free inertia, in units J = dt = 1."""
+    import sympy
+
+    z = sympy.Symbol("z")
+    return z, (z + 1) / (2 * (z - 1) ** 2), 1 / (z - 1)
+
+
+@claim(
+    "PD on an inertia is stable for all positive gains.",
+    "Held for dt, kp must stay below {formula}, and kd below twice J/dt, however exact angle and "
+    "speed are: the triangle's tip is at {tip:.0f} J/dt^2. A P loop alone is unstable at any gain.",
+    ask=(
+        "Free inertia J, PD on the exact angle and speed, commands held for dt. Largest kp for a "
+        "given kd < 2 J/dt?",
+        "kp < 2*kd/h",
+        {
+            "4*J/h^2": "That is the tip of the triangle, where kd = 2 J/dt.",
+            "kd^2/(4*J)": "That is critical damping, not the limit.",
+            "kd/h": "A hold is half a sample late, not a whole one.",
+        },
+    ),
+)
+def pd_exact_rate(found):
+    import sympy
+
+    kp, V, J, kd, h = sympy.symbols("kp V J kd h", positive=True)
+    _, angle, speed = _held_inertia()
+    product, middle, _ = _coefficients(kp * angle + V * speed)
+    limit = sympy.solve(sympy.Eq(product, 1), kp)[0]  # in units of J / dt^2
+    found.formula = limit.subs(V, kd * h / J) * J / h**2
+    draws = found.rng.uniform(0.05, 1.95, 20)
+    highest = sympy.solve(sympy.Eq(1 - middle + product, 0), V)[0]
+    found.figure("tip", limit.subs(V, highest))
+    found.statement = "Jury's conditions, and the loop's matrix at twenty gains on both sides."
+    found.heard(max(_growth(3 * V, V) for V in draws) <= 1)
+    found.corrected(
+        all(_edge(sampled.pd_limit(V, 1, 1), V) for V in draws),
+        all(abs(sampled.pd_limit(v, 1, 1) - float(limit.subs(V, v))) < 1e-12 for v in draws),
+        _growth(1e-3, float(highest) + 1e-3) > 1, _growth(1e-6, 0.0) > 1,
+    )  # fmt: skip
+
+
+@claim(
+    "Taking the rate as the difference of the last two angles adds noise; the limits stay.",
+    "The difference is half a sample late. With c = kd dt/J/2 the limit is kp dt^2/J/2 < "
+    "{formula}, and the tip falls from {exact_tip:.0f} to {tip:.3f} J/dt^2.",
+    ask=(
+        "The same with the rate as the difference of the last two angles over dt. Largest p = "
+        "kp dt^2/(2 J) in terms of c = kd dt/(2 J)?",
+        "p < 2*c*(1 - c)/(1 + c)",
+        {
+            "2*c": "That is with the exact rate.",
+            "2*c*(1 - c)": "kp sees that delay as well: divide by 1 + c.",
+            "2*c/(1 + c)": "Then no kd would be too large.",
+        },
+    ),
+)
+def pd_difference(found):
+    import sympy
+
+    p, c = sympy.symbols("p c", positive=True)
+    z, angle, _ = _held_inertia()
+    a0, a1, a2, _ = _coefficients(2 * (p + c * (z - 1) / z) * angle)
+    limit = sympy.solve(sympy.Eq(1 - a0**2, a1 - a0 * a2), p)[0]
+    found.formula = sympy.factor(limit)
+    best = sympy.solve(sympy.diff(limit, c), c)
+    tip = max(float(2 * limit.subs(c, x)) for x in best if x > 0)
+    found.figure("tip", tip)
+    found.figure("exact_tip", sampled.pd_limit(2 - 1e-12, 1, 1))
+    draws = found.rng.uniform(0.05, 1.95, 20)
+    found.statement = "Jury's last condition, and the loop's matrix on both sides of it."
+    found.heard(all(_edge(2 * V, V, rate="filtered") for V in draws))
+    found.corrected(
+        all(_edge(sampled.pd_limit(V, 1, 1, "difference"), V, rate="filtered") for V in draws),
+        all(abs(sampled.pd_limit(2 * x, 1, 1, "difference") - 2 * float(limit.subs(c, x))) < 1e-12
+            for x in draws / 2),
+        abs(tip - 4 * float(sympy.sqrt(2) - 1) ** 2) < 1e-12,
+    )  # fmt: skip
+
+
+@claim(
+    "A command that comes one sample late costs little at a kilohertz.",
+    "In units of J/dt^2 it costs the same at every rate: with V = kd dt/J, P = kp dt^2/J/2 must "
+    "stay below {formula}, so the tip falls from {exact_tip:.0f} to {tip:.2f}, and to {both:.3f} "
+    "if the rate is a difference too.",
+    ask=(
+        "PD on the exact angle and speed, the command one sample late. Largest P = kp dt^2/(2 J) "
+        "in terms of V = kd dt/J?",
+        "P < (2*V - 3 + sqrt(9 - 8*V))/2",
+        {
+            "V": "That is without the delay.",
+            "V/3": "That is the beginning of it, for small V.",
+            "2*V - 3 + sqrt(9 - 8*V)": "That is kp dt^2/J, twice P.",
+        },
+    ),
+)
+def pd_sample_late(found):
+    import sympy
+
+    P, V = sympy.symbols("P V", positive=True)
+    z, angle, speed = _held_inertia()
+    a0, a1, a2, _ = _coefficients((2 * P * angle + V * speed) / z)
+    roots = sympy.solve(sympy.Eq(1 - a0**2, a1 - a0 * a2), P)  # Jury's last condition
+    limit = max(roots, key=lambda r: float(r.subs(V, sympy.Rational(1, 2))))
+    found.formula = limit
+    draws = found.rng.uniform(0.02, 0.98, 20)
+    found.figure("exact_tip", sampled.pd_limit(2 - 1e-12, 1, 1))
+    found.figure("tip", sampled.pd_limit(0.625, 1, 1, "late"))
+    grid = np.linspace(0.3, 0.6, 61)
+    both = max(_most(lambda k, v=v: _growth(k, v, delay=1.0, rate="filtered"), 1.0) for v in grid)
+    found.figure("both", both, 1e-3)
+    found.statement = "Jury's last condition, and the loop's matrix on both sides of it."
+    found.heard(sampled.pd_limit(0.625, 1, 1, "late") > sampled.pd_limit(0.625, 1, 1) / 2)
+    found.corrected(
+        all(_edge(sampled.pd_limit(V, 1, 1, "late"), V, delay=1.0) for V in draws),
+        all(_edge(1e6 * sampled.pd_limit(V, 1, 1, "late"), 1e3 * V, dt=1e-3, delay=1e-3)
+            for V in draws),
+        max(sampled.pd_limit(V, 1, 1, "late") for V in draws) <= 0.25,
+    )  # fmt: skip
+
+
+def _most(growth, high, low=0.0):
+    """The largest gain below `high` at which a growth stays within 1."""
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if growth(middle) <= 1 + 1e-10 else (low, middle)
+    return low
+
+
+@claim(
+    "A first-order Pade approximation of the delay is good enough for a stability limit.",
+    "While the delay is a small part of the swing. On PD that is limited by its rate gain, where "
+    "the swing turns by {turned:.2f} rad in the delay, the first-order one allows {first:.0%} too "
+    "much gain and the second {second:.1%}; on P, which swings slowly, they are within {slow:.1e}.",
+)
+def pade_is_enough(found):
+    delay, turned = 1.0, found.given("turned", 1.55)
+    ratio = np.tan(turned) / turned  # kd / kp with which the loop swings at w = turned / delay
+
+    def pade(order, kp, kd, damping=0.0):
+        """Whether all roots decay with the approximation."""
+        below = {1: [delay / 2, 1], 2: [delay**2 / 12, delay / 2, 1]}[order]
+        above = [c * (-1) ** (len(below) - 1 - i) for i, c in enumerate(below)]
+        poly = np.polyadd(np.polymul([1, damping, 0], below), np.polymul([kd, kp], above))
+        return 1.0 if np.max(np.roots(poly).real) <= 1e-12 else 2.0
+
+    dt = delay / 60
+    loop = {"dt": dt, "delay": delay - dt / 2}  # a hold is the other half sample
+    exact = _most(lambda k: _growth(k, k * ratio, **loop), 5.0)
+    first, second = (_most(lambda k, n=n: pade(n, k, k * ratio), 5.0) / exact - 1 for n in (1, 2))
+    slow = _most(lambda k: _growth(k, 0.0, damping=0.05, **loop), 5.0)
+    near = _most(lambda k: pade(1, k, 0.0, 0.05), 5.0) / slow - 1
+    found.figure("first", first, 0.02)
+    found.figure("second", second, 0.05)
+    found.figure("slow", abs(near), 0.3)
+    found.statement = "The loop's matrix at 60 samples a delay against the approximations' roots."
+    found.heard(first < 0.05)
+    found.corrected(first > 0.2, 0.0 < second < 0.02, abs(near) < 0.005)
+
+
+@claim(
+    "Too much D only makes a joint sluggish.",
+    "Sluggish first: with kd = {heavy:g} it takes {slow_s:.1f} s to settle, with {light:g} "
+    "{fast_s:.2f} s. Then it shakes: with the plain difference and {late_ms:g} ms of delay the "
+    "loop is unstable above kd = {edge:.0f} N m s/rad, at {hertz:.0f} Hz.",
+)
+def too_much_d(found):
+    from course.control import Actuator, Encoder, Gains, Joint, run_joint, step_metrics
+
+    joint, dt, late = Joint(0.5, 0.5), 0.001, found.given("late_ms", 2) / 1000
+    heavy, light = found.given("heavy", 60), found.given("light", 4)
+
+    def run(kd, seconds=20.0):
+        record = run_joint(
+            joint, Actuator(delay=late), Encoder(), Gains(20, 0, kd), 1.0, dt, seconds
+        )
+        return record, step_metrics(record.times, record.q, 1.0)
+
+    slow, fast = (run(kd)[1].settling for kd in (heavy, light))
+    edge = _most(lambda kd: _growth(20, kd, dt=dt, delay=late, rate="filtered", inertia=0.5,
+                                    damping=0.5), 1e4)  # fmt: skip
+    swing = run(1.02 * edge, 1.0)[0].v[500:]
+    turns = np.count_nonzero(np.diff(np.sign(swing))) / 2 / (swing.size * dt)
+    found.figure("slow_s", slow)
+    found.figure("fast_s", fast)
+    found.figure("edge", edge)
+    found.figure("hertz", turns, 0.02)
+    found.statement = "A step of 1 rad with kp = 20, and the loop's matrix."
+    found.heard(max(_growth(20, kd, dt=dt, delay=late, rate="filtered", inertia=0.5, damping=0.5)
+                    for kd in (2 * edge, 10 * edge)) <= 1)  # fmt: skip
+    found.corrected(
+        slow > 4 * fast, run(0.98 * edge, 2.0)[1].overshoot < 1, run(1.05 * edge)[1].settling > 19,
+        20 < turns < 500,
+    )  # fmt: skip
+
+
+@claim(
+    "A quantised angle makes a torque ripple of kp times the encoder's line.",
+    "The rate makes most of it. A line that flickers moves the command by at most 2 kd line/(tau + "
+    "dt) from peak to peak beside kp line: {bound_n_m:.2f} N m with {bits:.0f} bits, a "
+    "difference at {rate_hz:.0f} Hz and kd = {kd:g}; a joint at rest shows {measured_n_m:.2f}, "
+    "and {filtered_n_m:.3f} with a filter of {tau_ms:.0f} ms.",
+)
+def encoder_ripple(found):
+    from course.control import Actuator, Encoder, Gains, Joint, run_joint
+
+    dt, kp, kd = 1 / found.given("rate_hz", 1000), 20.0, found.given("kd", 2.0)
+    bits = int(found.given("bits", 12))
+    line = Encoder(bits).line
+
+    def ripple(tau, kd=kd, target=0.3, bits=bits):
+        gains = Gains(kp, 0.0, kd, tau)
+        run = run_joint(Joint(0.05, 0.1, 0.4), Actuator(delay=dt), Encoder(bits, 0.2 * line),
+                        gains, target, dt, 3.0)  # fmt: skip
+        return np.ptp(run.command[2000:])
+
+    def bound(tau, kd=kd):
+        return line * (2 * kd / (tau + dt) + 2 * kp)
+
+    tau = found.given("tau_ms", 10) / 1000
+    plain, soft = found.figure("measured_n_m", ripple(0.0), 0.02), ripple(tau)
+    found.figure("bound_n_m", 2 * kd * line / dt)
+    found.figure("filtered_n_m", soft, 0.02)
+    draws = [
+        (tau, kd, ripple(tau, kd, target))
+        for tau, kd, target in zip(
+            found.rng.uniform(0, 0.02, 8), found.rng.uniform(0.5, 3, 8),
+            found.rng.uniform(0.1, 1, 8), strict=True,
+        )
+    ]  # fmt: skip
+    found.statement = (
+        "The last second of a step with a load, the encoder's noise a fifth of a line."
+    )
+    found.heard(plain < 3 * kp * line)
+    found.corrected(
+        all(r <= bound(t, d) + line for t, d, r in draws), plain > kd * line / dt, soft < plain / 5,
+    )  # fmt: skip

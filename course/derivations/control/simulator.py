@@ -1,0 +1,203 @@
+"""Claims of chapter 6: what MuJoCo's loops, servos, friction and contacts hide of a real loop."""
+
+import numpy as np
+
+from course.derivations import claim
+
+
+@claim(
+    "Gains that hold in the simulator at the robot's rate hold on the robot.",
+    "A simulator's step is part of the hold: semi-implicit Euler with steps h under a loop of dt "
+    "waits (dt - h)/2, the robot dt/2. At {rate_hz:.0f} Hz the limit of P is {robot:.0f} N m/rad; "
+    "MuJoCo reads {one:.0f} with one step a sample, {ten:.0f} with ten, and both are the limits of "
+    "its own steps as a matrix, to {same:.0e}.",
+)
+def simulator_hold(found):
+    from course.charts.control import limits
+    from course.control import sampled
+    from course.oracles.mujoco.joint import MotorJoint
+
+    inertia, damping, dt = 0.5, 0.5, 1 / found.given("rate_hz", 1000)
+
+    def mujoco(steps):
+        joint = MotorJoint(inertia, damping, dt, substeps=steps)
+        return limits.largest(lambda k: limits.mujoco_growth(joint, lambda q, _: -k * q), 1.0, 1e8)
+
+    def matrix(steps):
+        plant = sampled.stepped(inertia, damping, dt, steps)
+        return limits.largest(lambda k: limits.loop_growth(plant, k), 1.0, 1e8)
+
+    robot = sampled.ultimate_gain(*sampled.joint_system(inertia, damping), dt)[0]
+    read = {n: mujoco(n) for n in (1, 10, 50)}
+    off = max(abs(read[n] / matrix(n) - 1) for n in read)
+    found.figure("robot", robot)
+    found.figure("one", read[1], 1e-4)
+    found.figure("ten", read[10], 1e-4)
+    found.figure("same", off + 1e-6, 0.5)
+    theory = [sampled.delay_limit(inertia, damping, (dt - dt / n) / 2)[0] for n in (10, 50)]
+    found.statement = "Limits by bisection of the loop's growth, MuJoCo's joint and the matrix."
+    found.heard(abs(read[1] / robot - 1) < 0.1)
+    found.corrected(off < 1e-5, read[1] > 1000 * robot,
+                    max(abs(read[n] / t - 1) for n, t in zip((10, 50), theory, strict=True)) < 1e-3,
+                    abs(read[50] / robot - 1) < 0.03)  # fmt: skip
+
+
+@claim(
+    "MuJoCo's position servo shows how stiff a PD loop at that rate may be.",
+    "The servo is a force of the model, not a sampled loop. On an inertia, in units of J/dt^2, it "
+    "is stable below {at_rest:.0f} - 2 kv with Euler, {at_rest:.0f} + 2 kv with implicitfast and "
+    "at any gain with the discrete integrator. A sampled PD goes up to 2 kd, and only while kd is "
+    "below {edge:.0f}.",
+)
+def servo_is_a_sampled_loop(found):
+    from course.charts.control import limits
+    from course.control import sampled
+
+    def limit(integrator, kv):
+        return limits.largest(lambda kp: limits.servo_growth(integrator, kp, kv), 1e-6, 1e5)
+
+    kvs = found.rng.uniform(0, 1.8, 6)
+    euler, fast, discrete = (
+        np.array([limit(name, kv) for kv in kvs]) for name in ("Euler", "implicitfast", "discrete")
+    )
+    sampled_limit = np.array([sampled.pd_limit(kv, 1, 1) for kv in kvs])
+    found.figure("at_rest", limit("Euler", 0.0), 1e-4)
+    found.figure(
+        "edge", max(kd for kd in np.linspace(0, 3, 301) if sampled.pd_limit(kd, 1, 1)), 0.01
+    )
+    found.statement = "Growth per step of MuJoCo's servo at drawn kv; one step a sample."
+    found.heard(np.all(np.abs(fast / sampled_limit - 1) < 0.1))
+    found.corrected(np.allclose(euler, 4 - 2 * kvs, rtol=1e-4),
+                    np.allclose(fast, 4 + 2 * kvs, rtol=1e-4), np.all(discrete >= 1e5))  # fmt: skip
+
+
+@claim(
+    "The attribute delay of a position actuator is the delay of its loop.",
+    "It delays the set-point. At {delay_ms:.0f} ms and kp = {kp:g} the servo settles "
+    "{servo_rad:.0e} rad from its target; a motor with the same delay and the same gains outside "
+    "has reached {motor_rad:.0e} rad after {seconds:.0f} s, as the loop's matrix says.",
+)
+def delay_delays_the_loop(found):
+    from course.control import sampled
+    from course.oracles.mujoco.joint import MotorJoint
+
+    dt, seconds = 0.005, found.given("seconds", 3)
+    delay, kp, kd = found.given("delay_ms", 50) / 1000, found.given("kp", 30), 0.5
+    late = f'delay="{delay}" nsample="60"'
+
+    def joint(drive):
+        return MotorJoint(0.05, 0.1, dt, substeps=5, actuator=drive)
+
+    servo = joint(f'<position kp="{kp}" kv="{kd}" {late} {{}}/>')
+    angles = [servo.step(1.0) for _ in range(round(seconds / dt))]
+    motor, swings = joint(f"<motor {late} {{}}/>"), []
+    for _ in range(round(seconds / dt)):
+        swings.append(motor.step(kp * (1.0 - motor.q) - kd * motor.v))
+    plant = sampled.held(*sampled.joint_system(0.05, 0.1), dt, delay)
+    law = sampled.pid_law(kp, 0, kd, dt=dt, rate="exact")
+    found.figure("servo_rad", abs(angles[-1] - 1), 0.1)
+    found.figure("motor_rad", np.max(np.abs(swings)), 0.1)
+    found.statement = "A step of 1 rad through MuJoCo's servo and through a late motor."
+    found.heard(np.max(np.abs(angles)) > 10)
+    found.corrected(abs(angles[-1] - 1) < 1e-3, np.max(np.abs(swings)) > 1e3,
+                    sampled.growth(sampled.loop_matrix(plant, law)) > 1.01)  # fmt: skip
+
+
+@claim(
+    "MuJoCo's pid actuator guards against windup.",
+    "Only if imax is set: by itself a jam of {jam_s:.0f} s leaves {bare_rad:.2f} rad of overshoot, "
+    "as with no guard at all; with imax {clamped_rad:.3f}, and with conditional integration "
+    "{conditional_rad:.3f}, which needs no range to be known.",
+)
+def pid_actuator_guards(found):
+    from course.control import Actuator, Encoder, Gains, Joint, run_joint
+    from course.oracles.mujoco.joint import MotorJoint
+
+    dt, jam = 0.002, found.given("jam_s", 3)
+    held = np.arange(5000) < round(jam / dt)
+
+    def mujoco(extra=""):
+        servo = f'<pid kp="4" ki="6" kv="0.5" forcerange="-2 2" {extra} {{}}/>'
+        joint = MotorJoint(0.05, 0.2, dt, -0.3, substeps=10, actuator=servo)
+        return max(joint.step(1.0, bool(stuck)) for stuck in held) - 1
+
+    def ours(windup):
+        gains = Gains(4, 6, 0.5, 0.01, -2, 2, windup=windup)
+        parts = Joint(0.05, 0.2, -0.3), Actuator(), Encoder()
+        return np.max(run_joint(*parts, gains, 1.0, dt, 10.0, blocked=held).q) - 1
+
+    bare, clamped = mujoco(), mujoco('imax="0.06"')
+    found.figure("bare_rad", bare, 0.01)
+    found.figure("clamped_rad", clamped, 0.05)
+    found.figure("conditional_rad", ours("conditional"), 0.01)
+    found.statement = "A step of 1 rad, the joint blocked at first, MuJoCo's actuator and ours."
+    found.heard(bare < 0.2)
+    found.corrected(abs(bare - ours("none")) < 0.1, clamped < 0.1, ours("conditional") < 0.1)
+
+
+@claim(
+    "A joint with frictionloss stays where it is below that torque.",
+    "It creeps. Under {share:.0%} of its friction an inertia of {inertia:g} kg m^2 moves by "
+    "{creep_mrad_s:.2f} mrad/s with the defaults, the faster the lighter it is; the largest "
+    "impedance makes that {stiff_mrad_s:.5f}. Exact Coulomb friction holds.",
+)
+def friction_loss_holds(found):
+    from course.control import Actuator, Encoder, Gains, Joint, run_joint
+    from course.oracles.mujoco.joint import MotorJoint
+
+    dt, share, inertia = 0.005, found.given("share", 0.8), found.given("inertia", 0.2)
+
+    def creep(inertia, defaults):
+        """Speed over the second half of two seconds [rad/s]."""
+        joint = MotorJoint(inertia, 0.1, dt, substeps=5, friction=0.2, defaults=defaults)
+        q = [joint.step(share * 0.2) for _ in range(400)]
+        return q[-1] - q[200]
+
+    here = creep(inertia, True)
+    exact = run_joint(Joint(inertia, 0.1, share * 0.2, 0.2), Actuator(), Encoder(), Gains(0.0), 0.0,
+                      dt, 2.0)  # fmt: skip
+    found.figure("creep_mrad_s", 1000 * here, 0.01)
+    found.figure("stiff_mrad_s", 1000 * creep(inertia, False), 0.05)
+    found.statement = "MuJoCo's hinge under a constant torque, over a second."
+    found.heard(here < 1e-6)
+    found.corrected(here > 1e-4, creep(inertia / 10, True) > 5 * here,
+                    creep(inertia, False) < here / 100,
+                    np.max(np.abs(exact.q)) < 1e-12)  # fmt: skip
+
+
+@claim(
+    "A force loop that is stable on a simulated contact is stable on that wall.",
+    "A contact of impedance d moves a mass m like m/(1 - d) and hands the fraction d of the "
+    "command straight to the force. While ke (D + dt/2) (1 - d)/d/2 is below the arm's friction, a "
+    "loop is stable there up to about 1/d, whatever the wall. At {ke:.0e} N/m with {delay_ms:.0f} "
+    "ms the wall's limit is {wall:.3f}; MuJoCo's spring reads "
+    "{spring:.3f}, a contact with d = {soft_d:g} {soft:.3f}, and the default of {default_d:g} "
+    "{default:.2f}, {hopeful:.0f} times too hopeful.",
+)
+def contact_is_the_wall(found):
+    from course.charts.control import touch
+
+    ke, delay = found.given("ke", 1e5), found.given("delay_ms", 2) / 1000
+    soft_d, default_d = found.given("soft_d", 0.02), found.given("default_d", 0.9)
+    exact = touch.force_edge(ke, delay)
+    spring = touch.force_edge_mujoco(ke, delay, "spring", 10)
+    soft, default = (
+        touch.force_edge_mujoco(ke, delay, "contact", 10, d) for d in (soft_d, default_d)
+    )
+    found.figure("wall", exact)
+    found.figure("spring", spring, 0.01)
+    found.figure("soft", soft, 0.01)
+    found.figure("default", default, 0.01)
+    found.figure("hopeful", default / exact, 0.02)
+    friction, late = touch.ARM.damping, delay + touch.DT / 2
+    tried = [(k, D, touch.force_edge_mujoco(k, D, "contact", 1, default_d))
+             for k, D in ((1e4, 0.002), (1e5, 0.001), (1e6, 0.004))]  # fmt: skip
+    free = [k * (D + touch.DT / 2) * (1 - default_d) / default_d / 2 < friction
+            for k, D, _ in tried]  # fmt: skip
+    found.statement = "Gain limits of P on the force, by bisection of runs in MuJoCo."
+    found.heard(abs(default / exact - 1) < 0.1)
+    found.corrected(abs(spring / exact - 1) < 0.05, abs(soft / exact - 1) < 0.1,
+                    all((abs(edge * default_d - 1) < 0.05) == ok
+                        for (_, _, edge), ok in zip(tried, free, strict=True)),
+                    ke * late * (1 - default_d) / default_d / 2 < friction,
+                    abs(default * default_d - 1) < 0.05)  # fmt: skip

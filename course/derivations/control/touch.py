@@ -1,0 +1,312 @@
+"""Claims of chapter 6: one mass and a wall."""
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "m": Symbol("mass of the arm [kg]"),
+    "b": Symbol("the arm's own friction [N s/m]"),
+    "ke": Symbol("stiffness of the wall [N/m]"),
+    "K": Symbol("stiffness of the law [N/m]"),
+    "D": Symbol("delay [s]"),
+    "h": Symbol("sample time dt [s]"),
+    "v": Symbol("speed at touch [m/s]"),
+}
+WALLS = np.geomspace(1e2, 1e6, 9)  # N/m
+
+
+def _damping_ratio(stiffness, damping, wall, mass=4.0):
+    """Damping ratio of a law in contact, from the poles of the loop at a megahertz."""
+    from course.control import Probe, TouchLaw, sampled
+
+    probe, dt = Probe(mass, 0.0, wall), 1e-6
+    law = TouchLaw(stiffness, damping).linear(probe, dt)
+    roots = np.linalg.eigvals(sampled.loop_matrix(sampled.held(*probe.system(), dt), law)).astype(
+        complex
+    )
+    poles = np.log(roots) / dt
+    return float(-np.sum(poles.real) / 2 / np.sqrt(np.abs(np.prod(poles))))
+
+
+@claim(
+    "A force loop needs no more care than a position loop: raise its gain until it is quick.",
+    "The wall multiplies it. With P on the measured force the loop's stiffness is gain times ke, "
+    "and only the arm's own friction damps it: the gain must stay below {formula}, {hard:.3f} at "
+    "{ke:.0e} N/m for an arm with b = {b:g} N s/m, {delay_ms:.0f} ms late.",
+    ask=(
+        "m x'' + b x' + ke x = -g ke x(t - D), held for dt, the delay short beside the swing. "
+        "Largest g?",
+        "g < b/(ke*(D + h/2))",
+        {
+            "b/(ke*D)": "The hold is half a sample of delay more.",
+            "b/(D + h/2)": "That is the stiffness g ke: divide by the wall's.",
+            "b/(ke*(D + h))": "A hold is half a sample late, not a whole one.",
+        },
+    ),
+)
+def force_gain_is_free(found):
+    import sympy
+
+    from course.charts.control import touch
+    from course.control import sampled
+
+    b, ke, D, h, g, w, T = sympy.symbols("b ke D h g w T", positive=True)
+    # the swing's imaginary part: b w = g ke sin(w T), with w T small
+    balance = b * w - g * ke * sympy.series(sympy.sin(w * T), w, 0, 2).removeO()
+    found.formula = sympy.solve(balance, g)[0].subs(T, D + h / 2)
+    late, wall = found.given("delay_ms", 2) / 1000, found.given("ke", 1e5)
+    friction = found.given("b", 20)
+    assert friction == touch.ARM.damping
+    theory = [sampled.force_limit(friction, k, late + touch.DT / 2) for k in WALLS[:7]]
+    exact = [touch.force_edge(k, late) for k in WALLS[:7]]
+    found.figure("hard", touch.force_edge(wall, late))
+    found.figure("off_at_1e4", exact[4] / theory[4] - 1, 1e-2)
+    found.statement = "Largest gain by the loop's matrix, at walls of 100 N/m to 100 kN/m."
+    found.heard(min(exact) > 0.5)
+    found.corrected(all(abs(x / t - 1) < 0.15 for x, t in zip(exact, theory, strict=True)),
+                    exact[0] > 100 * exact[-1])  # fmt: skip
+
+
+@claim(
+    "How stiff an arm may be commanded at a wall depends on the wall.",
+    "Without damping in the law it does not: stiffness up to {formula} holds at every wall, and a "
+    "little more fails at all but the hardest. For b = {b:g} N s/m at {rate_hz:.0f} Hz that is "
+    "{bound:.0f} N/m, with {delay_ms:.0f} ms of delay {late:.0f}.",
+    ask=(
+        "An arm with friction b shows a stiffness K by a command held for dt and D late, without "
+        "damping in the law. Up to which K at every wall?",
+        "K < 2*b/(h + 2*D)",
+        {
+            "2*b/h": "The delay counts as well, and double: a hold is half a sample.",
+            "b/(h + D)": "A hold is half a sample late, not a whole one.",
+            "b/(h + 2*D)": "That is half of it: b over dt/2 + D.",
+        },
+    ),
+    source="J. E. Colgate, G. G. Schenkel, Passivity of a class of sampled-data systems, 1997",
+)
+def stiffness_depends_on_the_wall(found):
+    import sympy
+
+    from course.charts.control import touch
+    from course.control import sampled
+
+    b, D, h, K = sympy.symbols("b D h K", positive=True)
+    found.formula = sympy.together(sympy.solve(K * (D + h / 2) - b, K)[0])
+    friction = found.given("b", 20)
+    dt, late = 1 / found.given("rate_hz", 1000), found.given("delay_ms", 2) / 1000
+    assert (friction, dt) == (touch.ARM.damping, touch.DT)
+    found.figure("bound", sampled.passive_stiffness(friction, dt))
+    found.figure("late", sampled.passive_stiffness(friction, dt, late))
+    limits = {D: np.array([touch.stiffest(k, D) for k in WALLS]) for D in (0.0, late)}
+    bounds = {D: sampled.passive_stiffness(friction, dt, D) for D in limits}
+    found.figure("spread", np.ptp(limits[0.0]) / bounds[0.0], 0.05)
+    found.statement = "Largest stiffness by the loop's matrix at nine walls."
+    found.heard(np.ptp(limits[0.0]) > 0.5 * bounds[0.0])
+    found.corrected(
+        all(np.all(limits[D] > bounds[D]) for D in limits),
+        all(np.min(limits[D]) < 1.05 * bounds[D] for D in limits),
+        all(abs(float(found.formula.subs({b: friction, h: dt, D: x})) / bounds[x] - 1) < 1e-9
+            for x in bounds),
+    )  # fmt: skip
+
+
+@claim(
+    "More damping in the law always makes contact safer.",
+    "Up to a point, and less with delay. The best active damping lifts the stiffness from "
+    "{own:.0f} to {active:.1e} N/m; with {delay_ms:.0f} ms of delay to {late_soft:.1e} at "
+    "{soft:.0e} N/m and {late_hard:.1e} at {hard:.0e}, and a damping of {too_much:.0f} N s/m is "
+    "unstable at any stiffness.",
+)
+def damping_is_safe(found):
+    from course.charts.control import touch
+
+    late = found.given("delay_ms", 2) / 1000
+    soft, hard = found.given("soft", 1e2), found.given("hard", 1e6)
+    own, active = touch.stiffest(soft, 0.0), touch.stiffest_damped(soft, 0.0)
+    late_soft, late_hard = (touch.stiffest_damped(k, late) for k in (soft, hard))
+
+    def held(damping):
+        return touch.growth(touch.TouchLaw(1.0, damping), 1e4, late) <= 1 + 1e-9
+
+    edge = next(d for d in np.geomspace(100, 1e5, 400) if not held(d))
+    found.figure("own", own)
+    found.figure("active", active, 0.01)
+    found.figure("late_soft", late_soft, 0.01)
+    found.figure("late_hard", late_hard, 0.01)
+    found.figure("too_much", edge, 0.02)
+    found.statement = "Largest stiffness by the loop's matrix, the damping varied."
+    found.heard(all(held(d) for d in np.geomspace(20, 1e5, 30)))
+    found.corrected(active > 50 * own, late_hard < late_soft / 3, not held(2 * edge),
+                    held(0.5 * edge))  # fmt: skip
+
+
+@claim(
+    "Admittance control can make an arm feel as light as one likes.",
+    "In free space. At a wall the least virtual mass grows with its stiffness: {soft:.1e} kg at "
+    "{soft_wall:.0e} N/m, {middle:.2f} at {middle_wall:.0e}, and {hard:.1f} at {hard_wall:.0e}, "
+    "nearly the arm's own {own:.0f}. Impedance has it the other way round: soft is easy, stiff "
+    "is not.",
+)
+def admittance_is_light(found):
+    from course.charts.control import touch
+
+    names = ("soft_wall", "middle_wall", "hard_wall")
+    walls = [found.given(n, k) for n, k in zip(names, (1e2, 1e3, 1e5), strict=True)]
+    soft, middle, hard = (touch.lightest(k) for k in walls)
+    found.figure("soft", soft, 0.02)
+    found.figure("middle", middle, 0.02)
+    found.figure("hard", hard, 0.02)
+    found.figure("own", touch.ARM.mass * float(np.sign(hard)))
+    found.statement = "Least stable virtual mass by the loop's matrix, over a stiff inner loop."
+    found.heard(hard < 0.1)
+    found.corrected(soft < 0.01 < middle < 1 < hard < touch.ARM.mass,
+                    np.all(np.diff([touch.lightest(k) for k in WALLS[2:]]) > 0))  # fmt: skip
+
+
+@claim(
+    "Vibration at contact: reduce the stiffness.",
+    "That mends an impedance law without damping of its own. A force loop vibrates by its gain on "
+    "the force, which a lower stiffness does not touch, and admittance by too little virtual mass "
+    "or too much stiffness of its inner loop.",
+)
+def vibration_needs_softness(found):
+    from course.charts.control import touch
+    from course.control import TouchLaw
+
+    edge = 2 * touch.stiffest(1e4)
+    gain = 2 * touch.force_edge(1e4)
+    light = touch.lightest(1e4, touch.DELAY) / 3
+
+    def calmed(law, wall=1e4):
+        """Whether a twentieth of the stiffness stops a loop that vibrates."""
+        from dataclasses import replace
+
+        shown = "hold" if law.mass else "stiffness"  # the inner loop is the drive's
+        soft = replace(law, **{shown: getattr(law, shown) / 20})
+        return touch.growth(law, wall) > 1 >= touch.growth(soft, wall) - 1e-9
+
+    force = TouchLaw(200.0, 0.0, force_gain=gain)
+    give = TouchLaw(4e4, 800.0, mass=light, give=1.0, hold=2000.0)
+    found.figure("growth_force", touch.growth(force, 1e4))
+    found.figure("growth_admittance", touch.growth(give, 1e4))
+    found.figure("growth_impedance", touch.growth(TouchLaw(edge), 1e4))
+    found.statement = (
+        "Growth per sample at a wall of 10 kN/m, and with a twentieth of the stiffness."
+    )
+    found.heard(
+        calmed(force) and calmed(give),
+        only_if="the law is an impedance whose stiffness is too high",
+        inside=[calmed(TouchLaw(x * edge), k)
+                for x, k in zip(found.rng.uniform(1, 5, 8), found.rng.uniform(1e3, 1e5, 8),
+                                strict=True)],
+        outside=[calmed(force), calmed(give)] + [
+            calmed(TouchLaw(100.0, 0.0, force_gain=x * gain)) for x in found.rng.uniform(1, 4, 6)],
+    )  # fmt: skip
+    found.corrected(touch.growth(force, 1e4) > 1, touch.growth(give, 1e4) > 1,
+                    touch.growth(TouchLaw(0.0, 0.0, force_gain=gain), 1e4) > 1)  # fmt: skip
+
+
+@claim(
+    "B = 2 sqrt(K M) gives critical damping in contact.",
+    "In free space. In contact the wall's stiffness adds: that B gives the damping ratio "
+    "{formula}, {ratio:.2f} for K = {K:g} at {ke:.0e} N/m. Critical damping there takes "
+    "B = 2 sqrt((K + ke) M), {needed:.0f} N s/m in place of {said:.0f}, and what the delay allows.",
+    ask=(
+        "M x'' + B x' + (K + ke) x = 0 with B = 2 sqrt(K M): what is the damping ratio?",
+        "zeta = sqrt(K/(K + ke))",
+        {
+            "1": "That is in free space, without ke.",
+            "K/(K + ke)": "The ratio goes with the root of the stiffness.",
+            "sqrt(K/ke)": "Both springs act at once.",
+        },
+    ),
+)
+def critical_in_contact(found):
+    import sympy
+
+    M, K, ke = sympy.symbols("M K ke", positive=True)
+    found.formula = sympy.simplify(2 * sympy.sqrt(K * M) / (2 * sympy.sqrt((K + ke) * M)))
+    stiff, wall, mass = found.given("K", 100.0), found.given("ke", 1e4), 4.0
+    said, needed = (2 * float(sympy.sqrt(x * mass)) for x in (stiff, stiff + wall))
+    found.figure("ratio", _damping_ratio(stiff, said, wall), 1e-3)
+    found.figure("needed", needed)
+    found.figure("said", said)
+    draws = 10 ** found.rng.uniform([1.5, 2], [3.5, 6], (8, 2))
+    ratios = [_damping_ratio(k, 2 * np.sqrt(k * mass), w) for k, w in draws]
+    found.statement = "Poles of the law and the wall at a megahertz, eight drawn pairs."
+    found.heard(min(ratios) > 0.9)
+    found.corrected(
+        all(abs(r / float(found.formula.subs({K: k, ke: w})) - 1) < 5e-3
+            for r, (k, w) in zip(ratios, draws, strict=True)),
+        abs(_damping_ratio(stiff, needed, wall) - 1) < 0.01,
+    )  # fmt: skip
+
+
+@claim(
+    "A stiff controller hurts people; a compliant one gives way.",
+    "Not at the first blow: before the law has moved anything the arm's mass meets the body's "
+    "stiffness, and the peak is {formula} however soft the law, {peak_n:.0f} N for {mass:g} kg at "
+    "{speed:g} m/s into {ke:.0e} N/m. A law a hundred times softer changes it by {change:.1%}; it "
+    "is the force held afterwards that falls, from {held_stiff:.0f} to {held_soft:.1f} N.",
+    ask=(
+        "A mass m meets a spring ke at the speed v, nothing else acts. The largest force?",
+        "F, peak = v*sqrt(m*ke)",
+        {
+            "m*v*ke": "Energy: m v^2/2 = F^2/(2 ke).",
+            "v*sqrt(m*ke)/2": "Both energies carry the half.",
+            "sqrt(m*ke)": "It grows with the speed.",
+        },
+    ),
+    source="S. Haddadin, A. Albu-Schaeffer, G. Hirzinger, Requirements for safe robots, 2009",
+)
+def stiff_control_hurts(found):
+    import sympy
+
+    from course.control import Probe, TouchLaw, run_touch
+
+    m, ke, v, F = sympy.symbols("m ke v F", positive=True)
+    found.formula = sympy.solve(m * v**2 / 2 - F**2 / (2 * ke), F)[0]
+    mass, speed, wall = found.given("mass", 4.0), found.given("speed", 0.5), found.given("ke", 1e5)
+
+    def run(stiffness):
+        """(first peak, force held) while the set-point goes 2 cm into the wall [N]."""
+        aim = np.minimum(speed * 1e-3 * np.arange(12_000), 0.02)
+        law = TouchLaw(stiffness, 0.2 * np.sqrt(stiffness * mass))
+        probe = Probe(mass, 0.0, wall, 40.0)
+        force = run_touch(probe, law, aim, 1e-3, 12.0, start=(0.0, speed)).torque
+        return np.max(force[:12]), np.mean(force[-500:])
+
+    stiff, soft = run(2000.0), run(20.0)
+    theory = float(found.formula.subs({m: mass, ke: wall, v: speed}))
+    found.figure("peak_n", theory)
+    found.figure("change", abs(stiff[0] / soft[0] - 1), 0.05)
+    found.figure("held_stiff", stiff[1], 0.02)
+    found.figure("held_soft", soft[1], 0.05)
+    found.statement = "The exact probe at 1 kHz, a law of 2000 and of 20 N/m."
+    found.heard(soft[0] < 0.5 * stiff[0])
+    found.corrected(abs(soft[0] / theory - 1) < 0.1, abs(stiff[0] / theory - 1) < 0.1,
+                    soft[1] < stiff[1] / 20)  # fmt: skip
+
+
+@claim(
+    "The impedance law commands F = M x'' + B x' + K (x - x0).",
+    "That is the force one must push with to move the arm, as a passive spring would ask. The "
+    "arm's command is its negative: as printed the stiffness pushes away from x0 and the loop "
+    "grows {wrong:.4f} times a sample, with the sign turned it decays, {right:.4f}.",
+)
+def impedance_sign(found):
+    from course.control import sampled
+
+    def growth(sign, K, B):
+        plant = sampled.held(*sampled.joint_system(4.0, 20.0), 1e-3)
+        law = sampled.pid_law(1.0, 0.0, 1.0, dt=1e-3, rate="exact")
+        law = sampled.Law(law.A, law.B, law.C, sign * np.array([K, B]))
+        return sampled.growth(sampled.loop_matrix(plant, law))
+
+    found.figure("wrong", growth(1, 200.0, 50.0))
+    found.figure("right", growth(-1, 200.0, 50.0))
+    draws = found.rng.uniform([50, 10], [2000, 200], (8, 2))
+    found.statement = "Growth per sample in free space with both signs, at drawn gains."
+    found.heard(growth(1, 200.0, 50.0) < 1)
+    found.corrected(all(growth(1, K, B) > 1 > growth(-1, K, B) for K, B in draws))

@@ -1,0 +1,528 @@
+"""Claims of chapter 6: which gain does what, tuning by rule, and what no gain mends."""
+
+import numpy as np
+
+from course.control import Actuator, Encoder, Gains, Joint, run_joint, sampled, step_metrics
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "J": Symbol("inertia [kg m^2]"),
+    "b": Symbol("viscous friction [N m s/rad]"),
+    "kp": Symbol("gain [N m/rad]"),
+    "zeta": Symbol("damping ratio", 0.1, 2.0),
+    "u": Symbol("torque limit [N m]", 0.1, 0.9),
+    "m": Symbol("mass [kg]", 1.0, 3.0),
+    "g": Symbol("gravity [m/s^2]", 1.0, 10.0),
+    "l": Symbol("distance of the mass [m]", 1.0, 2.0),
+}
+J, B = 0.5, 0.5  # the joint of the worked example [kg m^2, N m s/rad]
+
+
+def _step(gains, *, joint=None, delay=0.0, dt=1e-3, seconds=8.0, target=1.0, **more):
+    """(record, metrics) of a step."""
+    run = run_joint(joint or Joint(J, B), Actuator(delay=delay), Encoder(), gains, target, dt,
+                    seconds, **more)  # fmt: skip
+    return run, step_metrics(run.times, run.q, target)
+
+
+def _overshoot(kp, ki, kd, **loop):
+    return _step(Gains(kp, ki, kd, rate="exact"), **loop)[1].overshoot
+
+
+def _growth(kp, ki, kd, delay=0.0, dt=1e-3, tau=0.0):
+    """Growth per sample of a set of gains on the joint."""
+    plant = sampled.held(*sampled.joint_system(J, B), dt, delay)
+    return sampled.growth(sampled.loop_matrix(plant, sampled.pid_law(kp, ki, kd, dt=dt, tau=tau)))
+
+
+@claim(
+    "P alone overshoots.",
+    "Below {formula} the friction alone damps it: with J = {inertia:g} and b = {damping:g} a gain "
+    "of {low_n_m_per_rad:.3f} N m/rad goes to the target from one side, and {high:.0f} overshoots "
+    "by {over:.0%}.",
+    ask=(
+        "J q'' + b q' = kp (q_d - q), continuous. Up to which kp is there no overshoot?",
+        "kp < b^2/(4*J)",
+        {
+            "b/(2*J)": "That is the decay rate.",
+            "b^2/J": "Critical damping is b = 2 sqrt(kp J): square the 2 as well.",
+            "b^2/(2*J)": "Critical damping is b = 2 sqrt(kp J): the 2 becomes 4.",
+        },
+    ),
+)
+def p_alone_overshoots(found):
+    import sympy
+
+    s, kp, inertia, friction = sympy.symbols("s kp J b", positive=True)
+    bare = sympy.discriminant(inertia * s**2 + friction * s + kp, s)
+    found.formula = sympy.solve(bare, kp)[0]
+
+    def over(J, b, share):
+        kp = share * float(found.formula.subs({inertia: J, friction: b}))
+        joint, slow = Joint(J, b), J / b
+        return _overshoot(kp, 0, 0, joint=joint, dt=2e-3 * slow, seconds=60 * slow)
+
+    mine, own = found.given("inertia", J), found.given("damping", B)
+    found.figure("low_n_m_per_rad", found.formula.subs({inertia: mine, friction: own}))
+    high = found.given("high", 20)
+    found.figure("over", _overshoot(high, 0, 0))
+    found.statement = "Steps of the exact joint at gains on both sides of critical damping."
+    draws = found.rng.uniform([0.1, 0.1], [2, 2], (8, 2))
+    above, below = (1.6, 1.8, 2, 4, 8, 20, 50, 90), np.linspace(0.2, 0.98, 8)
+    found.heard(
+        over(J, B, 0.9) > 0, only_if="kp is above b^2/4/J",
+        inside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, above, strict=True)],
+        outside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, below, strict=True)],
+    )  # fmt: skip
+    found.corrected(over(mine, own, 0.99) < 1e-12, over(mine, own, 2.0) > 1e-3)
+
+
+@claim(
+    "Integral action removes the steady error.",
+    "A constant load's, while the command has room: {left_with_p:.3f} rad with P become "
+    "{left_with_i:.0e}. A load that grows leaves {ramp:.3f} rad, one above the torque limit "
+    "{limited:.2f}, and dry friction makes it hunt by {hunting:.3f} rad where the static part is "
+    "twice the Coulomb part.",
+)
+def integral_removes_the_error(found):
+    gains = Gains(20, 20, 6, rate="exact")
+    held = Joint(J, B, -2.0)
+
+    def left(gains=gains, joint=held, **more):
+        return abs(_step(gains, joint=joint, seconds=30.0, dt=2e-3, **more)[1].error)
+
+    n = 15_000
+    sticky = Joint(0.05, 0.05, 0.0, 0.1, 0.2)
+    swing = _step(Gains(6.4, 25.6, 0.7, 0.005), joint=sticky, target=0.5, seconds=40.0)[0].q
+    found.figure("left_with_p", left(Gains(20, 0, 6, rate="exact")))
+    found.figure("left_with_i", left(), 0.5)
+    found.figure("ramp", left(extra=-0.1 * 2e-3 * np.arange(n)), 1e-3)
+    found.figure("limited", left(Gains(20, 20, 6, rate="exact", u_min=-1.5, u_max=1.5),
+                                 joint=Joint(J, B, -2.0, 0.0)), 1e-3)  # fmt: skip
+    found.figure("hunting", np.ptp(swing[-15_000:]), 0.05)
+    found.statement = "Steps of 1 rad, 30 s long; hunting over the last 15 of 40 s."
+    loads = found.rng.uniform(-3, 3, 8)
+    found.heard(
+        left(extra=-0.1 * 2e-3 * np.arange(n)) < 1e-3,
+        only_if="load and set-point stay constant, the command has room, and friction is viscous",
+        inside=[left(joint=Joint(J, B, load)) < 1e-4 for load in loads],
+        outside=[left(extra=-abs(load) * 2e-3 * np.arange(n)) < 1e-4 for load in loads],
+    )
+    found.corrected(left(Gains(20, 0, 6, rate="exact")) > 0.05, left() < 1e-6,
+                    np.ptp(swing[-15_000:]) > 0.01)  # fmt: skip
+
+
+def _as_printed(seconds, steps=1000):
+    """The usual listing's controller and plant, step by step: (times, angles, commands, speeds).
+
+    Derivative of the error by a difference, the sum of errors clamped to 10, the command to 50;
+    friction taken from the acceleration, speed before angle.
+    """
+    dt, n = 1 / steps, round(seconds * steps)
+    q, v, total, last = 0.0, 0.0, 0.0, 0.0
+    angles, speeds, sent = [q], [v], []
+    for _ in range(n):
+        error = 1.0 - q
+        total = min(max(total + error * dt, -10.0), 10.0)
+        u = min(max(20 * error + 5 * total + 8 * (error - last) / dt, -50.0), 50.0)
+        last = error
+        v += (u / 0.5 - 0.5 * v) * dt
+        q += v * dt
+        angles.append(q)
+        speeds.append(v)
+        sent.append(u)
+    return dt * np.arange(n + 1), np.array(angles), np.array(sent), np.array(speeds)
+
+
+@claim(
+    "Subtracting 0.5 omega from torque/inertia is viscous friction of 0.5 N m s/rad.",
+    "It acts on the acceleration, so the friction is that times the inertia: {friction:.3f} "
+    "N m s/rad for J = {inertia:g}. A joint with it follows the listing to {same:.0e} rad; one "
+    "with the number itself is {off:.3f} rad away.",
+)
+def listing_friction(found):
+    inertia = found.given("inertia", 0.5)
+    times, angles, sent, _ = _as_printed(1.0)
+
+    def distance(damping):
+        """Largest distance of the exact joint driven by the listing's commands [rad]."""
+        plant = sampled.held(*sampled.joint_system(inertia, damping), times[1])
+        x, worst = np.zeros(2), 0.0
+        for u, q in zip(sent, angles, strict=False):
+            worst = max(worst, abs(x[0] - q))
+            x = plant.transition @ x + plant.now * u
+        return worst
+
+    trial = np.linspace(0.1, 0.6, 501)
+    found.figure("friction", trial[np.argmin([distance(b) for b in trial])], 0.02)
+    found.figure("same", distance(0.5 * inertia), 0.2)
+    found.figure("off", distance(0.5), 1e-3)
+    found.statement = "The exact joint under the same commands, friction varied."
+    found.heard(distance(0.5) < distance(0.5 * inertia))
+    found.corrected(distance(0.5) > 20 * distance(0.5 * inertia))
+
+
+@claim(
+    "Three seconds of the usual listing (kp 20, ki 5, kd 8) settle at the target.",
+    "They end {error_mrad:.0f} mrad {side} it and creep: the slow pole of the integral decays in "
+    "{slow_s:.1f} s, and a fiftieth of the step is reached {settled}. The first command is "
+    "{first_n_m:.0f} N m, the limit, from the derivative of the error.",
+)
+def listing_settles(found):
+    _, angles, sent, _ = _as_printed(3.0)
+    long = _as_printed(60.0)
+    metrics = step_metrics(long[0], long[1], 1.0)
+    roots = np.roots([0.5, 0.25 + 8, 20, 5])
+    error = 1.0 - angles[-1]
+    found.figure("error_mrad", 1000 * abs(error), 1e-3)
+    found.figure("side", "short of" if error > 0 else "past")
+    found.figure("slow_s", -1 / np.max(roots.real))
+    found.figure("first_n_m", sent[0])
+    late = metrics.settling > 3.0
+    found.figure("settled", f"after {metrics.settling:.1f} s" if late else "within them")
+    found.statement = "The listing's own arithmetic, 3 s and 60 s; its roots without sampling."
+    found.heard(abs(error) < 1e-3)
+    found.corrected(abs(error) > 1e-3, -1 / np.max(roots.real) > 2, sent[0] > 49,
+                    abs(long[1][-1] - 1) < 1e-6)  # fmt: skip
+
+
+@claim(
+    "Taking the derivative of the error, not of the measurement, avoids the set-point kick.",
+    "It makes it: a step r of the set-point adds kd r/(tau + dt) to the first command, "
+    "{kick_n_m:.0f} N m for kd = {kd:g} at {rate_hz:.0f} Hz without a filter; of the measurement, "
+    "{none_n_m:.0f}.",
+)
+def error_derivative_kick(found):
+    from course.control import Controller
+
+    dt = 1 / found.given("rate_hz", 1000)
+
+    def kick(kd, tau, step, weight):
+        controller = Controller(Gains(2.0, 0, kd, tau, rate_weight=weight), dt)
+        controller.update(0.0, 0.0)
+        return controller.update(step, 0.0) - 2.0 * step
+
+    kd = found.given("kd", 8)
+    found.figure("kick_n_m", kick(kd, 0.0, 1.0, 1.0))
+    found.figure("none_n_m", kick(kd, 0.0, 1.0, 0.0), 1e-9)
+    draws = found.rng.uniform([0.1, 0, 0.1], [9, 0.1, 2], (9, 3))
+    found.statement = "First command after a step, at drawn gains, filters and steps."
+    found.heard(abs(kick(kd, 0.0, 1.0, 1.0)) < abs(kick(kd, 0.0, 1.0, 0.0)))
+    found.corrected(
+        all(abs(kick(d[0], d[1], d[2], 1.0) - d[0] * d[2] / (d[1] + dt)) < 1e-9 for d in draws),
+        all(abs(kick(d[0], d[1], d[2], 0.0)) < 1e-12 for d in draws),
+    )
+
+
+@claim(
+    "Overshoot means that P is too high or D too low.",
+    "On PD, yes. With an integral a lower P makes it worse: {low_p:.0%} at kp = {p_low:g} and "
+    "{high_p:.0%} at {p_high:g}, all else the same. Delay, windup and a set-point that steps make "
+    "overshoot as well.",
+)
+def overshoot_means_p(found):
+    ki, kd = 30.0, 4.0
+    low, high = found.given("p_low", 12), found.given("p_high", 60)
+    found.figure("low_p", _overshoot(low, ki, kd), 1e-3)
+    found.figure("high_p", _overshoot(high, ki, kd), 1e-3)
+
+    def mended(kp, ki, kd, delay=0.0):
+        """Whether a fifth less P and a fifth more D both lower a loop's overshoot."""
+        now = _overshoot(kp, ki, kd, delay=delay)
+        return (_overshoot(0.8 * kp, ki, kd, delay=delay) < now
+                and _overshoot(kp, ki, 1.2 * kd, delay=delay) < now)  # fmt: skip
+
+    draws = found.rng.uniform([20, 0.5], [80, 3], (8, 2))
+    found.statement = "Steps of the joint with the exact rate."
+    found.heard(
+        mended(low, ki, kd), only_if="there is no integral, no delay and no limit",
+        inside=[mended(kp, 0, kd) for kp, kd in draws],
+        outside=[mended(0.4 * kp, 1.2 * kp, kd + 1) for kp, kd in draws],
+    )  # fmt: skip
+    found.corrected(_overshoot(low, ki, kd) > 1.5 * _overshoot(high, ki, kd))
+
+
+@claim(
+    "Start with D = 0.1 P.",
+    "That is a time, a tenth of a second, and fits one speed of loop only: the damping ratio is "
+    "{soft:.2f} at kp = {p_soft:g}, {middle:.2f} at {p_middle:g} and {stiff:.1f} at {p_stiff:g}. "
+    "For a damping ratio zeta choose kd = {formula}.",
+    ask=(
+        "J q'' + (b + kd) q' + kp q = 0: which kd gives the damping ratio zeta?",
+        "kd = 2*zeta*sqrt(kp*J) - b",
+        {
+            "2*zeta*sqrt(kp*J)": "The joint's own friction helps: take it off.",
+            "zeta*sqrt(kp*J) - b": "Critical damping is 2 sqrt(kp J).",
+            "2*zeta*kp*J - b": "The root is missing.",
+        },
+    ),
+)
+def tenth_of_p(found):
+    import sympy
+
+    s, J_, b, kp, kd, zeta, w = sympy.symbols("s J b kp kd zeta w", positive=True)
+    wanted = sympy.Poly(s**2 + 2 * zeta * w * s + w**2, s).all_coeffs()
+    got = sympy.Poly(s**2 + (b + kd) / J_ * s + kp / J_, s).all_coeffs()
+    speed = sympy.solve(wanted[2] - got[2], w)[0]
+    found.formula = sympy.solve((wanted[1] - got[1]).subs(w, speed), kd)[0]
+
+    def ratio(kp, kd):
+        """Damping ratio, from the eigenvalue of the sampled loop."""
+        law = sampled.pid_law(kp, 0, kd, dt=1e-6, rate="exact")
+        roots = np.linalg.eigvals(
+            sampled.loop_matrix(sampled.held(*sampled.joint_system(J, B), 1e-6), law)
+        ).astype(complex)
+        poles = np.log(roots) / 1e-6
+        return float(-np.sum(poles.real) / 2 / np.sqrt(np.abs(np.prod(poles))))
+
+    stiffness = [
+        found.given(f"p_{n}", p) for n, p in (("soft", 5), ("middle", 70), ("stiff", 2000))
+    ]
+    for name, kp_ in zip(("soft", "middle", "stiff"), stiffness, strict=True):
+        found.figure(name, ratio(kp_, 0.1 * kp_), 1e-3)
+    found.statement = "Poles of the loop at a megahertz, where sampling no longer shows."
+    found.heard(all(0.4 < ratio(p, 0.1 * p) < 1.2 for p in stiffness))
+    numbers = {J_: J, b: B, zeta: 0.7}
+    found.corrected(
+        all(abs(ratio(p, float(found.formula.subs(numbers).subs(kp, p))) - 0.7) < 1e-3
+            for p in stiffness),
+    )  # fmt: skip
+
+
+@claim(
+    "Critical damping settles fastest.",
+    "To a band, slightly less damping does: within {band_percent:.0f} % of a step it is fastest at "
+    "zeta = {best:.3f}, in {share:.0%} of the time of critical damping.",
+)
+def critical_settles_fastest(found):
+    band = found.given("band_percent", 2) / 100
+
+    def settling(zeta):
+        """In units of 1/omega: J = 1, kp = 1."""
+        run = run_joint(Joint(1.0), Actuator(), Encoder(),
+                        Gains(1.0, 0, 2 * zeta, rate="exact"), 1.0, 2e-3, 20.0)  # fmt: skip
+        return step_metrics(run.times, run.q, 1.0, band=band).settling
+
+    ratios = np.linspace(0.6, 1.2, 601)
+    times = np.array([settling(z) for z in ratios])
+    found.figure("best", ratios[np.argmin(times)], 5e-3)
+    found.figure("share", times.min() / settling(1.0), 0.01)
+    found.statement = "Settling time over the damping ratio, every thousandth."
+    found.heard(settling(1.0) <= times.min() + 0.01)
+    found.corrected(0.5 < times.min() / settling(1.0) < 0.8, settling(1.2) > settling(1.0))
+
+
+@claim(
+    "Overdamped and sluggish: lower D or raise P.",
+    "Right while sampling and delay are far away. Where kd is near the limit that the delay sets, "
+    "the same cure ends in oscillation: a loop with kd dt/J = {V:.1f}, one sample late, is "
+    "sluggish at P = {low:g} and unstable at {high:g}, in units of J/dt^2.",
+)
+def overdamped_cure(found):
+    V, low, high = found.given("V", 0.85), found.given("low", 0.02), found.given("high", 0.3)
+    unit = J / 1e-3**2
+
+    def settling(kp, kd, delay=0.0, seconds=6.0):
+        return _step(Gains(kp, 0, kd, rate="exact"), delay=delay, seconds=seconds)[1].settling
+
+    def growth(P):
+        plant = sampled.held(*sampled.joint_system(1.0), 1.0, 1.0)
+        law = sampled.pid_law(P, 0, V, dt=1.0, rate="exact")
+        return sampled.growth(sampled.loop_matrix(plant, law))
+
+    def cured(kp, kd, delay=0.0, seconds=6.0):
+        now = settling(kp, kd, delay, seconds)
+        return settling(1.5 * kp, kd, delay, seconds) < now
+
+    found.figure("slow_samples", -1 / np.log(growth(low)))
+    found.figure("growth_high", growth(high))
+    found.statement = "Growth per sample of PD on an inertia, one sample late, and steps without."
+    slow = found.rng.uniform([20, 1.5], [80, 2.0], (8, 2))
+    found.heard(
+        cured(0.24 * unit, V * J / 1e-3, 1e-3, 0.2),
+        only_if="the loop is far from the limits that sampling and delay set",
+        inside=[cured(kp, 2 * z * np.sqrt(kp * J)) for kp, z in slow],
+        outside=[cured(P * unit, V * J / 1e-3, 1e-3, 0.2)
+                 for P in found.rng.uniform(0.22, 0.32, 8)],
+    )  # fmt: skip
+    found.corrected(growth(low) < 1 < growth(high))
+
+
+@claim(
+    "Raise P until the loop oscillates at a constant amplitude: every joint has such a gain.",
+    "Only a late loop has: without friction no gain holds, and with friction alone none is too "
+    "high. At {rate_hz:.0f} Hz the hold makes it {gain:.0f} N m/rad with a period of "
+    "{period_s:.3f} s. A motor's limit then makes the swing constant at twice and ten times that "
+    "gain as well, so a constant amplitude does not say that the gain is the ultimate one.",
+)
+def every_joint_has_ku(found):
+    dt = 1 / found.given("rate_hz", 1000)
+    gain, period = sampled.ultimate_gain(*sampled.joint_system(J, B), dt)
+    found.figure("gain", gain)
+    found.figure("period_s", period)
+
+    def swing(factor):
+        run = _step(Gains(factor * gain, u_min=-5, u_max=5), dt=dt, seconds=20.0, target=0.05)[0]
+        a, b = (np.ptp(run.q[part]) for part in (slice(10_000, 15_000), slice(15_000, 20_000)))
+        return abs(b / a - 1)
+
+    steady = [swing(f) for f in (2, 10)]
+    fast = [sampled.ultimate_gain(*sampled.joint_system(J, B), x)[0] for x in (1e-3, 1e-4, 1e-5)]
+    found.statement = "Exact ultimate gains at three rates; swings under a limited torque."
+    found.heard(_growth(1e-3, 0, 0) < 1 and abs(fast[2] / fast[0] - 1) < 0.1)
+    found.corrected(max(steady) < 0.05, fast[2] > 90 * fast[0], _growth(0.99 * gain, 0, 0) < 1)
+
+
+@claim(
+    "For a joint with J = 0.5 and friction 0.5 the ultimate gain is 45 and the period 0.45 s.",
+    "No delay gives that pair: a gain of {said:.0f} swings with {period:.2f} s, at a lateness of "
+    "{late_ms:.1f} ms, and a period of {said_s:.2f} s belongs to a gain of {gain:.0f}. At a "
+    "kilohertz without further delay it is {held:.0f} and {held_s:.2f} s.",
+)
+def quoted_ku_tu(found):
+    said, said_s = found.given("said", 45), found.given("said_s", 0.45)
+    lateness = np.geomspace(3e-4, 1, 4000)
+    table = np.array([sampled.delay_limit(J, B, T) for T in lateness])
+    i = int(np.argmin(np.abs(table[:, 0] - said)))
+    k = int(np.argmin(np.abs(table[:, 1] - said_s)))
+    found.figure("period", table[i, 1], 2e-3)
+    found.figure("late_ms", 1000 * lateness[i], 2e-3)
+    found.figure("gain", table[k, 0], 2e-3)
+    held, held_s = sampled.ultimate_gain(*sampled.joint_system(J, B), 1e-3)
+    found.figure("held", held)
+    found.figure("held_s", held_s)
+    off = np.min(np.abs(np.log(table / [said, said_s])).max(axis=1))
+    found.statement = "Gain and period at 4000 delays, and the exact loop."
+    found.heard(off < 0.02)
+    found.corrected(off > 0.15, abs(held - said) > 900)
+
+
+@claim(
+    "The gains 27, 120 and 1.5 from that table give about 15 % overshoot.",
+    "They are unstable on that joint, whatever the sample time: Routh asks for (b + kd) kp > J ki, "
+    "and {left:.0f} is below {right:.0f}. The swing grows {factor:.3f} times a second without "
+    "delay, and {delayed:.1f} times with the {late_ms:.0f} ms that make the ultimate gain "
+    "{said:.0f}.",
+)
+def quoted_gains_overshoot(found):
+    late, said = found.given("late_ms", 10.64) / 1000, found.given("said", 45)
+    kp, ki, kd = (found.given(n, v) for n, v in (("kp", 27.0), ("ki", 120.0), ("kd", 1.5)))
+
+    def per_second(delay=0.0, dt=1e-3):
+        return _growth(kp, ki, kd, delay, dt) ** (1 / dt)
+
+    roots = np.roots([J, B + kd, kp, ki])
+    found.figure("left", (B + kd) * kp * float(np.sign(per_second())))
+    found.figure("right", J * ki * float(np.sign(per_second())))
+    found.figure("factor", per_second(dt=1e-5), 1e-3)
+    found.figure("delayed", per_second(late), 1e-3)
+    gain = sampled.ultimate_gain(*sampled.joint_system(J, B), 1e-3, late)[0]
+    found.statement = "Routh's condition, and the loop's matrix."
+    found.heard(_step(Gains(kp, ki, kd), delay=late, seconds=20.0)[1].settling < 20)
+    found.corrected(np.max(roots.real) > 0, per_second(dt=1e-5) > 1, per_second(late) > 1,
+                    abs(gain / said - 1) < 0.02)  # fmt: skip
+
+
+@claim(
+    "70 % of that P and 150 % of that D, with the same I, are the safer set.",
+    "Less P makes it worse as long as the I stays: kp {kp:g}, ki {ki:g}, kd {kd:g} grow "
+    "{factor:.2f} times a second, more than the {before:.3f} before. With kp as it was and the "
+    "same D the loop decays, {kept:.2f} times a second.",
+)
+def safer_set(found):
+    kp, ki, kd = (found.given(n, v) for n, v in (("kp", 19.0), ("ki", 120.0), ("kd", 2.3)))
+
+    def per_second(kp, ki, kd, dt=1e-4):
+        return _growth(kp, ki, kd, dt=dt) ** (1 / dt)
+
+    found.figure("factor", per_second(kp, ki, kd), 1e-3)
+    found.figure("before", per_second(27, 120, 1.5), 1e-3)
+    found.figure("kept", per_second(27, ki, kd), 1e-3)
+    found.statement = "Growth of both sets by the loop's matrix, without further delay."
+    found.heard(per_second(kp, ki, kd) < 1)
+    found.corrected(per_second(kp, ki, kd) > per_second(27, 120, 1.5) > 1 > per_second(27, ki, kd))
+
+
+@claim(
+    "Ziegler-Nichols is a safe start for a robot's joint.",
+    "Its rows are for a plant that lags by itself. On a joint, which integrates as well, with its "
+    "true delay, the PID row is stable at {pid_ok:.0%} of the delays from {low:g} to {high:g} "
+    "times J/b, the PI row at {pi_ok:.0%}; where it is stable the PID row overshoots by "
+    "{over_low:.0%} or more. Poles placed with the stated delay overshoot by {placed:.0%}.",
+    source="J. G. Ziegler, N. B. Nichols, Optimum settings for automatic controllers, 1942",
+)
+def ziegler_nichols_is_safe(found):
+    from course.charts.control.limits import ROWS, placed, ziegler_nichols
+
+    low, high = found.given("low", 0.01), found.given("high", 10)
+    shares = np.geomspace(low, high, 25)
+    rows = {name: [ziegler_nichols(name, x) for x in shares] for name in ROWS}
+    stable = {name: np.mean([r.growth < 1 for r in row]) for name, row in rows.items()}
+    found.figure("pid_ok", stable["PID"], 0.05)
+    found.figure("pi_ok", stable["PI"], 0.05)
+    over = min(r.overshoot for r in rows["PID"] if r.growth < 1)
+    found.figure("over_low", over, 0.02)
+    mine = [placed(x) for x in shares]
+    found.figure("placed", max(r.overshoot for r in mine), 0.05)
+    found.statement = "Every row at 25 delays: growth, margins and a step."
+    found.heard(min(stable.values()) == 1 and over < 0.2)
+    found.corrected(over > 0.2, all(r.growth < 1 for r in mine),
+                    max(r.overshoot for r in mine) < over)  # fmt: skip
+
+
+@claim(
+    "One gain mends one symptom: D the overshoot, P the settling time, I the steady error.",
+    "Each moves all three. On a PID loop a fifth more I adds {i_over:.1%} of overshoot, a fifth "
+    "more P takes {p_over:.1%} away, and of {draws:.0f} drawn loops more P settles later in "
+    "{p_later:.0%}.",
+)
+def one_gain_one_symptom(found):
+    def metrics(kp, ki, kd):
+        return _step(Gains(kp, ki, kd, rate="exact"), seconds=15.0)[1]
+
+    base = (20.0, 30.0, 4.0)
+    now = metrics(*base)
+    found.figure("i_over", metrics(20, 36, 4).overshoot - now.overshoot, 1e-2)
+    found.figure("p_over", now.overshoot - metrics(24, 30, 4).overshoot, 1e-2)
+    draws = found.rng.uniform([15, 5, 2], [60, 60, 8], (int(found.given("draws", 40)), 3))
+    later = [metrics(1.2 * a, b, c).settling > metrics(a, b, c).settling for a, b, c in draws]
+    found.figure("p_later", np.mean(later), 0.05)
+    found.statement = "Steps of the joint, one gain changed by a fifth at a time."
+    found.heard(np.mean(later) == 0 and metrics(20, 36, 4).overshoot <= now.overshoot)
+    found.corrected(0.05 < np.mean(later), metrics(20, 36, 4).overshoot > now.overshoot,
+                    metrics(24, 30, 4).overshoot < now.overshoot)  # fmt: skip
+
+
+@claim(
+    "With gains that are high enough a controller catches an inverted pendulum from any angle.",
+    "The motor decides. From rest it can be caught within {formula} of upright and not beyond, "
+    "whatever the gains: {edge_rad:.4f} rad for a torque of {share:g} m g l; linear theory says "
+    "{share:g}.",
+    ask=(
+        "Inverted pendulum at rest at the angle theta from upright, mass m at the distance l, "
+        "torque at most u. From which angles can it be caught?",
+        "theta < asin(u/(m*g*l))",
+        {
+            "u/(m*g*l)": "That is the linear pendulum's.",
+            "acos(u/(m*g*l))": "The angle is measured from upright.",
+            "atan(u/(m*g*l))": "Gravity's torque is m g l sin(theta).",
+        },
+    ),
+)
+def high_gain_catches(found):
+    import sympy
+
+    from course.charts.control.limits import caught, edge_of_rest
+
+    u, m, g, length = sympy.symbols("u m g l", positive=True)
+    sine = sympy.Symbol("sine")  # of the angle at which gravity's torque is all of the motor's
+    found.formula = sympy.asin(sympy.solve(u - m * g * length * sine, sine)[0])
+    share = found.given("share", 0.5)
+
+    edges = [edge_of_rest(share, gain) for gain in (3.0, 10.0, 30.0)]
+    theory = float(found.formula.subs({u: share, m: 1, g: 1, length: 1}))
+    found.figure("edge_rad", edges[1], 1e-6)
+    found.statement = "Saturated feedback at three gains, the limit by bisection."
+    found.heard(caught(1.2, 0.0, share, 30.0).all())
+    found.corrected(all(abs(x / theory - 1) < 1e-3 for x in edges),
+                    abs(edge_of_rest(share, linear=True) / share - 1) < 1e-3)  # fmt: skip
