@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from course import kinematics
 from course.kinematics import METHODS, ik, jacobian, panda, planar, tip, two_link_ik, within
-from course.kinematics.inverse import decompose, gain, step
-from course.rigid_body.quaternion import exp
+from course.kinematics.inverse import _miss, decompose, gain, step
+from course.rigid_body.quaternion import exp, product
 from tests.budget import examples
 from tests.kinematics.arms import drawn
 
@@ -94,6 +94,22 @@ def test_a_half_turn_goes_the_short_way() -> None:
         goal = np.concatenate([np.zeros(3), exp(np.array([0.0, 0.0, angle]))])
         np.testing.assert_allclose(kinematics.pose_error(goal, here)[3:], [0, 0, left], atol=1e-9)
         np.testing.assert_allclose(kinematics.pose_error(-goal, here)[3:], [0, 0, left], atol=1e-9)
+
+
+@examples(60)
+@given(seeds)
+def test_the_loop_sees_the_error_that_the_door_does(seed) -> None:
+    """Turns on both sides of half a turn, and both signs of the target's quaternion."""
+    chain, rng = panda(), np.random.default_rng(seed)
+    q = rng.normal(size=7)
+    turn = rng.normal(size=3)
+    turn *= rng.uniform(0.0, 2.0 * np.pi) / np.linalg.norm(turn)
+    here, e = tip(chain, q), np.empty(6)
+    target = np.concatenate([rng.normal(size=3), product(exp(turn), here[3:])])
+    for goal in (target, np.concatenate([target[:3], -target[3:]])):
+        found = _miss(chain.table, q[:, None], goal[:, None], 0, np.empty((8, 7)), e)
+        np.testing.assert_allclose(e, kinematics.pose_error(goal, here), atol=1e-12)
+        assert found[1] == pytest.approx(np.linalg.norm(e[3:]), abs=1e-12)
 
 
 # --- what is told of the rest ---------------------------------------------------------------------
