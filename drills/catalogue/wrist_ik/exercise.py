@@ -17,7 +17,7 @@ from drills.report import Shown
 from drills.values import Mismatch, as_float64
 
 Array = NDArray[np.float64]
-STEPS, DAMPING = 100, 0.05
+STEPS, DAMPING = 60, 0.05
 
 
 def _hand(q: Array) -> Array:
@@ -42,9 +42,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
     seen = _hand(across[1]) * np.sign(_hand(across[1])[0])
     return [
         task(0.0, 1, "a short turn", "simple"),
-        task(0.0, 1, "another short turn", "simple"),
         task(0.0, -1, "the target's quaternion is negative", "core"),
-        task(0.0, -1, "negative again", "core"),
         task(2.0 * math.pi, 1, "wound up by a turn"),
         task(2.0 * math.pi, -1, "wound up by a turn, the target is not"),
         task(-2.0 * math.pi, -1, "unwound by a turn, the target is not"),
@@ -53,7 +51,6 @@ def cases(rng: np.random.Generator) -> list[Case]:
         Case((near[0], _hand(near[0]), DAMPING, STEPS), "there already", "edge"),
         Case((near[0], -_hand(near[0]), DAMPING, STEPS), "there already, negative", "edge"),
         Case((near[0], near[1], DAMPING, 0), "no step", "edge"),
-        task(4.0 * math.pi, -1, "wound up by two turns", "edge"),
         Case((np.array([1, 0, -1]), np.array([-1, 0, 0, 0]), 1, STEPS), WHOLE, "edge"),
     ]
 
@@ -79,7 +76,7 @@ def arrived(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> 
         error=away,
         tolerance=1e-6,
         unit="rad",
-        why="a hundred steps of a fifth leave 2e-10 of the way",
+        why="sixty steps of three tenths leave 1e-9 of the way",
         call=call,
     )
 
@@ -158,15 +155,15 @@ EXERCISE = Exercise(
     judge=judge_of(
         cases,
         1e-6,
-        "a hundred steps of a fifth leave 2e-10 of the way",
+        "sixty steps of three tenths leave 1e-9 of the way",
         first=arrived,
         told=told,
         timed=five_steps,
     ),
     examples=(
-        "wrist_ik(np.array([0.5, 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]), 0.05, 100)",
-        "wrist_ik(np.array([0.5, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0, 0.0]), 0.05, 100)",
-        "wrist_ik(np.array([0.0, 0.3, 0.0]), np.array([0.8, 0.0, 0.0, 0.6]), 0.05, 100)",
+        "wrist_ik(np.array([0.5, 0.0, 0.0]), np.array([1.0, 0.0, 0.0, 0.0]), 0.05, 60)",
+        "wrist_ik(np.array([0.5, 0.0, 0.0]), np.array([-1.0, 0.0, 0.0, 0.0]), 0.05, 60)",
+        "wrist_ik(np.array([0.0, 0.3, 0.0]), np.array([0.8, 0.0, 0.0, 0.6]), 0.05, 60)",
     ),
     picture=angles,
     slips=SLIPS + value_slips("wrist_ik", in_part=False, whole=True),

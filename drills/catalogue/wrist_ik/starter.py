@@ -17,12 +17,20 @@ def wrist_ik(q, target, damping, steps):
     """
 
     def product(p, r):
+        (w, x, y, z), (a, b, c, d) = p, r
         return np.array(
-            [p[0] * r[0] - p[1:] @ r[1:], *(p[0] * r[1:] + r[0] * p[1:] + np.cross(p[1:], r[1:]))]
+            [
+                w * a - x * b - y * c - z * d,
+                w * b + x * a + y * d - z * c,
+                w * c - x * d + y * a + z * b,
+                w * d + x * c - y * b + z * a,
+            ]
         )
 
     def about(axis, angle):
-        return np.array([math.cos(angle / 2), *(math.sin(angle / 2) * np.eye(3)[axis])])
+        turn = [math.cos(angle / 2), 0.0, 0.0, 0.0]
+        turn[1 + axis] = math.sin(angle / 2)
+        return turn
 
     q = np.array(q, dtype=float)
     for _ in range(steps):
@@ -37,5 +45,5 @@ def wrist_ik(q, target, damping, steps):
                 [1.0, 0.0, -math.sin(q[1])],
             ]
         )
-        q = q + 0.2 * J.T @ np.linalg.solve(J @ J.T + damping**2 * np.eye(3), error)
+        q = q + 0.3 * J.T @ np.linalg.solve(J @ J.T + damping**2 * np.eye(3), error)
     return q
