@@ -276,3 +276,14 @@ def contact_state(runner: Runner) -> ContactState | None:
         data.efc_R[: data.nefc].copy(),
         int(data.solver_niter[0]),
     )
+
+
+def iterations(runner: Runner, steps: int) -> int:
+    """How many iterations the solver takes over so many steps from the start."""
+    mujoco = library()
+    runner.reset()
+    taken = 0
+    for _ in range(steps):
+        mujoco.mj_step(runner.model, runner.data)
+        taken += int(runner.data.solver_niter[0])
+    return taken

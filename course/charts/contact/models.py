@@ -1,0 +1,550 @@
+"""Chapter 2, contact models: speed against accuracy beside MuJoCo, and where each of them fails."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course.charts import chart
+from course.contact import scenes
+from course.contact.models import gauss_seidel, penalty_force
+from course.contact.scenes import GRAVITY, Scene, run
+from course.measure.figure import Panel, Series
+from course.measure.stability import amplification, limit, spectral_radius, stability_map
+from course.measure.work_precision import Method, Result, WorkPrecision, measure
+from course.oracles.mujoco import contact as mujoco_contact
+from course.oracles.mujoco.contact import Options
+from course.oracles.mujoco.kit import Runner
+
+Array = NDArray[np.float64]
+
+# --- four scenes and what is asked of them --------------------------------------------------------
+
+SOLVERS = [(s, c, "Euler") for c in ("elliptic", "pyramidal") for s in ("Newton", "CG", "PGS")]
+SOLVERS.append(("Newton", "elliptic", "discrete"))
+
+
+@dataclass(frozen=True)
+class Question:
+    """A scene, its answer in closed form, the error it can bear, and whom it is asked.
+
+    Attributes:
+        text: the question.
+        scene: for our models.
+        ask_mujoco: `Options` -> the same scene prepared.
+        duration: [s].
+        answer: state at the end -> what is asked, in m.
+        truth, check: by closed form, and from a second model of Coulomb's law at a fine step.
+        tolerance: [m].
+        stiffness: of penalty contact, chosen to sink less than the tolerance [N/m].
+        lightest: mass for which penalty contact is critically damped [kg].
+    """
+
+    text: str
+    scene: Scene
+    ask_mujoco: Callable[[Options], Runner]
+    duration: float
+    answer: Callable[[Array], Array]
+    truth: Array
+    tolerance: float
+    stiffness: float
+    lightest: float = 1.0
+
+
+def _braking() -> Question:
+    t, mu = math.radians(22.5), 0.5
+    velocity = (math.cos(t), math.sin(t))
+    way = 1.0 / (2.0 * mu * GRAVITY) * np.array(velocity)
+    return Question(
+        "Where does a block stop, sent off at 1 m/s and 22.5 degrees?",
+        scenes.block(0.0, mu, velocity),
+        lambda options: mujoco_contact.block(options, 0.0, velocity),
+        0.24, lambda q: q[:2], way, 2e-3, 1e5,
+    )  # fmt: skip
+
+
+def _incline() -> Question:
+    angle, mu = math.radians(40.0), 0.5
+    way = 0.5 * GRAVITY * (math.sin(angle) - mu * math.cos(angle)) * 0.24**2
+    return Question(
+        "How far does a block slide down 40 degrees in 0.24 s?",
+        scenes.block(angle, mu),
+        lambda options: mujoco_contact.block(options, angle),
+        0.24, lambda q: q[:1], np.array([way]), 1e-3, 1e5,
+    )  # fmt: skip
+
+
+def _heavy() -> Question:
+    masses = [1.0, 100.0]
+    return Question(
+        "How deep does 1 kg sink under 100 kg?",
+        scenes.tower(masses),
+        lambda options: mujoco_contact.tower(replace(options, condim=1), masses),
+        0.24, lambda q: q, np.zeros(2), 1e-3, 2e6,
+    )  # fmt: skip
+
+
+def _glass() -> Question:
+    return Question(
+        "How far does a held glass slip in 0.24 s?",
+        scenes.pinch(5.0, 0.25),
+        lambda options: mujoco_contact.pinch(replace(options, friction=(0.25, 0.005, 0.0001))),
+        0.24, lambda q: q[3:], np.zeros(1), 1e-3, 1e5, 0.05,
+    )  # fmt: skip
+
+
+_ROUNDING = 1e-12  # m; what is nearer is drawn here
+QUESTIONS = {"braking": _braking, "incline": _incline, "heavy": _heavy, "glass": _glass}
+STEPS = (2e-2, 1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
+OURS: dict[str, tuple[str, dict[str, Any]]] = {
+    "penalty": ("penalty", {}),
+    "exact pyramid (LCP)": ("lcp", {}),
+    "sweeps, true cone (10)": ("pgs", {"sweeps": 10}),
+    "sweeps, true cone (1000)": ("pgs", {"sweeps": 1000}),
+    "true cone (Newton)": ("coulomb", {}),
+    "convex cone": ("convex", {}),
+    "MuJoCo's soft model, ours": ("soft", {"cone": "elliptic"}),
+}
+
+
+def _our_method(name: str, question: Question, steps: Sequence[float]) -> Method:
+    model, options = OURS[name]
+    if model == "penalty":
+        damping = 2.0 * math.sqrt(question.stiffness * question.lightest)
+        options = {"stiffness": question.stiffness, "damping": damping}
+
+    def once(dt: float) -> Result:
+        n = round(question.duration / dt)
+        found = run(question.scene, model, question.duration / n, n, **options)
+        return Result(question.answer(found.q[:, -1]), n + found.iterations)
+
+    return Method(name, once, steps, unit="steps and iterations")
+
+
+def _mujocos(
+    solver: str, cone: str, integrator: str, question: Question, steps: Sequence[float]
+) -> Method:
+    runners = {}
+    for dt in steps:
+        n = round(question.duration / dt)
+        options = Options(question.duration / n, integrator, solver, cone=cone, tolerance=1e-10)
+        runner = question.ask_mujoco(options)
+        runners[dt] = runner, n, n + mujoco_contact.iterations(runner, n)
+
+    def once(dt: float) -> Result:
+        runner, n, cost = runners[dt]
+        return Result(question.answer(runner.run(n)[0]), cost)
+
+    name = f"MuJoCo {solver}, {cone}" + (", discrete" if integrator == "discrete" else "")
+    return Method(name, once, steps, "oracle", "steps and iterations")
+
+
+def work_precision(
+    name: str,
+    steps: Sequence[float] = STEPS,
+    repeats: int = 3,
+    names: Sequence[str] | None = None,
+) -> WorkPrecision:
+    """Error against cost of every model and of MuJoCo's solvers on one of `QUESTIONS`.
+
+    Args:
+        name: of the question.
+        steps: [s].
+        repeats: timed rounds.
+        names: of the methods; None for all.
+    """
+    question = QUESTIONS[name]()
+    dt = 1e-5 if name == "incline" else 1e-4
+    n = round(question.duration / dt)
+    fine = run(question.scene, "pgs", dt, n, sweeps=20000)
+    methods = [_our_method(ours, question, steps) for ours in OURS]
+    methods += [_mujocos(*which, question, steps) for which in SOLVERS]
+    return measure(
+        [method for method in methods if names is None or method.name in names],
+        question.truth,
+        lambda answer, truth: max(float(np.linalg.norm(answer - truth)), _ROUNDING),
+        reference_check=question.answer(fine.q[:, -1]),
+        tolerance=question.tolerance,
+        failed_above=0.3,
+        repeats=repeats,
+        sample_time=0.0,
+        question=question.text,
+        error_unit="m",
+    )
+
+
+@chart(columns=2, size=(16.0, 20.0))
+def contact_models(
+    steps: Sequence[float] = STEPS, repeats: int = 3, names: Sequence[str] = tuple(QUESTIONS)
+) -> Iterator[Panel]:
+    """Every model on four scenes, steps of 0.1 to 20 ms, beside MuJoCo.
+
+    Args:
+        steps: [s].
+        repeats: timed rounds.
+        names: of the questions.
+    """
+    for name in names:
+        yield from work_precision(name, steps, repeats).panels()
+
+
+# --- the table ------------------------------------------------------------------------------------
+
+
+@chart
+def contact_table(dt: float = 2e-3, repeats: int = 3) -> Iterator[Panel]:
+    """Model by scene: error, cost, verdict at one step.
+
+    Args:
+        dt: [s].
+        repeats: timed rounds.
+    """
+    panel = Panel("Contact models at one step", data=[])
+    panel.notes.append(
+        f"a step of {1e3 * dt:g} ms; an error within the scene's tolerance is 'good'"
+    )
+    panel.notes.append(f"{'scene':<8} {'model':<26} {'error':>9} {'a step':>9} {'iterations':>10}")
+    for name in QUESTIONS:
+        found = work_precision(name, [dt], repeats)
+        steps = round(QUESTIONS[name]().duration / dt)
+        for curve in found.curves:
+            point = curve.points[0]
+            verdict = "good" if point.error <= (found.tolerance or 0.0) else "misses"
+            verdict = "FAILS" if point.failure else verdict
+            per_step, iterations = point.time / steps, point.count / steps - 1.0
+            panel.data.append([name, curve.name, point.error, per_step, iterations, verdict])
+            panel.notes.append(
+                f"{name:<8} {curve.name:<26} {1e3 * point.error:6.3f} mm {1e6 * per_step:6.1f} us "
+                f"{iterations:10.1f}  {verdict}"
+            )
+    yield panel
+
+
+# --- the penalty step -----------------------------------------------------------------------------
+
+
+def penalty_step(zeta: float, scheme: str, dt: float) -> Callable[[Array], Array]:
+    """One step (x, v) -> (x, v) of 1 kg in penalty contact with omega = 1, kept in by a pull.
+
+    Args:
+        zeta: damping ratio.
+        scheme: "explicit" or "semi-implicit".
+        dt: omega dt.
+    """
+
+    def step(state: Array) -> Array:
+        force = np.zeros(1)
+        x, v = state
+        # Shifted by a large depth, so that the contact never opens: its force is then linear.
+        penalty_force(1e3 - x, np.array([v]), 1.0, 2.0 * zeta, np.zeros(0), 1.0, True, force)
+        new = v + dt * (force[0] - 1e3)
+        return np.array([x + dt * (v if scheme == "explicit" else new), new])
+
+    return step
+
+
+def growth(scheme: str, dt: float, zeta: float) -> float:
+    """Growth per step of `penalty_step`."""
+    return spectral_radius(amplification(penalty_step(zeta, scheme, dt), 2))
+
+
+def step_limit(zeta: float, scheme: str) -> float:
+    """The largest stable omega dt by theory.
+
+    Explicit Euler: 2 zeta up to critical damping, then 2 (zeta - sqrt(zeta^2 - 1)). Semi-implicit,
+    the damper taken from the old velocity: 2 (sqrt(1 + zeta^2) - zeta).
+    """
+    if scheme == "explicit":
+        return 2.0 * (zeta - math.sqrt(zeta**2 - 1.0)) if zeta > 1.0 else 2.0 * zeta
+    return 2.0 * (math.sqrt(1.0 + zeta**2) - zeta)
+
+
+def measured_limit(zeta: float, scheme: str) -> float:
+    """The same by bisection on the step's matrix."""
+
+    def stable(dt: float) -> bool:
+        return growth(scheme, dt, zeta) <= 1.0 + 1e-10
+
+    return limit(stable, 1e-4, 8.0, rel=1e-8)
+
+
+@chart(columns=2)
+def contact_penalty_limit(size: int = 60) -> Iterator[Panel]:
+    """Largest step of penalty contact: growth per step over step and damping, theory on it.
+
+    Args:
+        size: points of a side of the map.
+    """
+    x, y = np.linspace(0.02, 2.6, size), np.linspace(0.02, 2.0, size)
+    for scheme in ("explicit", "semi-implicit"):
+        grown = stability_map(functools.partial(growth, scheme), x, y, slack=1e-9)
+        edge = np.array([step_limit(zeta, scheme) for zeta in y])
+        panel = Panel(
+            f"{scheme} Euler: damping {'helps' if scheme == 'explicit' else 'hurts'}",
+            "omega dt", "damping ratio", grid=grown, xlim=(x[0], x[-1]), ylim=(y[0], y[-1]),
+        )  # fmt: skip
+        panel.series.append(Series("theory", edge, y, "theory on a map", "--", marker=""))
+        for zeta in (0.1, 0.5, 1.0, 1.5):
+            found = measured_limit(zeta, scheme)
+            panel.notes.append(
+                f"{scheme:<14} zeta {zeta:.1f}: omega dt {found:.5f}, theory "
+                f"{step_limit(zeta, scheme):.5f}"
+            )
+        yield panel
+
+
+# --- sweeps ---------------------------------------------------------------------------------------
+
+
+def sweeps_needed(masses: Sequence[float], tolerance: float = 1e-6, most: int = 10**7) -> int:
+    """Sweeps of projected Gauss-Seidel until a tower's forces are right to the tolerance."""
+    problem = scenes.tower(masses).problem(0.01)
+    A, b, g = problem.scaled, problem.offset, np.zeros(len(masses))
+    truth = 0.01 * GRAVITY * np.cumsum(np.asarray(masses)[::-1])[::-1]
+
+    def error(sweeps: int) -> float:
+        found = g.copy()
+        gauss_seidel(A, b, found, 1, associated=False, sweeps=sweeps, tolerance=1e-300)
+        return float(np.max(np.abs(found / truth - 1.0)))
+
+    high = 1
+    while error(high) > tolerance and high < most:
+        high *= 2
+    low = high // 2
+    while high - low > max(1, high // 500):
+        middle = (low + high) // 2
+        low, high = (low, middle) if error(middle) <= tolerance else (middle, high)
+    return high
+
+
+@chart(columns=2)
+def contact_sweeps(
+    ratios: Sequence[float] = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0),
+    heights: Sequence[int] = (3, 5, 10, 20, 40),
+    tolerance: float = 1e-6,
+) -> Iterator[Panel]:
+    """Sweeps of projected Gauss-Seidel against mass ratio and height, with theory.
+
+    Args:
+        ratios: mass on top over the mass below.
+        heights: bodies of an equal tower.
+        tolerance: of the forces.
+    """
+    log = math.log(1.0 / tolerance)
+    r, n = np.array(ratios), np.array(heights)
+    panel = Panel(
+        "Heavy on light: sweeps grow with the ratio", "mass ratio", "sweeps to 1e-6", scale="log"
+    )
+    rows: list[tuple[str, str, Array, Callable[[float], float] | None]] = [
+        ("two bodies, heavy on light", "sweeps, true cone",
+         np.array([sweeps_needed([1.0, x], tolerance) for x in r]), lambda x: (1.0 + x) * log),
+        ("tower of 10, the top heavy", "exact pyramid (LCP)",
+         np.array([sweeps_needed([1.0] * 9 + [x], tolerance) for x in r]), lambda x: 9.0 * x * log),
+        ("two bodies, light on heavy", "convex cone",
+         np.array([sweeps_needed([x, 1.0], tolerance) for x in r]), None),
+    ]  # fmt: skip
+    for label, key, found, theory in rows:
+        use = r >= 30.0
+        slope = np.polyfit(np.log(r[use]), np.log(found[use]), 1)[0]
+        panel.series.append(
+            Series(label, r, found, key, theory=theory,
+                   note=f"{label:<28} slope {slope:6.3f}, at {r[-1]:g}: {found[-1]:.0f} sweeps")
+        )  # fmt: skip
+    yield panel
+    found = np.array([sweeps_needed([1.0] * int(m), tolerance) for m in n])
+    slope = np.polyfit(np.log(n[-3:]), np.log(found[-3:]), 1)[0]
+    panel = Panel(
+        "Equal towers: sweeps grow with the square", "bodies", "sweeps to 1e-6", scale="log",
+        ticks=[float(m) for m in n],
+    )  # fmt: skip
+    panel.series.append(
+        Series("equal tower", n.astype(float), found, "sweeps, true cone",
+               theory=lambda m: (2.0 * m / math.pi) ** 2 * log,
+               note=f"{'equal tower':<28} slope {slope:6.3f}, at {n[-1]}: {found[-1]:.0f} sweeps")
+    )  # fmt: skip
+    yield panel
+
+
+# --- steering -------------------------------------------------------------------------------------
+
+
+def stopped(
+    who: str, degrees: float, dt: float = 1e-3, speed: float = 1.0, **options: Any
+) -> tuple[float, float]:
+    """(way to the stop over Coulomb's, direction [degrees]) of a block sent off at an angle.
+
+    Args:
+        who: one of our models, or "pyramidal" or "elliptic" for MuJoCo's cones.
+        degrees: direction.
+        dt: [s].
+        speed: [m/s].
+        **options: of the model.
+    """
+    t, mu = math.radians(degrees), 0.5
+    velocity = (speed * math.cos(t), speed * math.sin(t))
+    steps = round(1.6 * speed / (mu * GRAVITY) / dt)
+    if who in ("pyramidal", "elliptic"):
+        stiff = Options(dt, cone=who, **options)
+        end = mujoco_contact.block(stiff, 0.0, velocity, -1e-4).run(steps)[0]
+    else:
+        end = run(scenes.block(0.0, mu, velocity), who, dt, steps, **options).q[:, -1]
+    way = math.hypot(end[0], end[1]) / (speed**2 / (2.0 * mu * GRAVITY))
+    return way, math.degrees(math.atan2(end[1], end[0]))
+
+
+@chart(columns=2)
+def contact_steering(
+    degrees: Sequence[float] = (0.0, 10.0, 22.5, 35.0, 45.0, 60.0, 75.0, 90.0), dt: float = 1e-3
+) -> Iterator[Panel]:
+    """What a friction pyramid does to a braking block: it stretches the way and bends it.
+
+    Args:
+        degrees: directions in which it is sent off.
+        dt: [s].
+    """
+    t = np.array(degrees)
+    found = {
+        "exact pyramid (LCP)": [stopped("lcp", a, dt) for a in t],
+        "true cone (Newton)": [stopped("coulomb", a, dt) for a in t],
+        "MuJoCo Newton, pyramidal": [stopped("pyramidal", a, dt) for a in t],
+        "MuJoCo Newton, elliptic": [stopped("elliptic", a, dt) for a in t],
+    }
+    theories: list[tuple[str, str, Callable[[float], float]]] = [
+        ("way to the stop over Coulomb's", "stretched",
+         lambda a: math.sqrt(1.0 + math.sin(math.radians(2.0 * a)) ** 2)),
+        ("direction at rest, less that of the start [degrees]", "turned",
+         lambda a: math.degrees(math.atan2(
+             math.sin(math.radians(2.0 * a)), 1.0)) - a if a <= 45.0 else
+             90.0 - a - math.degrees(math.atan(math.sin(math.radians(2.0 * a))))),
+    ]  # fmt: skip
+    at = [int(np.argmin(np.abs(t - a))) for a in (22.5, 45.0)]
+    for which, (what, short, theory) in enumerate(theories):
+        panel = Panel(
+            f"The way of a braking block is {short} by a pyramid", "sent off at [degrees]", what
+        )
+        for label, pairs in found.items():
+            y = np.array([pair[which] - which * a for pair, a in zip(pairs, t, strict=True)])
+            panel.series.append(
+                Series(
+                    label, t, y, label, theory=theory if "LCP" in label else None,
+                    hollow="MuJoCo" in label,
+                    note=f"{short:<9} {label:<26} at 22.5 degrees {y[at[0]]:8.4f}, "
+                    f"at 45 degrees {y[at[1]]:8.4f}",
+                )
+            )  # fmt: skip
+        yield panel
+
+
+# --- gradients ------------------------------------------------------------------------------------
+
+
+def pushed(speed: float, how: str, dt: float = 5e-3, softness: float = 0.0) -> float:
+    """Where a block of 1 kg is after 0.5 s when a finger of 1 kg is sent at it from 0.1 m [m].
+
+    Args:
+        speed: of the finger [m/s]; below 0.2 it does not arrive.
+        how: "rigid", "penalty", or "interior point", where force times gap speed is `softness`
+            instead of 0.
+        dt: [s].
+        softness: [W], times the step.
+    """
+    scene = Scene(
+        np.eye(2), np.array([[[-1.0, 1.0]]]), np.array([0.1]), np.zeros(2), np.zeros((1, 0)),
+        np.zeros(2), np.array([speed, 0.0]),
+    )  # fmt: skip
+    steps = round(0.5 / dt)
+    if how == "penalty":
+        return float(run(scene, "penalty", dt, steps, stiffness=2e3, damping=60.0).q[1, -1])
+    if how == "rigid":
+        return float(run(scene, "coulomb", dt, steps).q[1, -1])
+    q, v = scene.q.copy(), scene.v.copy()
+    for _ in range(steps):
+        problem = scene.problem(dt, q, v)
+        a, b = problem.delassus[0, 0], problem.offset[0]
+        impulse = (-b + math.sqrt(b * b + 4.0 * a * softness)) / (2.0 * a)  # f (a f + b) = softness
+        v = problem.after([[impulse]])
+        q = q + dt * v
+    return float(q[1])
+
+
+def rebound(start: float, dt: float = 0.02) -> float:
+    """Where a ball is after 1 s that flies at 1 m/s at a wall and bounces, without loss, at the end
+    of the step that reaches it [m]; `start` is its distance from the wall."""
+    x, v = -start, 1.0
+    for _ in range(round(1.0 / dt)):
+        x += dt * v
+        if x > 0.0:
+            v = -abs(v)
+    return x
+
+
+def slope(f: Callable[[float], float], x: float, width: float) -> float:
+    """Central difference."""
+    return (f(x + width) - f(x - width)) / (2.0 * width)
+
+
+def smoothed_slope(
+    f: Callable[[float], float], x: float, width: float, rng: np.random.Generator, draws: int = 100
+) -> float:
+    """Derivative of the mean of f over Gaussian perturbations, from values alone (in pairs)."""
+    e = rng.standard_normal(draws)
+    values = [(f(x + width * z) - f(x - width * z)) * z / (2.0 * width) for z in e]
+    return float(np.mean(values))
+
+
+@chart(columns=2)
+def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
+    """Gradients through contact: nothing before touch, a kink, and a sign that is wrong.
+
+    Args:
+        points: speeds tried.
+        draws: pairs of a randomised gradient.
+    """
+    rng = np.random.default_rng(0)
+    speeds = np.linspace(0.1, 0.4, points)
+    panel = Panel(
+        "A finger pushes a block: does it learn to push?", "speed of the finger [m/s]",
+        "derivative of where the block ends [s]", ylim=(-0.5, 0.75), lines=[("x", 0.2, "touch")],
+    )  # fmt: skip
+    ways: dict[str, tuple[str, Callable[[float], float]]] = {
+        "rigid": ("true cone (Newton)", lambda p: slope(lambda s: pushed(s, "rigid"), p, 1e-5)),
+        "penalty": ("penalty", lambda p: slope(lambda s: pushed(s, "penalty"), p, 1e-5)),
+        "interior point": ("convex cone", lambda p: slope(
+            lambda s: pushed(s, "interior point", softness=1e-4), p, 1e-5)),
+        "randomised, 50 mm/s": ("sweeps, true cone", lambda p: smoothed_slope(
+            lambda s: pushed(s, "rigid", 2e-2), p, 0.05, rng, draws)),
+    }  # fmt: skip
+    truth = np.where(speeds > 0.2, 0.25, 0.0)  # x = v (0.5 - 0.1 / v) / 2 once it touches
+    panel.series.append(Series("truth", speeds, truth, "theory", "steps", marker=""))
+    for label, (key, derivative) in ways.items():
+        y = np.array([derivative(p) for p in speeds])
+        before, after = y[speeds < 0.19], y[speeds > 0.21]
+        panel.series.append(
+            Series(
+                label, speeds, y, key,
+                note=f"{label:<20} before touch {np.mean(before):7.4f}, after it "
+                f"{np.median(after):7.4f} (median)",
+            )
+        )  # fmt: skip
+    yield panel
+    starts = np.linspace(0.3, 0.5, 600)
+    panel = Panel(
+        "A ball comes back from a wall: bounced at the end of the step",
+        "distance of the start from the wall [m]", "where it is after 1 s [m]",
+    )  # fmt: skip
+    panel.series.append(
+        Series("stepped", starts, np.array([rebound(s) for s in starts]), "sweeps, true cone",
+               marker="", note="derivative of the end by the start, truth 1 (the end is start - 1)")
+    )  # fmt: skip
+    panel.series.append(Series("true", starts, starts - 1.0, "theory", "--", marker=""))
+    own = [slope(rebound, s, 1e-7) for s in rng.uniform(0.3, 0.5, 50)]
+    mean = [smoothed_slope(rebound, s, 0.05, rng, draws) for s in rng.uniform(0.3, 0.5, 20)]
+    panel.notes.append(f"along the steps    {np.median(own):7.4f}: the wrong sign")
+    panel.notes.append(f"randomised, 50 mm  {np.mean(mean):7.4f}")
+    yield panel

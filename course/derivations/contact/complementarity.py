@@ -1,0 +1,314 @@
+"""Claims on force against gap: what the law says, what follows, what is differentiable."""
+
+import numpy as np
+
+from course.contact import scenes, solve
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "m": Symbol("mass [kg]"),
+    "g": Symbol("gravity [m/s^2]"),
+    "k": Symbol("stiffness of a spring that holds it [N/m]"),
+    "c": Symbol("way from the spring's rest down to the ground [m]"),
+    "h": Symbol("step [s]"),
+    "v": Symbol("velocity of the contact apart, before the step [m/s]"),
+    "a": Symbol("its acceleration without contact [m/s^2]"),
+}
+RIGID = ("lcp", "pgs", "coulomb", "convex")
+
+
+def _ball(gap, speed, dt):
+    """One step of a ball of 1 kg at this gap [m] with this upward speed [m/s]."""
+    return scenes.ball_drop().problem(dt, np.array([gap]), np.array([speed]))
+
+
+@claim(
+    "At a contact the velocity jumps.",
+    "It jumps where bodies are rigid: whatever the step, all of the approach is gone at its end. "
+    "With a spring, a damper or MuJoCo's softness it changes over a time, and less in a step the "
+    "shorter the step: by {soft_share:.1%} of the approach in {dt_us:.0f} us.",
+)
+def contact_velocity_jumps(found):
+    dt = found.given("dt_us", 100.0) * 1e-6
+
+    def lost(model, speed, step):
+        v = solve(model, _ball(-1e-9, -speed, step)).velocity[0]
+        return (v + speed) / speed > 0.5
+
+    speeds, steps = found.rng.uniform(0.5, 3.0, 8), 10 ** found.rng.uniform(-7, -4, 8)
+    soft = solve("soft", _ball(-1e-9, -1.0, dt)).velocity[0] + 1.0
+    found.figure("soft_share", soft, tolerance=1e-3)
+    found.statement = f"A ball at 1 m/s, a step of {dt:g} s: the soft model takes {soft:.4f} m/s."
+    found.heard(
+        lost("soft", 1.0, dt),
+        only_if="bodies are rigid",
+        inside=[lost(m, *row) for m in RIGID for row in zip(speeds, steps, strict=True)],
+        outside=[
+            lost(m, *row) for m in ("soft", "penalty") for row in zip(speeds, steps, strict=True)
+        ],
+    )  # fmt: skip
+    shorter = solve("soft", _ball(-1e-9, -1.0, 0.1 * dt)).velocity[0] + 1.0
+    found.corrected(abs(shorter / soft - 0.1) < 0.02)
+
+
+@claim(
+    "Exactly one of contact force and gap is zero at any time.",
+    "At least one is; both may be. Of a table's four legs, all of which touch, exact pivoting "
+    "leaves {idle:.0f} without force, and a ball thrown straight up has neither as it leaves.",
+)
+def one_of_force_and_gap_is_zero(found):
+    table = solve("lcp", scenes.table((0.1, 0.05)).problem(0.01))
+    end = np.abs(table.velocity).max()
+    idle = found.figure("idle", np.sum(np.abs(table.impulses[:, 0]) < 1e-9))
+    thrown = [solve(m, _ball(0.0, v, 1e-3)).impulses[0, 0] for m in RIGID for v in (0.1, 1.0)]
+    found.statement = f"The table stays (velocity {end:.0e}) and {idle} of its touching legs idle."
+    found.heard(idle == 0)
+    found.corrected(idle >= 1, end < 1e-9, max(np.abs(thrown)) == 0.0)
+
+
+@claim(
+    "Contact force and gap are never both positive.",
+    "In the rigid law they are not. A soft contact with a margin pushes before bodies touch: "
+    "{force_n:.2f} N at a gap of {gap_mm:.0f} mm under a margin of {margin_mm:.0f} mm. A step also "
+    "gives an impulse at a gap that would close within it.",
+)
+def never_both_positive(found):
+    gap, margin = found.given("gap_mm", 5.0) * 1e-3, found.given("margin_mm", 10.0) * 1e-3
+
+    def both(model, gap, **options):
+        return bool(solve(model, _ball(gap, 0.0, 1e-3), **options).impulses[0, 0] > 0)
+
+    force = solve("soft", _ball(gap, 0.0, 1e-3), margin=margin).impulses[0, 0] / 1e-3
+    found.figure("force_n", force, tolerance=1e-6)
+    gaps = found.rng.uniform(1e-3, 8e-3, 8)
+    closing = solve("lcp", _ball(1e-4, -1.0, 1e-3)).impulses[0, 0]
+    found.statement = f"MuJoCo's model, 1 kg at rest {gap:g} m above the ground: {force:.3f} N."
+    found.heard(
+        not both("soft", gap, margin=margin),
+        only_if="the model has no margin and the gap is not about to close",
+        inside=[not both(m, x) for m in (*RIGID, "soft", "penalty") for x in gaps],
+        outside=[not both("soft", x, margin=margin) for x in gaps],
+    )
+    found.corrected(force > 0, closing > 0)
+
+
+@claim(
+    "Complementarity follows from minimising the contact's potential energy U = f phi with f >= 0 "
+    "and phi >= 0.",
+    "f phi is no energy, and its minimum knows nothing of the load: every force at gap zero is "
+    "one. Minimise the bodies' own potential with phi >= 0 as constraint; the force is its "
+    "multiplier. A mass on a spring that rests on the ground is held up by f = {formula}.",
+    ask=(
+        "A mass m hangs on a spring k, whose rest position is a height c above the ground. It "
+        "touches the ground, q = -c. Minimise V = k q^2/2 + m g q with phi = q + c >= 0: what is "
+        "the multiplier, the contact force?",
+        "f = m*g - k*c",
+        {
+            "m*g": "The spring carries a part.",
+            "k*c": "That is the spring's force; the contact carries what it leaves.",
+            "m*g + k*c": "Stretched downwards the spring pulls up: k q + m g - f = 0 at q = -c.",
+            "k*c - m*g": "The sign of the multiplier: V - f phi, with f >= 0.",
+        },
+    ),
+    source="Signorini 1933; Moreau 1988",
+)
+def potential_of_contact(found):
+    import sympy
+
+    m, g, k, c = sympy.symbols("m g k c", positive=True)
+    q, f = sympy.symbols("q f", real=True)
+    lagrangian = k * q**2 / 2 + m * g * q - f * (q + c)
+    found.formula = sympy.solve(sympy.diff(lagrangian, q).subs(q, -c), f)[0]
+    # Minima of U = f phi: the gradient (phi, f) vanishes or points inwards at any f if phi = 0.
+    phi = sympy.Symbol("phi", nonnegative=True)
+    slope = sympy.diff(f * phi, f).subs(phi, 0)
+    idle = [float(sympy.sympify(f * phi).subs({phi: 0, f: x})) for x in (0.0, 1.0, 50.0)]
+    # The course's own models give the multiplier: 2 kg, 100 N/m, 5 cm.
+    base = scenes.ball_drop(0.0, 2.0)
+    pulled = scenes.replace(base, force=base.force + 100.0 * 0.05)
+    force = solve("coulomb", pulled.problem(1e-3)).impulses[0, 0] / 1e-3
+    wanted = float(found.formula.subs({m: 2, g: scenes.GRAVITY, k: 100, c: 0.05}))
+    found.figure("force_n", force, tolerance=1e-9)
+    found.statement = (
+        f"U at phi = 0 for forces of 0, 1, 50 N: {idle}; the load asks for {force:.2f}."
+    )
+    found.heard(slope != 0)
+    found.corrected(abs(force - wanted) < 1e-9, max(np.abs(idle)) == 0.0)
+
+
+@claim(
+    "At gap zero the force may have any value from 0 on: the law is set-valued.",
+    "The law alone allows any; which one it is follows from the load. Under loads from {low_n:.0f} "
+    "to {high_n:.0f} N a body at gap zero stays, each time with its own force.",
+)
+def contact_law_is_set_valued(found):
+    low, high = found.given("low_n", 1.0), found.given("high_n", 1000.0)
+    loads = np.geomspace(low, high, 12)
+    base = scenes.ball_drop(0.0)
+    answers = [
+        solve("coulomb", scenes.replace(base, force=np.array([-x])).problem(1e-3)) for x in loads
+    ]
+    forces = np.array([answer.impulses[0, 0] for answer in answers]) / 1e-3
+    still = max(abs(answer.velocity[0]) for answer in answers)
+    found.figure("largest_over_least", forces.max() / forces.min(), tolerance=1e-9)
+    found.statement = f"Forces from {forces.min():.3g} to {forces.max():.3g} N, all at gap zero."
+    found.heard(np.ptp(forces) > 1.0 and still < 1e-12)
+    found.corrected(np.allclose(forces, loads, rtol=1e-9))
+
+
+@claim(
+    "The contact problem is a linear complementarity problem.",
+    "It is one without friction, in the plane, or with a pyramid for the cone. With the round cone "
+    "in space friction is a nonlinear condition: in the direction between two edges the pyramid's "
+    "solution misses the true law by {missed_mm_s:.0f} mm/s in a single step.",
+)
+def contact_is_an_lcp(found):
+    from course.contact.models import defect
+
+    def linear(angle, mu, degrees):
+        t = np.radians(degrees)
+        problem = scenes.block(angle, mu, (np.cos(t), np.sin(t))).problem(0.01)
+        return defect(problem, solve("lcp", problem).impulses)
+
+    def planar(seed):
+        # Row 2 left out: sliding in one direction only.
+        problem = scenes.pinch(5.0, seed).problem(0.01)
+        return defect(problem, solve("lcp", problem).impulses) < 1e-9
+
+    between = linear(0.0, 0.5, 22.5)
+    found.figure("missed_mm_s", 1e3 * between, tolerance=1e-6)
+    found.statement = f"Round cone, sliding at 22.5 degrees to the edges: {between:.3g} m/s."
+    mus = found.rng.uniform(0.05, 1.0, 10)
+    found.heard(
+        between < 1e-9,
+        only_if="there is no friction, one direction of it, or a pyramid instead of the cone",
+        inside=[planar(mu) for mu in mus] + [linear(0.0, 0.0, a) < 1e-9 for a in 90 * mus],
+        outside=[linear(0.0, mu, a) < 1e-9 for mu, a in zip(mus, 10 + 70 * mus, strict=True)],
+    )
+    found.corrected(between > 1e-3)
+
+
+@claim(
+    "f >= 0, J v + h J M^-1 (f_ext + J^T f) >= 0, one of them zero, governs the contact.",
+    "At a contact that is closed. Written without the gap it acts on bodies that are apart as "
+    "well, and a ball falling {height_m:.0f} m above the ground stops in the air. With the gap in "
+    "it, phi / h is added to the velocity; at gap zero the force over the step is {formula}.",
+    ask=(
+        "A body of mass m touches (phi = 0), with the velocity v apart (v < 0: approaching) and "
+        "the acceleration a without contact. Which constant force over a step h brings its "
+        "velocity to 0 at the end?",
+        "f = -m*(v/h + a)",
+        {
+            "-m*a": "That holds a body at rest; the approach has to be stopped too.",
+            "-m*v/h": "The free acceleration acts during the step as well.",
+            "m*(v/h + a)": "The sign: v + h (a + f / m) = 0.",
+            "-m*(v + a)": "An impulse and a force differ by the step.",
+        },
+    ),
+)
+def velocity_lcp_without_gap(found):
+    import sympy
+
+    from course.contact.models import lemke
+
+    m, v, a, h, f = sympy.symbols("m v a h f", real=True)
+    found.formula = sympy.factor(sympy.solve(v + h * (a + f / m), f)[0])
+    height = found.given("height_m", 1.0)
+
+    def stops(gap):
+        """Whether the printed law, which has no gap, and the step disagree with free fall."""
+        problem = _ball(gap, -1.0, 1e-3)
+        z = lemke(problem.delassus, problem.rows @ problem.free)[0]
+        return abs(problem.after(z[:, None])[0]) < 1e-12
+
+    air = solve("lcp", _ball(height, -1.0, 1e-3)).velocity[0]
+    found.figure("speed_with_gap_m_s", air, tolerance=1e-9)
+    touching = solve("lcp", _ball(0.0, -1.0, 1e-3)).impulses[0, 0] / 1e-3
+    wanted = found.formula.subs({m: 1, v: -1, a: -scenes.GRAVITY, h: 1e-3})
+    gaps = found.rng.uniform(0.1, 2.0, 8)
+    found.statement = f"Falling at 1 m/s {height:g} m up: with the gap it goes on at {air:.4f} m/s."
+    found.heard(
+        not stops(height),
+        only_if="the contact is closed",
+        inside=[stops(-1e-9 * x) for x in gaps],
+        outside=[not stops(x) for x in gaps],
+    )
+    found.corrected(air < -1.0, abs(touching - float(wanted)) < 1e-6)
+
+
+@claim(
+    "The penalty force max(0, -k phi) is a step function of the gap.",
+    "It is a ramp: continuous, with a kink at gap zero, where the slope goes from 0 to -k. What "
+    "jumps is the damper's force, by damping times the speed of approach: {jump_n:.0f} N at "
+    "{speed:.0f} m/s with {damping:.0f} N s/m.",
+)
+def penalty_is_a_step(found):
+    speed, damping = found.given("speed", 1.0), found.given("damping", 50.0)
+
+    def force(gap, u, b):
+        problem = _ball(gap, u, 1e-3)
+        return solve("penalty", problem, stiffness=5000.0, damping=b).impulses[0, 0] / 1e-3
+
+    tiny = 10 ** found.rng.uniform(-12, -7, 8)
+    ramp = max(force(-x, 0.0, 0.0) - force(x, 0.0, 0.0) for x in tiny)
+    jump = found.figure("jump_n", force(-1e-12, -speed, damping) - force(1e-12, -speed, damping))
+    found.statement = (
+        f"Across gap zero the spring's force changes by {ramp:.1e} N, the damper's {jump}."
+    )
+    found.heard(ramp > 1.0)
+    found.corrected(ramp < 1e-2, abs(jump - damping * speed) < 1e-6)
+
+
+@claim(
+    "Backpropagation through contact gives zero or undefined gradients.",
+    "Zero before touch, two one-sided values at the kink, an ordinary number behind it: a finger "
+    "that reaches a block moves it by {after_s:.3f} s for each m/s more. What is wrong is another "
+    "thing: a bounce applied at the end of its step gives the derivative {stepped:.0f} for a truth "
+    "of 1.",
+)
+def contact_gradients_vanish(found):
+    from course.charts.contact.models import pushed, rebound, slope
+
+    def push(p):
+        return slope(lambda s: pushed(s, "rigid"), p, 1e-5)
+
+    before = [push(p) for p in found.rng.uniform(0.05, 0.19, 4)]
+    after = [push(p) for p in found.rng.uniform(0.21, 0.5, 4)]
+    found.figure("after_s", np.median(after), tolerance=1e-2)
+    bounce = [slope(rebound, s, 1e-7) for s in found.rng.uniform(0.3, 0.5, 9)]
+    stepped = found.figure("stepped", np.median(bounce), tolerance=1e-5)
+    found.statement = (
+        f"Derivatives before touch {np.round(before, 4)}, behind it {np.round(after, 4)}."
+    )
+    found.heard(max(np.abs(after)) < 1e-6)
+    found.corrected(max(np.abs(before)) < 1e-9, abs(np.median(after) - 0.25) < 0.01, stepped < -0.9)
+
+
+@claim(
+    "Penalty contact is differentiable.",
+    "The force is continuous, but its slope is 0 on one side of touch and -k on the other, and "
+    "with a damper the force itself jumps. A run inherits that: where a pushed block ends has the "
+    "slope {slope_s:.2f} s almost everywhere and rises by {rise_s:.2f} s on the whole; the "
+    "difference is in jumps that no gradient sees (steps of {step_ms:.0f} ms).",
+    source="Suh, Simchowitz, Zhang and Tedrake, Do differentiable simulators give better policy "
+    "gradients?, 2022",
+)
+def penalty_is_differentiable(found):
+    from course.charts.contact.models import pushed, slope
+
+    step = found.given("step_ms", 5.0)
+
+    def end(speed):
+        return pushed(speed, "penalty", 1e-3 * step)
+
+    slopes = [slope(end, p, 1e-5) for p in found.rng.uniform(0.3, 0.5, 15)]
+    along = found.figure("slope_s", np.median(slopes), tolerance=0.02)
+    whole = found.figure("rise_s", (end(0.5) - end(0.3)) / 0.2, tolerance=0.02)
+
+    def force(gap):
+        return solve("penalty", _ball(gap, 0.0, 1e-3), stiffness=5000.0).impulses[0, 0] / 1e-3
+
+    one, other = (force(1e-6) - force(0.0)) / 1e-6, (force(0.0) - force(-1e-6)) / 1e-6
+    found.statement = f"Slopes of the force at touch: {one:.0f} and {other:.0f} N/m."
+    found.heard(abs(one - other) < 1.0)
+    found.corrected(abs(one) < 1.0, abs(other + 5000) < 1.0, along > 1.5 * whole)

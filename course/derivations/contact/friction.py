@@ -1,0 +1,342 @@
+"""Claims on friction, grasps and dampers: cone and pyramid, what holds, creeps, sticks."""
+
+import numpy as np
+
+from course.contact import scenes, solve
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "m": Symbol("mass [kg]"),
+    "g": Symbol("gravity [m/s^2]"),
+    "F": Symbol("force of each finger [N]"),
+    "mu": Symbol("coefficient of friction"),
+    "R": Symbol("compliance of a friction row [1/kg]"),
+    "f": Symbol("friction force [N]"),
+    "b": Symbol("damping of the reference acceleration [1/s]"),
+}
+RIGID = ("lcp", "pgs", "coulomb", "convex")
+
+
+def _creep(dt=0.002, mu=0.5, cone="elliptic", angle=0.2, **options):
+    """Speed at which MuJoCo's block creeps down a slope that it should stick to [m/s]."""
+    from course.oracles.mujoco import contact
+
+    friction = (mu, 0.005, 0.0001)
+    made = contact.Options(dt, cone=cone, friction=friction, **options)
+    return float(contact.block(made, angle).run(round(1.0 / dt))[1][0])
+
+
+@claim(
+    "Below the limit of friction a contact sticks; at the limit it slides.",
+    "It sticks where friction is Coulomb's. Regularised friction and MuJoCo's soft contact hold a "
+    "load only while it creeps, here at {creep_mm_s:.2f} mm/s on a slope of {slope:.0%} of the "
+    "limiting one.",
+)
+def below_the_limit_sticks(found):
+    share = found.given("slope", 0.4)
+
+    def sticks(model, mu, part, **options):
+        scene = scenes.block(np.arctan(mu) * part, mu)
+        moved = scenes.run(scene, model, 0.002, 100, **options)
+        return bool(np.abs(moved.v[0, -1]) < 1e-9)
+
+    mus, parts = found.rng.uniform(0.2, 1.2, 8), found.rng.uniform(0.1, 0.95, 8)
+    creep = scenes.run(
+        scenes.block(np.arctan(0.5) * share, 0.5), "soft", 0.002, 500, cone="elliptic"
+    ).v[0, -1]
+    found.figure("creep_mm_s", 1e3 * creep, tolerance=1e-4)
+    above = [sticks(model, 0.5, 1.05) for model in RIGID]
+    found.statement = f"MuJoCo's model creeps at {1e3 * creep:.3f} mm/s."
+    found.heard(
+        abs(creep) < 1e-9,
+        only_if="friction is Coulomb's, not regularised and not soft",
+        inside=[sticks(m, a, b) for m in RIGID for a, b in zip(mus, parts, strict=True)],
+        outside=[sticks("soft", a, b) for a, b in zip(mus, parts, strict=True)]
+        + [sticks("penalty", a, b) for a, b in zip(mus, parts, strict=True)],
+    )
+    found.corrected(creep > 1e-4, not any(above))
+
+
+@claim(
+    "In MuJoCo friction above what is needed keeps a body where it is.",
+    "It creeps at {formula}, whatever the coefficient: {creep_mm_s:.4f} mm/s on a slope of "
+    "{angle_rad:.1f} rad, and as much with twice the friction. impratio divides it, the pyramid "
+    "multiplies it by {pyramid:.2f}. More friction is no cure; a larger impratio or a smaller time "
+    "constant is.",
+    ask=(
+        "MuJoCo holds a sticking contact by f = (a_ref - a) / R in a friction row, with "
+        "a_ref = -b v. Steady, a = 0: at which speed does it creep under the friction force f?",
+        "v = R*f/b",
+        {
+            "f/b": "The row is a spring and damper per unit of 1/R, not of mass.",
+            "R*f": "That is the reference acceleration; divide by b.",
+            "b*f/R": "More damping makes it slower, more compliance faster.",
+            "mu*R*f/b": "The coefficient does not appear while it sticks.",
+        },
+    ),
+    source="MuJoCo 4.0 documentation, Modeling, Preventing slip",
+)
+def mujoco_creeps(found):
+    import sympy
+
+    from course.contact.soft import Softness, rows_of
+    from course.oracles.mujoco import contact
+
+    R, f, b, v = sympy.symbols("R f b v", positive=True)
+    found.formula = sympy.solve(R * f - b * v, v)[0]
+    angle = found.given("angle_rad", 0.2)
+    creep = found.figure("creep_mm_s", 1e3 * _creep(angle=angle), tolerance=1e-6)
+    runner = contact.block(contact.Options(), angle)
+    runner.run(500)
+    state = contact.contact_state(runner)
+    softness = Softness(cone="elliptic")
+    compliance = rows_of(state.problem, contact.Options().softness(state.weight)).compliance[1]
+    damping = softness.stiffness(softness.solref, 0.002)[1]
+    theory = float(
+        found.formula.subs({R: compliance, f: scenes.GRAVITY * np.sin(angle), b: damping})
+    )
+    slippery = 1e3 * _creep(mu=1.0, angle=angle)
+    tenth = creep / (1e3 * _creep(impratio=10.0, angle=angle))
+    pyramid = found.figure(
+        "pyramid", 1e3 * _creep(cone="pyramidal", angle=angle) / creep, tolerance=1e-2
+    )
+    found.statement = f"Measured {creep:.4f} mm/s, R f / b is {1e3 * theory:.4f} mm/s."
+    found.heard(creep < 1e-6)
+    found.corrected(
+        abs(creep / (1e3 * theory) - 1) < 1e-3,
+        abs(slippery / creep - 1) < 1e-6,
+        abs(tenth - 10) < 0.05,
+        pyramid > 1.1,
+    )
+
+
+@claim(
+    "A glass slips out of two fingers because friction is too low; more of it stops that.",
+    "Below mu = {formula} it falls. Above, rigid models hold it, and soft ones let it creep at a "
+    "speed that more friction does not change: {creep_mm_s:.2f} mm/s in MuJoCo.",
+    ask=(
+        "Two fingers press a glass of mass m from both sides, each with the force F. From which "
+        "coefficient of friction on is it held?",
+        "mu > m*g/(2*F)",
+        {
+            "m*g/F": "Both contacts carry: the limit of friction is 2 mu F.",
+            "2*m*g/F": "Two contacts halve what each has to carry.",
+            "F/(m*g)": "Upside down: more weight asks for more friction.",
+            "2*F/(m*g)": "Upside down, though with both contacts.",
+        },
+    ),
+)
+def more_friction_holds_the_glass(found):
+    import sympy
+
+    from course.oracles.mujoco import contact
+
+    m, g, F, mu = sympy.symbols("m g F mu", positive=True)
+    found.formula = sympy.solve(2 * mu * F - m * g, mu)[0]
+    needed = float(found.formula.subs({m: 0.2, g: scenes.GRAVITY, F: 5}))
+
+    def falls(model, share):
+        return scenes.run(scenes.pinch(5.0, share * needed), model, 0.01, 20).v[3, -1] < -1e-3
+
+    def creep(times):
+        options = contact.Options(friction=(times * needed, 0.005, 0.0001))
+        return 1e3 * -contact.pinch(options).run(500)[1][3]
+
+    slow = found.figure("creep_mm_s", creep(2.0), tolerance=1e-3)
+    found.figure("needed", needed, tolerance=1e-9)
+    found.statement = f"mu of {needed:.4f} is needed; with twice it creeps at {slow:.3f} mm/s."
+    found.heard(slow < 1e-3)
+    found.corrected(
+        all(falls(model, 0.999) for model in RIGID),
+        not any(falls(model, 1.001) for model in RIGID),
+        abs(creep(4.0) / slow - 1) < 1e-2,
+    )
+
+
+@claim(
+    "A coarse friction pyramid makes grasped objects slip.",
+    "Between its edges it is weaker than the cone, down to 1/sqrt(2), and there it slips under a "
+    "load that the cone holds. Along an edge it is as strong. While it slides it also steers: sent "
+    "off at {degrees:.1f} degrees to an edge, a block goes {stretched:.3f} times as far and stops "
+    "at {turned:.1f} degrees.",
+)
+def pyramid_slips(found):
+    from course.charts.contact.models import stopped
+
+    degrees = found.given("degrees", 22.5)
+
+    def slips(angle, load=0.97, model="lcp", **options):
+        """Under a load of this share of mu f_n, in this direction."""
+        t = np.radians(angle)
+        base = scenes.block(0.0, 0.5)
+        push = load * 0.5 * scenes.GRAVITY * np.array([np.cos(t), np.sin(t), 0.0])
+        v = solve(model, scenes.replace(base, force=base.force + push).problem(0.01), **options)
+        return bool(np.abs(v.velocity[:2]).max() > 1e-9)
+
+    way, direction = stopped("lcp", degrees, 2e-4, 1.0)
+    found.figure("stretched", way, tolerance=1e-3)
+    found.figure("turned", direction, tolerance=1e-3)
+    between = found.rng.uniform(5.0, 85.0, 10)
+    along = [90.0 * k for k in range(4)] + [90.0 * k + x for k, x in enumerate((1, -1, 0.5, -0.5))]
+    found.statement = f"Way {way:.4f}, sqrt(1 + sin^2 2t) = {np.hypot(1, np.sin(np.pi / 4)):.4f}."
+    found.heard(
+        slips(0.0),
+        only_if="the load points between the edges",
+        inside=[slips(angle) for angle in between],
+        outside=[slips(angle) for angle in along],
+    )
+    t = np.radians(degrees)
+    found.corrected(
+        not any(slips(angle, model="coulomb") for angle in between),
+        slips(45.0, 0.71) and not slips(45.0, 0.70),
+        abs(way - np.sqrt(1 + np.sin(2 * t) ** 2)) < 2e-3,
+        abs(direction - np.degrees(np.arctan(np.sin(2 * t)))) < 0.1,
+        not slips(45.0, 0.9, edges=16),
+    )
+
+
+@claim(
+    "In MuJoCo condim 4 gives the full friction cone.",
+    "condim counts the rows of a contact: 4 adds friction against spin to the two directions of "
+    "sliding that 3 has, and stops a spinning disc. The shape of the cone is another option, and "
+    "its default is the pyramid: halfway between its edges a block with condim 4 then goes "
+    "{stretched:.2f} times as far as with the elliptic cone.",
+)
+def condim_4_is_the_full_cone(found):
+    from course.oracles.mujoco import contact
+
+    def way(cone, condim):
+        velocity = (np.sqrt(0.5), np.sqrt(0.5))
+        options = contact.Options(cone=cone, condim=condim)
+        return np.linalg.norm(contact.block(options, 0.0, velocity, -1e-4).run(200)[0][:2])
+
+    def spin(condim):
+        options = contact.Options(condim=condim, friction=(0.5, 0.05, 0.0001))
+        return contact.spinning_disc(options, 10.0).run(200)[1][3]
+
+    stretched = found.figure("stretched", way("pyramidal", 4) / way("elliptic", 4), tolerance=1e-3)
+    same = way("elliptic", 4) / way("elliptic", 3)
+    kept, lost = spin(3), spin(4)
+    found.figure("spin_left_rad_s", kept, tolerance=1e-9)
+    found.statement = f"10 rad/s after 0.4 s: condim 3 {kept:.3f}, condim 4 {lost:.1e} rad/s."
+    found.heard(abs(stretched - 1) < 0.01)
+    found.corrected(stretched > 1.3, abs(same - 1) < 1e-6, abs(kept - 10) < 1e-9, abs(lost) < 0.01)
+
+
+@claim(
+    "In MuJoCo condim 1 is frictionless.",
+    "It is, whatever coefficient the geom names: a block sent off keeps its speed to the last "
+    "digit.",
+)
+def condim_1_is_frictionless(found):
+    from course.oracles.mujoco import contact
+
+    def kept(mu, speed):
+        options = contact.Options(condim=1, friction=(mu, 0.005, 0.0001))
+        return contact.block(options, 0.0, (speed, 0.0)).run(200)[1][0] == speed
+
+    draws = [kept(*row) for row in found.rng.uniform((0.0, 0.1), (2.0, 3.0), (8, 2))]
+    braked = contact.block(contact.Options(), 0.0, (1.0, 0.0)).run(200)[1][0]
+    found.figure("with_condim_3_m_s", braked, tolerance=1e-6)
+    found.statement = f"{sum(draws)} of {len(draws)} blocks keep 200 steps' speed exactly."
+    found.heard(all(draws))
+    found.corrected(abs(braked) < 0.01)
+
+
+@claim(
+    "A simulator's friction coefficient is 0.5 unless one says otherwise.",
+    "That depends on the simulator: MuJoCo's is {default:.1f}, and of two geoms the larger "
+    "one counts.",
+)
+def default_friction(found):
+    import mujoco
+
+    def friction(*words):
+        geoms = "".join(f'<body><freejoint/><geom size=".1" {w}/></body>' for w in words)
+        model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{geoms}</worldbody></mujoco>")
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        return float(data.contact[0].friction[0])
+
+    default = found.figure("default", friction("", ""))
+    larger = friction('friction="0.3"', 'friction="0.7"')
+    found.statement = f"Two spheres without a word: {default}; 0.3 against 0.7: {larger}."
+    found.heard(abs(default - 0.5) < 1e-9)
+    found.corrected(abs(default - 1.0) < 1e-9, abs(larger - 0.7) < 1e-9)
+
+
+def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
+    """Speed after a ball of 1 kg at 1 m/s hits a spring with a damper, without gravity [m/s]; NaN
+    where it has not left after 60 / omega."""
+    from course.contact.models import penalty_force
+
+    omega = np.sqrt(stiffness)
+    damping = 2.0 * zeta * omega
+    x, v, force = -1e-12, -1.0, np.zeros(1)
+    for _ in range(round(60.0 / omega / dt)):
+        penalty_force(-x, np.array([v]), stiffness, -sign * damping, np.zeros(0), 1.0, pull, force)
+        v += dt * force[0]
+        x += dt * v
+        if x > 0.0:
+            return v
+    return np.nan
+
+
+@claim(
+    "Too much damping in a penalty contact makes things stick together.",
+    "Only where the damper may pull, and from critical damping on: the bodies then never part, and "
+    "what parts them is held back. Clipped at zero the contact lets go at every damping, "
+    "critically damped with {left:.3f} of the speed.",
+)
+def damping_makes_things_stick(found):
+    from course.oracles.mujoco.box import spring_restitution
+
+    left = found.figure("left", _hit(1.0, False), tolerance=1e-2)
+    zetas = found.rng.uniform(1.05, 3.0, 8)
+    found.statement = (
+        f"zeta = 1, clipped: {left:.4f} m/s; theory exp(-2) {spring_restitution(1.0):.4f}."
+    )
+    found.heard(
+        bool(np.isnan(_hit(1.5, False))),
+        only_if="the damper may pull and is at least critical",
+        inside=[bool(np.isnan(_hit(z, True))) for z in zetas],
+        outside=[bool(np.isnan(_hit(z, False))) for z in zetas]
+        + [bool(np.isnan(_hit(z, True))) for z in 0.3 * zetas],
+    )
+    found.corrected(abs(left - spring_restitution(1.0)) < 0.01)
+
+
+@claim(
+    "The penalty force is F = k d n + b v_rel.",
+    "With a plus the damper drives: a ball comes back from such a contact with {gain:.2f} times "
+    "its speed, at a damping ratio of {zeta:.1f}. It acts against the relative velocity, along the "
+    "normal: k d n - b (v_rel . n) n, clipped at zero.",
+)
+def penalty_law_has_a_plus(found):
+    zeta = found.given("zeta", 0.1)
+    gain = found.figure("gain", _hit(zeta, False, sign=1.0), tolerance=1e-2)
+    loss = _hit(zeta, False)
+    zetas = found.rng.uniform(0.05, 0.6, 8)
+    found.statement = f"1 m/s comes back as {gain:.3f} m/s with a plus, {loss:.3f} with a minus."
+    found.heard(gain <= 1.0)
+    found.corrected(gain > 1.0, all(_hit(z, False) < 1.0 for z in zetas))
+
+
+@claim(
+    "The damper of a penalty contact damps the oscillation.",
+    "It damps what comes and goes along the normal. A body that also rocks or slides keeps that "
+    "motion: a block at {speed:.0f} m/s along the ground loses none of it to the damper.",
+)
+def damper_damps(found):
+    speed = found.given("speed", 1.0)
+
+    def slid(damping):
+        scene = scenes.with_friction(scenes.block(0.0, 0.0, (speed, 0.0)), 0.0)
+        return scenes.run(scene, "penalty", 1e-4, 3000, stiffness=1e4, damping=damping)
+
+    damped, bare = slid(100.0), slid(0.0)
+    kept = found.figure("kept_m_s", damped.v[0, -1], tolerance=1e-9)
+    rattle, free = np.ptp(damped.q[2, -500:]), np.ptp(bare.q[2, -500:])
+    found.statement = f"Heights in the last 50 ms vary by {rattle:.1e} m, undamped {free:.1e} m."
+    found.heard(rattle < 1e-6 < free and kept < speed)
+    found.corrected(rattle < 1e-3 * free, abs(kept - speed) < 1e-12)

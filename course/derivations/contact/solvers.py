@@ -1,0 +1,366 @@
+"""Claims on solvers: what they solve, how long they take, how large a step they bear."""
+
+import numpy as np
+
+from course.contact import scenes, solve
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "r": Symbol("mass on top over the mass below"),
+    "e": Symbol("tolerance, relative", 1e-9, 0.1),
+    "mu": Symbol("coefficient of friction"),
+    "v": Symbol("sliding speed [m/s]"),
+    "g": Symbol("gravity [m/s^2]"),
+    "h": Symbol("step [s]"),
+}
+
+
+def _stack(**options):
+    """(runner after 30 steps, its contacts) of four boxes in MuJoCo, the lowest pushed."""
+    from course.oracles.mujoco import contact
+
+    runner = contact.box(contact.Options(**options), (0.3, 0.0), 4)
+    runner.run(30)
+    return runner, contact.contact_state(runner)
+
+
+@claim(
+    "MuJoCo's contact problem is convex and has a unique solution.",
+    "It has: on a stack of boxes, on a table whose rigid forces are not unique, Newton and CG "
+    "agree to {spread:.0e} of the largest force when asked for all digits. At its usual tolerance "
+    "Newton is off by {usual:.0e}. That the problem has a solution doesn't make every solver find "
+    "it: on a sliding impact PGS with elliptic cones returns no force where Newton finds "
+    "{newton_n:.0f} N.",
+)
+def mujoco_is_convex_and_unique(found):
+    from course.oracles.mujoco import contact
+
+    runner, state = _stack()
+
+    def forces(solver, tolerance=0.0, start=0.0):
+        model, data = runner.model, runner.data
+        names = ("PGS", "CG", "Newton")
+        model.opt.solver, model.opt.tolerance = names.index(solver), tolerance
+        model.opt.iterations = 3000
+        data.qacc_warmstart[:] = start
+        return contact.contact_state(runner).force
+
+    largest = np.abs(state.force).max()
+    draws = [forces("Newton", start=found.rng.normal(0.0, 50.0, 24)) for _ in range(8)]
+    spread = max(np.abs(f - state.force).max() for f in (*draws, forces("CG"))) / largest
+    usual = np.abs(forces("Newton", 1e-8) - state.force).max() / largest
+    found.figure("spread", spread, tolerance=0.5)
+    found.figure("usual", max(usual, 1e-16), tolerance=0.5)
+    table = scenes.table((0.1, 0.05)).problem(0.01)
+    rigid = [solve(model, table).impulses[:, 0] for model in ("lcp", "pgs")]
+    soft = [solve("soft", table, solref=(0.02, d)).converged for d in (0.5, 1.0, 2.0)]
+
+    def sliding(solver, q=None, v=None):
+        made = contact.block(contact.Options(solver=solver, iterations=1000), 0.0, (2.0, 0.5), 0.01)
+        made.v0[2] = -1.0
+        made.reset()
+        if q is None:
+            q, v = made.run(8)
+        made.data.qpos[:], made.data.qvel[:] = q, v
+        made.data.qacc_warmstart[:] = 0.0
+        return contact.contact_state(made), q, v
+
+    best = (0.0, 1.0)
+    for steps in range(5, 30):
+        made = contact.block(contact.Options(), 0.0, (2.0, 0.5), 0.01)
+        made.v0[2] = -1.0
+        q, v = made.run(steps)
+        newton, swept = sliding("Newton", q, v)[0], sliding("PGS", q, v)[0]
+        if newton is not None and np.abs(swept.force).max() < 1e-9:
+            best = max(best, (newton.force.max(), 0.0))
+    found.figure("newton_n", best[0], tolerance=1e-3)
+    found.statement = f"8 random warm starts and CG differ by {spread:.1e} of {largest:.1f} N."
+    found.heard(spread < 1e-6)
+    found.corrected(np.abs(rigid[0] - rigid[1]).max() > 0.01, all(soft), best[0] > 1.0)
+
+
+@claim(
+    "The solver needs 50 to 100 iterations for complex contact scenes.",
+    "That depends on the solver and the masses. MuJoCo's Newton takes at most {newton:.0f} on a "
+    "stack of boxes; projected Gauss-Seidel needs {sweeps:.0f} sweeps for two bodies, the upper "
+    "{ratio:.0f} times the lower.",
+)
+def iterations_50_to_100(found):
+    from course.charts.contact.models import sweeps_needed
+
+    runner, _ = _stack(tolerance=1e-8)
+    taken = []
+    for steps in range(1, 60):
+        runner.run(steps)
+        taken.append(int(runner.data.solver_niter[0]))
+    newton = found.figure("newton", max(taken), tolerance=0.3)
+    ratio = found.given("ratio", 1000.0)
+    sweeps = found.figure("sweeps", sweeps_needed([1.0, ratio]), tolerance=1e-2)
+    found.statement = f"Newton: {newton} at most over 60 steps; sweeps {sweeps}."
+    found.heard(50 <= newton <= 100 and 50 <= sweeps <= 100)
+    found.corrected(newton < 30, sweeps > 1000)
+
+
+@claim(
+    "Raise nconmax and njmax where contacts stick or the solver doesn't converge.",
+    "They are sizes of memory. Where they suffice, raising them changes nothing, to the last bit; "
+    "what is too small drops contacts, and MuJoCo warns. In its present version they are legacy, "
+    "beside one size for all.",
+    source="MuJoCo 4.0 documentation, XML reference, size",
+)
+def nconmax_helps(found):
+    import mujoco
+
+    def end(size, speed, warned):
+        model = mujoco.MjModel.from_xml_string(
+            f'<mujoco><size {size}/><worldbody><geom type="plane" size="9 9 1"/><body pos="0 0 .3">'
+            '<freejoint/><geom type="box" size=".1 .1 .1"/></body></worldbody></mujoco>'
+        )
+        data = mujoco.MjData(model)
+        data.qvel[:] = speed
+        mujoco.mj_step(model, data, 300)
+        return data.qpos.copy() if not warned else int(data.ncon)
+
+    sizes = ("", 'njmax="200" nconmax="50"', 'njmax="2000" nconmax="500"', 'memory="10M"')
+    speeds = found.rng.uniform(-1.0, 1.0, (8, 6))
+    same = [all(np.array_equal(end(sizes[0], v, False), end(s, v, False)) for s in sizes[1:])
+            for v in speeds]  # fmt: skip
+    contacts = [end(sizes[0], v, True) for v in speeds]
+    found.figure("runs_that_changed", len(same) - sum(same))
+    found.statement = (
+        f"{sum(same)} of {len(same)} falling boxes end alike, {max(contacts)} contacts."
+    )
+    found.heard(not all(same))
+    found.corrected(all(same), max(contacts) > 0)
+
+
+@claim(
+    "Projected Gauss-Seidel converges as fast whatever the masses.",
+    "Light on heavy takes a few sweeps, heavy on light {formula}: the error of two bodies falls by "
+    "r/(1 + r) a sweep. At a ratio of {ratio:.0f} that is {sweeps:.0f} sweeps to a part in a "
+    "million, upside down {upside:.0f}.",
+    ask=(
+        "A mass r stands on a mass 1 on the ground. A sweep multiplies the error of the forces by "
+        "r/(1 + r). About how many sweeps, for a large r, until it has fallen to e?",
+        "n = (1 + r)*log(1/e)",
+        {
+            "r*log(e)": "The logarithm of a tolerance below 1 is negative.",
+            "log(1/e)/(1 + r)": "A heavier top takes more sweeps.",
+            "sqrt(r)*log(1/e)": "That is what conjugate gradients would need.",
+            "log(1/e)/log(1 + r)": "That is a factor of 1/(1 + r) a sweep, light on heavy.",
+        },
+    ),
+)
+def sweeps_and_masses(found):
+    import sympy
+
+    from course.charts.contact.models import sweeps_needed
+
+    r, e = sympy.symbols("r e", positive=True)
+    # ln(1 / e) / ln((1 + r) / r), its leading term for large r.
+    exact = sympy.log(1 / e) / sympy.log((1 + r) / r)
+    found.formula = (1 + r) * sympy.log(1 / e)
+    ratio_of_both = sympy.limit(exact / found.formula, r, sympy.oo)
+    ratio = found.given("ratio", 300.0)
+    sweeps = found.figure("sweeps", sweeps_needed([1.0, ratio]), tolerance=1e-2)
+    upside = found.figure("upside", sweeps_needed([ratio, 1.0]), tolerance=0.01)
+    ratios = found.rng.uniform(50.0, 2000.0, 6)
+    counted = [sweeps_needed([1.0, x]) / ((1 + x) * np.log(1e6)) for x in ratios]
+    found.statement = f"Counted over (1 + r) ln(1/e): {min(counted):.3f} to {max(counted):.3f}."
+    found.heard(sweeps < 2 * upside)
+    found.corrected(bool(ratio_of_both == 1), np.allclose(counted, 1.0, atol=0.03), upside < 10)
+
+
+@claim(
+    "A convex cone gives Coulomb's friction.",
+    "While it sticks. What slides at v also separates, at mu v: from touch a block hops to "
+    "{formula}, {hop_mm:.2f} mm at {speed:.0f} m/s. Braking distances hardly notice: MuJoCo's "
+    "block, off the ground on {off:.0%} of its steps and up to {high_mm:.0f} mm, stops {stop:.1%} "
+    "from where Coulomb's does.",
+    ask=(
+        "One step of the convex model sends a block that slides at v, and touches, off at the "
+        "normal speed mu v/(1 + mu^2). How high does it fly?",
+        "H = (mu*v/(1 + mu^2))^2/(2*g)",
+        {
+            "(mu*v)^2/(2*g)": "The same step also brakes it, so it slides at v/(1 + mu^2) then.",
+            "mu*v/(1 + mu^2)/g": "That is the time to the top.",
+            "mu*v*h": "That is the gap while it slides steadily.",
+            "v^2/(2*mu*g)": "That is the braking distance.",
+        },
+    ),
+    source="Anitescu, Optimization-based simulation of nonsmooth rigid multibody dynamics, 2006",
+)
+def convex_cone_is_coulomb(found):
+    import sympy
+
+    from course.oracles.mujoco import contact
+
+    mu, v, g = sympy.symbols("mu v g", positive=True)
+    # One block: minimise |v - v_free|^2 with u_n = mu u_t: u_t = v / (1 + mu^2).
+    u = sympy.Symbol("u", positive=True)
+    slid = sympy.solve(sympy.diff((u - v) ** 2 + (mu * u) ** 2, u), u)[0]
+    found.formula = sympy.factor((mu * slid) ** 2 / (2 * g))
+    speed = found.given("speed", 1.0)
+    dt = 1e-4
+    hop = scenes.run(scenes.block(0.0, 0.5, (speed, 0.0)), "convex", dt, 1000).q[2].max()
+    found.figure("hop_mm", 1e3 * hop, tolerance=1e-3)
+    theory = float(found.formula.subs({mu: 0.5, v: speed, g: scenes.GRAVITY}))
+    runner = contact.block(contact.Options(0.002), 0.0, (5.0, 0.0))
+    path = runner.samples(700)
+    moving = path.v[0] > 0.05
+    found.figure("off", np.mean(path.q[2, moving] > 0.0), tolerance=0.05)
+    found.figure("high_mm", 1e3 * path.q[2].max(), tolerance=0.05)
+    stop = path.q[0, -1] / (25.0 / (scenes.GRAVITY)) - 1.0
+    found.figure("stop", abs(stop), tolerance=0.3)
+    sticks = solve("convex", scenes.block(0.2, 0.5).problem(0.01)).velocity
+    found.statement = f"Hop {1e3 * hop:.3f} mm, theory {1e3 * theory:.3f} mm."
+    found.heard(hop < 1e-6)
+    found.corrected(abs(hop / theory - 1) < 0.02, np.abs(sticks).max() < 1e-9, abs(stop) < 0.01)
+
+
+@claim(
+    "A light box sinks under a heavy one because the solver has not converged.",
+    "In MuJoCo it sinks when solved to all digits: softness is scaled by the bodies' inverse "
+    "masses, so the light one sets it, and the heavy one loads it: {deep_mm:.1f} mm under "
+    "{heavy:.0f} times its mass, whatever the solver, {equal_mm:.2f} mm under its equal. Rigid "
+    "models leave {rigid_mm:.0e} mm.",
+)
+def heavy_on_light_sinks(found):
+    from course.oracles.mujoco import contact
+
+    heavy = found.given("heavy", 100.0)
+
+    def depth(mass, solver="Newton"):
+        options = contact.Options(condim=1, solver=solver, iterations=2000)
+        return -1e3 * contact.tower(options, [1.0, mass]).run(4000)[0][0]
+
+    newton, others = depth(heavy), [depth(heavy, solver) for solver in ("CG", "PGS")]
+    found.figure("deep_mm", newton, tolerance=1e-3)
+    equal = found.figure("equal_mm", depth(1.0), tolerance=1e-3)
+    rigid = np.abs(scenes.run(scenes.tower([1.0, heavy]), "coulomb", 0.01, 50).q).max()
+    found.figure("rigid_mm", max(1e3 * rigid, 1e-12), tolerance=0.5)
+    found.statement = f"Newton {newton:.4f} mm, CG and PGS {others[0]:.4f}, {others[1]:.4f} mm."
+    found.heard(np.abs(np.array(others) / newton - 1).max() > 1e-3)
+    found.corrected(newton > 10 * equal, rigid < 1e-9)
+
+
+@claim(
+    "MuJoCo, Drake and Bullet all solve contact at the level of velocities.",
+    "MuJoCo's standard integrators solve for forces and accelerations: the force of a given state "
+    "does not depend on the step ({change:.0e} from {short_ms:.1f} to {long_ms:.0f} ms), while the "
+    "impulse of a velocity-level model stops the approach within whatever step there is, with a "
+    "force that grows as 1/dt. Its integrator called discrete goes the other way.",
+    source="MuJoCo 4.0 documentation, Computation; Drake documentation, Contact modeling",
+)
+def mujoco_is_velocity_level(found):
+    from course.oracles.mujoco import contact
+
+    short, long = found.given("short_ms", 0.5), found.given("long_ms", 4.0)
+
+    def force(ms, integrator="Euler"):
+        runner = contact.block(contact.Options(1e-3 * ms, integrator), 0.0, (0.0, 0.0), -0.001)
+        runner.data.qvel[2] = -0.5
+        return contact.contact_state(runner).force[0]
+
+    def rigid(ms):
+        dt = 1e-3 * ms
+        problem = scenes.ball_drop().problem(dt, np.array([-0.001]), np.array([-0.5]))
+        return solve("lcp", problem).impulses[0, 0] / dt
+
+    change = abs(force(long) / force(short) - 1)
+    found.figure("change", max(change, 1e-16), tolerance=0.5)
+    grown = rigid(short) / rigid(long)
+    found.figure("rigid_growth", grown, tolerance=1e-6)
+    found.statement = (
+        f"{force(short):.4f} and {force(long):.4f} N; rigid ones differ {grown:.2f}-fold."
+    )
+    found.heard(change > 0.1)
+    found.corrected(change < 1e-9, grown > 5)
+
+
+@claim(
+    "Constraint methods can take larger steps than penalty methods.",
+    "They stay stable at any step, where a penalty contact has a limit; accuracy is another "
+    "matter. At {dt_ms:.0f} ms rigid contact keeps a tower at rest to {rest_um:.0e} um, and misses "
+    "the place where a braking block stops by {missed_mm:.0f} mm of {way_mm:.0f}; the error falls "
+    "with the step itself.",
+)
+def constraints_take_larger_steps(found):
+    from course.charts.contact.models import measured_limit
+
+    dt = found.given("dt_ms", 20.0) * 1e-3
+
+    def blows_up(model, step, **options):
+        path = scenes.run(scenes.tower([1.0] * 3), model, step, 60, **options)
+        return bool(np.abs(path.v[:, -20:]).max() > 1e-2)
+
+    stiff = {"stiffness": 1e5, "damping": 200.0}
+    rest = np.abs(scenes.run(scenes.tower([1.0] * 3), "coulomb", dt, 200).q).max()
+
+    def missed(step):
+        end = scenes.run(scenes.block(0.0, 0.5, (1.0, 0.0)), "coulomb", step, round(0.4 / step)).q
+        return abs(end[0, -1] - way)
+
+    way = 1.0 / scenes.GRAVITY
+    found.figure("rest_um", max(1e6 * rest, 1e-9), tolerance=0.5)
+    found.figure("missed_mm", 1e3 * missed(dt), tolerance=1e-2)
+    found.figure("way_mm", 1e3 * way, tolerance=1e-6)
+    limit = measured_limit(0.3, "semi-implicit") / np.sqrt(1e5)
+    steps = limit * found.rng.uniform(1.5, 6.0, 6)
+    worse = [blows_up("penalty", h, **stiff) for h in steps]
+    found.statement = (
+        f"The penalty contact's limit is {1e3 * limit:.2f} ms; rigid at {dt:g} s: {rest:.1e} m."
+    )
+    found.heard(all(worse) and not any(blows_up("coulomb", h) for h in (*steps, dt)))
+    found.corrected(rest < 1e-9, abs(missed(dt) / missed(0.1 * dt) - 10) < 2)
+
+
+@claim(
+    "500 kN/m is the contact stiffness of steel.",
+    "It is soft for steel. Hertz gives a steel ball of {radius_mm:.0f} mm on a steel plate "
+    "{stiffness_mn_m:.0f} MN/m under {load_n:.0f} N, and more under more load; of a "
+    "kilogram on it semi-implicit Euler asks for steps below {step_ms:.2f} ms.",
+    source="Johnson, Contact Mechanics, 1985, sec. 4.2",
+)
+def steel_stiffness(found):
+    from course.charts.contact.models import measured_limit
+
+    radius, load = found.given("radius_mm", 10.0) * 1e-3, found.given("load_n", 10.0)
+    modulus = 210e9 / (1 - 0.3**2) / 2  # both of steel
+
+    def stiffness(force):
+        """Slope of F = 4/3 E sqrt(R) d^(3/2), by differences [N/m]."""
+
+        def depth(f):
+            return (0.75 * f / (modulus * np.sqrt(radius))) ** (2 / 3)
+
+        return 2e-3 * force / (depth(1.001 * force) - depth(0.999 * force))
+
+    k = found.figure("stiffness_mn_m", 1e-6 * stiffness(load), tolerance=1e-5)
+    step = 1e3 * measured_limit(0.01, "semi-implicit") / np.sqrt(1e6 * k)
+    found.figure("step_ms", step, tolerance=1e-3)
+    loads = found.rng.uniform(1.0, 1e4, 8)
+    found.statement = f"{k:.1f} MN/m under {load:g} N."
+    found.heard(any(stiffness(f) <= 5e5 for f in loads))
+    found.corrected(k > 5, stiffness(10 * load) > 1.5e6 * k)
+
+
+@claim(
+    "MuJoCo has a built-in timer.",
+    "It has one for each stage of a step, in the data; the Python package sets its clock. A "
+    "stage's time is its duration over its number of calls, {calls:.0f} for {steps:.0f} steps.",
+)
+def mujoco_timer(found):
+    import mujoco
+
+    steps = found.given("steps", 50)
+    runner, _ = _stack()
+    data = mujoco.MjData(runner.model)
+    for _ in range(steps):
+        mujoco.mj_step(runner.model, data)
+    stage = data.timer[mujoco.mjtTimer.mjTIMER_STEP]
+    collision = data.timer[mujoco.mjtTimer.mjTIMER_POS_COLLISION]
+    calls = found.figure("calls", stage.number)
+    found.statement = f"A step has a time above 0: {bool(stage.duration > 0)}."
+    found.heard(bool(stage.duration > 0) and stage.number > 0)
+    found.corrected(calls == steps, bool(0 < collision.duration < stage.duration))
