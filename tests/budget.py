@@ -44,6 +44,7 @@ SMOKE = (
 )
 # What `make check` leaves out, as it takes long: processes, browsers, whole catalogues, compiling.
 SLOW = (
+    "tests/contact/test_model_charts.py",
     "tests/derivations/test_derivations.py",
     "tests/derivations/test_mutations.py",
     "tests/drills/test_attacks_judges.py",

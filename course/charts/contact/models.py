@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from course.charts import chart
-from course.contact import scenes
+from course.contact import scenes, solve
 from course.contact.models import gauss_seidel, penalty_force
 from course.contact.scenes import GRAVITY, Scene, run
 from course.measure.figure import Panel, Series
@@ -160,16 +160,17 @@ def work_precision(
         names: of the methods; None for all.
     """
     question = QUESTIONS[name]()
-    dt = 1e-5 if name == "incline" else 1e-4
-    n = round(question.duration / dt)
-    fine = run(question.scene, "pgs", dt, n, sweeps=20000)
+    # Sweeps at a fine step, their positions made those of the trapezoid rule, of second order.
+    n = round(question.duration / 2e-4)
+    fine = run(question.scene, "pgs", question.duration / n, n, sweeps=20000)
+    check = fine.q[:, -1] - 0.5 * question.duration / n * (fine.v[:, -1] - fine.v[:, 0])
     methods = [_our_method(ours, question, steps) for ours in OURS]
     methods += [_mujocos(*which, question, steps) for which in SOLVERS]
     return measure(
         [method for method in methods if names is None or method.name in names],
         question.truth,
         lambda answer, truth: max(float(np.linalg.norm(answer - truth)), _ROUNDING),
-        reference_check=question.answer(fine.q[:, -1]),
+        reference_check=question.answer(check),
         tolerance=question.tolerance,
         failed_above=0.3,
         repeats=repeats,
@@ -194,7 +195,46 @@ def contact_models(
         yield from work_precision(name, steps, repeats).panels()
 
 
+Rows = list[tuple[str, str, float, float, float, str]]  # scene, model, error, cost, count, verdict
+
 # --- the table ------------------------------------------------------------------------------------
+
+
+def _hits(rows: Rows, scene: str, *words: str) -> list[bool]:
+    """Whether the models of a scene whose name holds one of the words are good."""
+    return [row[5] == "good" for row in rows if row[0] == scene and any(w in row[1] for w in words)]
+
+
+def _error(rows: Rows, scene: str, model: str) -> float:
+    return next(row[2] for row in rows if row[:2] == (scene, model))
+
+
+NEWTON = "MuJoCo Newton, elliptic"
+SENTENCES: dict[str, Callable[[Rows], bool]] = {
+    "Between its edges every pyramid misses where a block stops; every true cone hits.": lambda r: (
+        not any(_hits(r, "braking", "pyramid"))
+        and all(_hits(r, "braking", "true cone", "convex", "elliptic", "ours"))
+    ),
+    "Down a slope along an edge all of them are good.": lambda r: all(_hits(r, "incline", "")),
+    "Under a heavy load MuJoCo's light body sinks by centimetres, whatever the solver.": lambda r: (
+        min(_error(r, "heavy", f"MuJoCo {s}, {c}") for s, c, _ in SOLVERS) > 0.01
+    ),
+    "Exact pivots and Newton on the cone hold it; a thousand sweeps do, ten do not.": lambda r: (
+        all(_hits(r, "heavy", "LCP", "(Newton)", "convex", "(1000)"))
+        and not any(_hits(r, "heavy", "(10)"))
+    ),
+    "Where a body is light, penalty contact fails at this step.": lambda r: (
+        math.isinf(_error(r, "heavy", "penalty")) and math.isinf(_error(r, "glass", "penalty"))
+    ),
+    "A held glass creeps in every soft model, by the pyramid more than twice as fast.": lambda r: (
+        not any(_hits(r, "glass", "MuJoCo"))
+        and _error(r, "glass", "MuJoCo Newton, pyramidal") > 2.0 * _error(r, "glass", NEWTON)
+    ),
+    "Our soft model errs exactly as MuJoCo does.": lambda r: all(
+        abs(_error(r, s, "MuJoCo's soft model, ours") / _error(r, s, NEWTON) - 1.0) < 1e-6
+        for s in QUESTIONS
+    ),
+}
 
 
 @chart
@@ -206,10 +246,11 @@ def contact_table(dt: float = 2e-3, repeats: int = 3) -> Iterator[Panel]:
         repeats: timed rounds.
     """
     panel = Panel("Contact models at one step", data=[])
+    rows: Rows = []
     panel.notes.append(
         f"a step of {1e3 * dt:g} ms; an error within the scene's tolerance is 'good'"
     )
-    panel.notes.append(f"{'scene':<8} {'model':<26} {'error':>9} {'a step':>9} {'iterations':>10}")
+    panel.notes.append(f"{'scene':<8} {'model':<33} {'error':>9} {'a step':>9} {'iterations':>10}")
     for name in QUESTIONS:
         found = work_precision(name, [dt], repeats)
         steps = round(QUESTIONS[name]().duration / dt)
@@ -218,11 +259,13 @@ def contact_table(dt: float = 2e-3, repeats: int = 3) -> Iterator[Panel]:
             verdict = "good" if point.error <= (found.tolerance or 0.0) else "misses"
             verdict = "FAILS" if point.failure else verdict
             per_step, iterations = point.time / steps, point.count / steps - 1.0
-            panel.data.append([name, curve.name, point.error, per_step, iterations, verdict])
+            rows.append((name, curve.name, point.error, per_step, iterations, verdict))
             panel.notes.append(
-                f"{name:<8} {curve.name:<26} {1e3 * point.error:6.3f} mm {1e6 * per_step:6.1f} us "
+                f"{name:<8} {curve.name:<33} {1e3 * point.error:6.3f} mm {1e6 * per_step:6.1f} us "
                 f"{iterations:10.1f}  {verdict}"
             )
+    panel.data = [list(row) for row in rows]
+    panel.notes += [sentence for sentence, holds in SENTENCES.items() if holds(rows)]
     yield panel
 
 
@@ -296,7 +339,38 @@ def contact_penalty_limit(size: int = 60) -> Iterator[Panel]:
                 f"{scheme:<14} zeta {zeta:.1f}: omega dt {found:.5f}, theory "
                 f"{step_limit(zeta, scheme):.5f}"
             )
+        if scheme != "explicit":
+            share = cube_limit() / cube_limit(1)
+            panel.notes.append(
+                f"a cube on two springs, semi-implicit: {share:.4f} of one spring's limit, theory "
+                f"{1.0 / math.sqrt(3.0):.4f}: pitch decides"
+            )
         yield panel
+
+
+def cube_limit(springs: int = 2, stiffness: float = 1e4) -> float:
+    """Largest stable step of a square of 1 kg on springs under its corners, by bisection [s].
+
+    Two of them turn it with omega^2 = 2 k a^2 / (2 m a^2 / 3) = 3 k / m, faster than they lift it;
+    one is under its middle.
+    """
+    side = np.array([-0.5, 0.5]) if springs == 2 else np.zeros(1)
+    rows = np.column_stack((np.ones(springs), side))[:, None]
+    load = np.array([-10.0 * springs * stiffness, 0.0])  # at rest 10 deep: no spring lets go
+    scene = Scene(
+        np.diag([1.0, 1.0 / 6.0]), rows, np.full(springs, -10.0), load,
+        np.zeros((springs, 0)), np.zeros(2), np.zeros(2),
+    )  # fmt: skip
+
+    def stable(dt: float) -> bool:
+        def step(state: Array) -> Array:
+            problem = scene.problem(dt, state[:2], state[2:])
+            v = solve("penalty", problem, stiffness=stiffness, damping=0.0).velocity
+            return np.concatenate((state[:2] + dt * v, v))
+
+        return spectral_radius(amplification(step, 4)) <= 1.0 + 1e-7
+
+    return limit(stable, 1e-4, 1.0, rel=1e-7)
 
 
 # --- sweeps ---------------------------------------------------------------------------------------

@@ -89,6 +89,7 @@ def mujoco_creeps(found):
     runner = contact.block(contact.Options(), angle)
     runner.run(500)
     state = contact.contact_state(runner)
+    assert state is not None
     softness = Softness(cone="elliptic")
     compliance = rows_of(state.problem, contact.Options().softness(state.weight)).compliance[1]
     damping = softness.stiffness(softness.solref, 0.002)[1]

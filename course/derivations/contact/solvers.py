@@ -26,57 +26,59 @@ def _stack(**options):
 
 @claim(
     "MuJoCo's contact problem is convex and has a unique solution.",
-    "It has: on a stack of boxes, on a table whose rigid forces are not unique, Newton and CG "
-    "agree to {spread:.0e} of the largest force when asked for all digits. At its usual tolerance "
-    "Newton is off by {usual:.0e}. That the problem has a solution doesn't make every solver find "
+    "It has: on a stack of boxes and on a table, whose rigid forces are not unique, Newton from "
+    "any start and CG agree to {digits:.0f} digits or more when asked for all. That the problem "
+    "has a solution doesn't make every solver find "
     "it: on a sliding impact PGS with elliptic cones returns no force where Newton finds "
     "{newton_n:.0f} N.",
 )
 def mujoco_is_convex_and_unique(found):
+    import mujoco
+
     from course.oracles.mujoco import contact
 
-    runner, state = _stack()
+    runner, _ = _stack()
 
-    def forces(solver, tolerance=0.0, start=0.0):
-        model, data = runner.model, runner.data
-        names = ("PGS", "CG", "Newton")
-        model.opt.solver, model.opt.tolerance = names.index(solver), tolerance
-        model.opt.iterations = 3000
-        data.qacc_warmstart[:] = start
-        return contact.contact_state(runner).force
+    def forces(made, solver, start=0.0):
+        """From a warm start of this acceleration."""
+        made.model.opt.solver = ("PGS", "CG", "Newton").index(solver)
+        made.model.opt.iterations = 3000
+        made.model.opt.disableflags &= ~int(mujoco.mjtDisableBit.mjDSBL_WARMSTART)
+        made.data.qacc_warmstart[:] = start
+        state = contact.contact_state(made)
+        return np.zeros(1) if state is None else state.force
 
-    largest = np.abs(state.force).max()
-    draws = [forces("Newton", start=found.rng.normal(0.0, 50.0, 24)) for _ in range(8)]
-    spread = max(np.abs(f - state.force).max() for f in (*draws, forces("CG"))) / largest
-    usual = np.abs(forces("Newton", 1e-8) - state.force).max() / largest
-    found.figure("spread", spread, tolerance=0.5)
-    found.figure("usual", max(usual, 1e-16), tolerance=0.5)
-    table = scenes.table((0.1, 0.05)).problem(0.01)
-    rigid = [solve(model, table).impulses[:, 0] for model in ("lcp", "pgs")]
-    soft = [solve("soft", table, solref=(0.02, d)).converged for d in (0.5, 1.0, 2.0)]
+    table = contact.table(contact.Options(condim=1), (0.1, 0.05))
+    table.run(200)
+    spreads = []
+    for made in (runner, table):
+        truth = forces(made, "Newton")
+        starts = found.rng.normal(0.0, 50.0, (8, made.model.nv))
+        others = [forces(made, "Newton", start) for start in starts]
+        others.append(forces(made, "CG"))
+        spreads.append(max(np.abs(f - truth).max() for f in others) / np.abs(truth).max())
+    spread = max(spreads)
+    found.figure("digits", min(9, np.floor(-np.log10(max(spread, 1e-16)))), tolerance=0.2)
+    same = scenes.table((0.1, 0.05)).problem(0.01)
+    rigid = [solve(model, same).impulses[:, 0] for model in ("lcp", "pgs")]
 
-    def sliding(solver, q=None, v=None):
-        made = contact.block(contact.Options(solver=solver, iterations=1000), 0.0, (2.0, 0.5), 0.01)
+    def sliding(solver, steps):
+        """Forces of a block that comes down sliding, after so many of Newton's steps."""
+        made = contact.block(contact.Options(iterations=1000), 0.0, (2.0, 0.5), 0.01)
         made.v0[2] = -1.0
-        made.reset()
-        if q is None:
-            q, v = made.run(8)
-        made.data.qpos[:], made.data.qvel[:] = q, v
+        made.run(steps)
+        made.model.opt.solver = ("PGS", "CG", "Newton").index(solver)
         made.data.qacc_warmstart[:] = 0.0
-        return contact.contact_state(made), q, v
+        state = contact.contact_state(made)
+        return np.zeros(1) if state is None else state.force
 
-    best = (0.0, 1.0)
-    for steps in range(5, 30):
-        made = contact.block(contact.Options(), 0.0, (2.0, 0.5), 0.01)
-        made.v0[2] = -1.0
-        q, v = made.run(steps)
-        newton, swept = sliding("Newton", q, v)[0], sliding("PGS", q, v)[0]
-        if newton is not None and np.abs(swept.force).max() < 1e-9:
-            best = max(best, (newton.force.max(), 0.0))
-    found.figure("newton_n", best[0], tolerance=1e-3)
-    found.statement = f"8 random warm starts and CG differ by {spread:.1e} of {largest:.1f} N."
+    lost = max(
+        sliding("Newton", n)[0] for n in range(5, 30) if not np.abs(sliding("PGS", n)).max() > 1e-9
+    )
+    found.figure("newton_n", lost, tolerance=1e-3)
+    found.statement = f"8 random warm starts and CG differ by {spread:.1e} of the largest force."
     found.heard(spread < 1e-6)
-    found.corrected(np.abs(rigid[0] - rigid[1]).max() > 0.01, all(soft), best[0] > 1.0)
+    found.corrected(np.abs(rigid[0] - rigid[1]).max() > 0.01, lost > 1.0)
 
 
 @claim(
@@ -103,9 +105,9 @@ def iterations_50_to_100(found):
 
 @claim(
     "Raise nconmax and njmax where contacts stick or the solver doesn't converge.",
-    "They are sizes of memory. Where they suffice, raising them changes nothing, to the last bit; "
-    "what is too small drops contacts, and MuJoCo warns. In its present version they are legacy, "
-    "beside one size for all.",
+    "They were sizes of memory, and where they sufficed more changed nothing. Version 4 doesn't "
+    "even look: with {allowed:.0f} contacts allowed a box rests on {contacts:.0f}, and ends where "
+    "it ends without the limit, to the last bit.",
     source="MuJoCo 4.0 documentation, XML reference, size",
 )
 def nconmax_helps(found):
@@ -121,17 +123,16 @@ def nconmax_helps(found):
         mujoco.mj_step(model, data, 300)
         return data.qpos.copy() if not warned else int(data.ncon)
 
-    sizes = ("", 'njmax="200" nconmax="50"', 'njmax="2000" nconmax="500"', 'memory="10M"')
+    allowed = found.given("allowed", 2)
+    small = f'njmax="6" nconmax="{allowed}"'
+    sizes = ("", small, 'njmax="2000" nconmax="500"', 'memory="10M"')
     speeds = found.rng.uniform(-1.0, 1.0, (8, 6))
     same = [all(np.array_equal(end(sizes[0], v, False), end(s, v, False)) for s in sizes[1:])
             for v in speeds]  # fmt: skip
-    contacts = [end(sizes[0], v, True) for v in speeds]
-    found.figure("runs_that_changed", len(same) - sum(same))
-    found.statement = (
-        f"{sum(same)} of {len(same)} falling boxes end alike, {max(contacts)} contacts."
-    )
+    touching = found.figure("contacts", max(end(small, v, True) for v in speeds))
+    found.statement = f"{sum(same)} of {len(same)} boxes end alike with any size."
     found.heard(not all(same))
-    found.corrected(all(same), max(contacts) > 0)
+    found.corrected(all(same), touching > allowed)
 
 
 @claim(
@@ -260,7 +261,9 @@ def mujoco_is_velocity_level(found):
     def force(ms, integrator="Euler"):
         runner = contact.block(contact.Options(1e-3 * ms, integrator), 0.0, (0.0, 0.0), -0.001)
         runner.data.qvel[2] = -0.5
-        return contact.contact_state(runner).force[0]
+        state = contact.contact_state(runner)
+        assert state is not None
+        return state.force[0]
 
     def rigid(ms):
         dt = 1e-3 * ms
@@ -268,7 +271,7 @@ def mujoco_is_velocity_level(found):
         return solve("lcp", problem).impulses[0, 0] / dt
 
     change = abs(force(long) / force(short) - 1)
-    found.figure("change", max(change, 1e-16), tolerance=0.5)
+    found.figure("change", max(change, 1e-12), tolerance=0.5)
     grown = rigid(short) / rigid(long)
     found.figure("rigid_growth", grown, tolerance=1e-6)
     found.statement = (

@@ -1,0 +1,116 @@
+"""What the charts of the contact models say, on smaller settings: limits, slopes, sentences."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from course import charts
+from course.charts.contact import models
+from course.contact.scenes import GRAVITY, run, tower
+from tests.budget import examples
+
+
+@pytest.fixture(scope="module")
+def table() -> charts.Panel:
+    (panel,) = charts.build("contact_table", repeats=1)
+    return panel
+
+
+@pytest.mark.parametrize("sentence", models.SENTENCES)
+def test_every_sentence_of_the_table_holds(table: charts.Panel, sentence: str) -> None:
+    assert models.SENTENCES[sentence]([tuple(row) for row in table.data])
+    assert sentence in charts.read("contact_table")
+
+
+def test_a_sentence_fails_on_another_table(table: charts.Panel) -> None:
+    """None of them is true of anything: errors handed round among the models break each."""
+    rows = [list(row) for row in table.data]
+    errors = [(row[2], row[5]) for row in rows]
+    for row, (error, verdict) in zip(rows, errors[5:] + errors[:5], strict=True):
+        row[2], row[5] = error, verdict
+    broken = [not holds([tuple(row) for row in rows]) for holds in models.SENTENCES.values()]
+    assert sum(broken) >= len(broken) - 1
+
+
+def test_the_table_has_every_model_and_mujocos_rows(table: charts.Panel) -> None:
+    for scene in models.QUESTIONS:
+        named = {row[1] for row in table.data if row[0] == scene}
+        assert named >= set(models.OURS)
+        assert len([name for name in named if name.startswith("MuJoCo N")]) == 3
+
+
+@given(zeta=st.floats(0.02, 3.0))
+@examples(20)
+def test_penalty_limits_are_the_theorys(zeta: float) -> None:
+    for scheme in ("explicit", "semi-implicit"):
+        if scheme == "explicit" and abs(zeta - 1.0) < 1e-3:
+            continue  # a double root, where bisection stops at the square root of rounding
+        theory = models.step_limit(zeta, scheme)
+        assert models.measured_limit(zeta, scheme) == pytest.approx(theory, rel=1e-5)
+
+
+@pytest.mark.parametrize("zeta", [0.1, 0.5, 1.5])
+def test_past_its_limit_a_one_sided_contact_leaves_rest(zeta: float) -> None:
+    """It may only rattle: the contact opens, so nothing explodes; but rest is lost."""
+    k = 1e4
+    edge = models.step_limit(zeta, "semi-implicit") / math.sqrt(k)
+    options = {"stiffness": k, "damping": 2.0 * zeta * math.sqrt(k)}
+    scene = tower([1.0])
+    scene = models.replace(scene, q=np.array([-1.001 * GRAVITY / k]))
+    inside = run(scene, "penalty", 0.97 * edge, 1500, **options).v[0, -50:]
+    outside = run(scene, "penalty", 1.03 * edge, 1500, **options).v[0, -50:]
+    assert np.max(np.abs(inside)) < 1e-5
+    assert np.max(np.abs(outside)) > 1e-2
+
+
+def test_two_springs_turn_a_cube_before_they_lift_it() -> None:
+    ratio = models.cube_limit() / models.cube_limit(1)
+    assert ratio == pytest.approx(1.0 / math.sqrt(3.0), rel=1e-5)
+
+
+def test_sweeps_have_their_slopes() -> None:
+    ratio, height = charts.build("contact_sweeps", ratios=(30.0, 100.0, 300.0), heights=(5, 10, 20))
+    two = ratio["two bodies, heavy"]
+    assert two.y == pytest.approx(two.expected, rel=0.02)
+    ten = ratio["tower of 10"]
+    assert ten.y[-1] == pytest.approx(ten.expected[-1], rel=0.05)
+    assert max(ratio["two bodies, light"].y) <= 6
+    equal = height["equal tower"]
+    assert equal.y == pytest.approx(equal.expected, rel=0.05)
+
+
+def test_pyramids_steer_and_cones_do_not() -> None:
+    stretched, turned = charts.build("contact_steering", degrees=(0.0, 22.5, 45.0), dt=2e-3)
+    for label in ("exact pyramid", "MuJoCo Newton, pyramidal"):
+        assert stretched[label].y == pytest.approx(stretched["exact"].expected, rel=0.02)
+        assert turned[label].y == pytest.approx(turned["exact"].expected, abs=1.2)
+    for label in ("true cone", "MuJoCo Newton, elliptic"):
+        assert stretched[label].y == pytest.approx([1.0] * 3, abs=0.02)
+        assert turned[label].y == pytest.approx([0.0] * 3, abs=1e-6)
+
+
+def test_gradients_before_touch_behind_it_and_of_the_wrong_sign() -> None:
+    push, bounce = charts.build("contact_gradients", points=7, draws=20)
+    speeds = np.array(push["rigid"].x)
+    before, after = speeds < 0.17, speeds > 0.25
+    assert np.max(np.abs(np.array(push["rigid"].y)[before])) < 1e-9
+    assert np.array(push["rigid"].y)[after] == pytest.approx(0.25, rel=1e-3)
+    assert np.median(np.array(push["penalty"].y)[after]) > 0.4  # wrong by its jumps
+    assert np.max(np.array(push["interior point"].y)[before]) > 1e-5  # it feels what is ahead
+    assert np.max(np.array(push["randomised"].y)[before]) > 1e-3
+    x, y = np.array(bounce["stepped"].x), np.array(bounce["stepped"].y)
+    assert np.median(np.diff(y) / np.diff(x)) == pytest.approx(-1.0, rel=1e-6)
+    assert np.polyfit(x, y, 1)[0] == pytest.approx(1.0, abs=0.1)
+
+
+def test_work_precision_of_a_scene_picks_what_is_good() -> None:
+    names = ("penalty", "exact pyramid (LCP)", "true cone (Newton)", "MuJoCo Newton, elliptic")
+    found = models.work_precision("braking", (1e-2, 5e-3, 2.5e-3), 1, names)
+    assert found.observed_order("true cone (Newton)") == pytest.approx(1.0, abs=0.05)
+    pick = found.pick(by="count")
+    assert pick is not None and pick.name != "exact pyramid (LCP)"
+    errors = [point.error for point in found.curve("exact pyramid (LCP)").points]
+    assert min(errors) > 10 * 2e-3  # no step repairs a pyramid
