@@ -168,8 +168,10 @@ class Arm:
         a = self._library.aba(self.model, self.data, q[order], v[order], left[order])
         return np.asarray(a[self._back])
 
-    def calls(self, what: str, q: Array, v: Array, x: Array) -> Callable[[], None]:
+    def calls(self, what: str, q: Array, v: Array, x: Array) -> Callable[[], Array]:
         """A function that asks about N states, one Python call of Pinocchio's own for each.
+
+        It gives the last answer, in Pinocchio's order of joints.
 
         Args:
             what: "rnea" (x: accelerations), "aba" (x: torques) or "jacobian" of the tip.
@@ -179,15 +181,17 @@ class Arm:
         one_of("what", what, ("rnea", "aba", "jacobian"))
         rows = [list(np.ascontiguousarray(state[self.order].T)) for state in (q, v, x)]
 
-        def jacobians() -> None:
+        def jacobians() -> Array:
             axes = library.LOCAL_WORLD_ALIGNED
             for here in rows[0]:
-                library.computeFrameJacobian(model, data, here, tip, axes)
+                J = library.computeFrameJacobian(model, data, here, tip, axes)
+            return np.asarray(J)
 
-        def dynamics() -> None:
+        def dynamics() -> Array:
             ask = getattr(library, what)
             for here, rate, third in zip(*rows, strict=True):
-                ask(model, data, here, rate, third)
+                found = ask(model, data, here, rate, third)
+            return np.array(found)
 
         return jacobians if what == "jacobian" else dynamics
 

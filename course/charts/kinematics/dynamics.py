@@ -31,7 +31,7 @@ ASKED = {
 }
 
 
-@chart(columns=3)
+@chart
 def arm_throughput(
     sizes: Sequence[int] = (1, 10, 100, 1000, 10_000, 100_000), most: int = 10_000,
     repeats: int = 7, clock: Callable[[], float] = time.process_time,

@@ -119,9 +119,7 @@ def ik_success(
                 name, solve, poses if mine else poses[:slow], seeds if mine else seeds[:1], "steps"
             )
             series = seconds.series(budgets, name)
-            series.note = (
-                f"{name:<31} {steps.ever:7.2%} solved, half within {steps.budget()[0]:g} steps"
-            )
+            series.note = steps.series(budgets, name).note
             panel.series.append(series)
         whole = np.array(poses).T
         found = {name: ik(arm, whole, start, rng=0) for name, start in (("", None), ("t", samples))}
@@ -191,7 +189,7 @@ def ik_residual(
         "A target on the edge of two links": (two, edge, np.array([0.3, 1.0])),
     }
     for title, (chain, goals, start) in scenes.items():
-        panel = Panel(title, "steps", "median error left [m, rad]", scale="log y")
+        panel = Panel(title, "steps", "median error left [m, rad]", scale="log")
         for method in METHODS:
             left = []
             for k in budgets:

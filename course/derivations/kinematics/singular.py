@@ -42,18 +42,20 @@ def _listing(target: Any, start: Any, damping: float = 0.1, steps: int = 100, sh
     Returns:
         Joint angles, distance left [m] and steps taken; what was not reached took all of them.
     """
-    from course.kinematics import planar, tip
+    from course.kinematics import jacobian, planar, tip
 
+    arm = planar(_ARM)
     target, q = (np.array(x, float).reshape(2, -1) for x in (target, start))
     taken = np.zeros(q.shape[1], int)
     for _ in range(steps):
-        error = target - tip(planar(_ARM), q)[:2]
+        error = target - tip(arm, q)[:2]
         going = np.flatnonzero(np.hypot(*error) >= 1e-4)
         if not going.size:
             break
         taken[going] += 1
-        q[:, going] += share * _damped(_jacobian(q[:, going]), error[:, going], damping)
-    return q, np.hypot(*(target - tip(planar(_ARM), q)[:2])), taken
+        J = jacobian(arm, q[:, going])[:2]
+        q[:, going] += share * _damped(J, error[:, going], damping)
+    return q, np.hypot(*(target - tip(arm, q)[:2])), taken
 
 
 def _around(rng: np.random.Generator, low: float, high: float, count: int = 2000) -> np.ndarray:
@@ -250,7 +252,8 @@ def singular_start(found):
     l1, l2 = (sympy.Rational(str(x)) for x in _ARM)
     J = sympy.Matrix([[-l2 * bend, -l2 * bend], [l1 + l2, l2]])
     error = sympy.Matrix([-e, -l2 * bend])
-    step = J.T * (J * J.T + value**2 * sympy.eye(2)).inv() * error
+    inner = J * J.T + value**2 * sympy.eye(2)
+    step = J.T * inner.adjugate() * error / inner.det()
     law = sympy.lambdify((e, value), 1 + sympy.diff(step[1], bend).subs(bend, 0))
 
     draws = found.rng.uniform((0.01, 0.03), (1.0, 0.5), (30, 2))

@@ -179,8 +179,10 @@ def _tool(
     return carrier[body], compose(within[body], np.concatenate([site.pos, site.quat]))
 
 
-def calls(chain: Chain, what: str, q: Array, v: Array, x: Array) -> Callable[[], None]:
+def calls(chain: Chain, what: str, q: Array, v: Array, x: Array) -> Callable[[], Array]:
     """A function that asks about N states, one call of MuJoCo's for each.
+
+    It gives the last answer, in MuJoCo's order of joints.
 
     Args:
         chain: the arm.
@@ -193,19 +195,21 @@ def calls(chain: Chain, what: str, q: Array, v: Array, x: Array) -> Callable[[],
     rows = [list(np.ascontiguousarray(state[at].T)) for state in (q, v, x)]
     J = np.zeros((6, chain.n))
 
-    def jacobians() -> None:
+    def jacobians() -> Array:
         for here in rows[0]:
             data.qpos[:] = here
             mujoco.mj_kinematics(mj, data)
             mujoco.mj_comPos(mj, data)
             mujoco.mj_jacSite(mj, data, J[:3], J[3:], 0)
+        return J
 
-    def dynamics() -> None:
+    def dynamics() -> Array:
         ask = mujoco.mj_inverse if what == "inverse" else mujoco.mj_forward
         third = data.qacc if what == "inverse" else data.qfrc_applied
         for here, rate, given in zip(*rows, strict=True):
             data.qpos[:], data.qvel[:], third[:] = here, rate, given
             ask(mj, data)
+        return np.array(data.qfrc_inverse if what == "inverse" else data.qacc)
 
     return jacobians if what == "jacobian" else dynamics
 
