@@ -199,7 +199,9 @@ def test_decomposed_rows_are_orthogonal_and_a_damped_step_is_the_textbook_one(se
     size = np.sort(np.linalg.norm(A, axis=1))[::-1][: min(m, n)]
     np.testing.assert_allclose(size, kinematics.singular_values(J), rtol=1e-9, atol=1e-300)
     step(J, e, METHODS.index("damped"), damping, A, U, dq)
-    exact = J.T @ np.linalg.solve(J @ J.T + damping**2 * np.eye(m), e)
+    # As least squares, whose condition is the square root of that of J J^T + lambda^2.
+    taller = np.vstack([J, damping * np.eye(n)])
+    exact = np.linalg.lstsq(taller, np.append(e, np.zeros(n)))[0]
     np.testing.assert_allclose(dq, exact, atol=1e-8 * np.abs(exact).max())
     step(J, e, METHODS.index("pseudo_inverse"), damping, A, U, dq)
     np.testing.assert_allclose(dq, np.linalg.pinv(J) @ e, rtol=1e-5, atol=1e-8 * np.abs(dq).max())
