@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -73,13 +74,25 @@ def bodies(figure: Figure, start: Any, got: Any, right: Any) -> None:
     axes.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1), xlabel="x", ylabel="y", zlabel="z")
     axes.set(xticks=(-1, 0, 1), yticks=(-1, 0, 1), zticks=(-1, 0, 1))
     axes.set_box_aspect((1, 1, 1))
+    axes.set_title(f"{angle(got, right):.2g} degrees between yours and right", fontsize="medium")
     axes.legend(loc="upper left")
+
+
+def angle(p: Any, q: Any) -> float:
+    """The angle between two orientations [degrees], of quaternions of any length."""
+    error = min(float(np.linalg.norm(unit(p) - sign * unit(q))) for sign in (1.0, -1.0))
+    return math.degrees(4.0 * math.asin(min(0.5 * error, 1.0)))
+
+
+def unit(q: Any) -> Any:
+    """A quaternion of length one; that of no turn where there is none."""
+    q = np.asarray(q, dtype=float)
+    size = float(np.linalg.norm(q))
+    return q / size if 0.0 < size < np.inf else np.array([1.0, 0.0, 0.0, 0.0])
 
 
 def _axes_of(q: Any) -> Any:
     """The body's axes in the world, one a row, of a quaternion (w, x, y, z)."""
-    q = np.asarray(q, dtype=float)
-    size = float(np.linalg.norm(q))
-    w, *v = q / size if 0.0 < size < np.inf else np.array([1.0, 0.0, 0.0, 0.0])
+    w, *v = unit(q)
     axes = np.eye(3)
     return axes + 2.0 * np.cross(v, np.cross(v, axes) + w * axes)

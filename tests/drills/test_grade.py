@@ -233,3 +233,17 @@ def test_the_example_of_contributing_is_an_exercise(monkeypatch: pytest.MonkeyPa
     assert len(made.slips) == 3
     for slip in made.slips:
         assert graded(slip.text(solution)).slip == slip.name
+
+
+def test_of_warnings_only_those_of_the_case_that_is_told_are_shown() -> None:
+    head = "import warnings\n\nimport numpy as np\n\n\ndef fk3(lengths, thetas):\n"
+    body = (
+        "    print('mine')\n    if lengths[0] == 0.0:\n        np.array([1.0, 2.0]) / lengths[0]\n"
+        "    if lengths[0] == 1.0 == lengths[2]:\n        np.nanmean(np.array([np.nan]))\n"
+        "    return np.ones((4, 2))\n"
+    )
+    output = grade("fk3", head + body, seed=3).output
+    assert "RuntimeWarning: Mean of empty slice" in output and "/" not in output
+    assert "divide by zero" not in output and output.count("mine") > 10
+    right = engine.printed("/a/b.py:3: UserWarning: one\n  warn('one')\n1 / 2\n", 0, 60)
+    assert right == "b.py:3: UserWarning: one\n1 / 2\n"

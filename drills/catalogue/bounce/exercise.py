@@ -69,6 +69,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         Case((0.0, 1e-7, 0.01, between(*usual), 9.81), "hardly moves", "edge"),
         Case((2, -1, 1, 1, 10), WHOLE, "edge"),
         _small(between(1e-3, 4e-3), between(0.7, 0.9), between(1.2, 1.6)),
+        *(_small(between(3e-7, 6e-7), e, between(1.1, 1.4)) for e in (between(0.7, 0.9), 1.0)),
     ]
     falling, bouncing = clear("falling", (1.0, 2.0), (-2.0, 0.0), (0.2, 0.3), usual), cases[3]
     cases += [Case(case.args[:4], "gravity left out", "edge") for case in (falling, bouncing)]
@@ -83,12 +84,12 @@ def _rests(y: float, v: float, dt: float, e: float, gravity: float = 9.81, *shar
 
 
 def _small(speed: float, restitution: float, flights: float) -> Case:
-    """A ball that hops by a micrometre, some way into its second hop: it is not at rest yet."""
+    """A ball that hops by a micrometre or less, some way into its second hop: not at rest yet."""
     return Case((0.0, speed, flights * 2.0 * speed / 9.81, restitution, 9.81), "small hops", "edge")
 
 
 def told(answers: Sequence[Answer]) -> str:
-    """A height in free flight that is off, a rest that comes too early, another gravity."""
+    """What a flight, an impact or a rest is off by, where the values show it."""
     wrong = [a for a in answers if not all(a.right)]
     if wrong and all(a.case.label == "gravity left out" for a in wrong):
         return "default_gravity"
@@ -96,6 +97,12 @@ def told(answers: Sequence[Answer]) -> str:
         halved = [_rests(*a.case.args[:4], *a.case.args[4:] or (9.81,), 0.5) for a in answers]
         still = [off(a.parts[0], 0.0) == off(a.parts[1], 0.0) == 0.0 for a in answers]
         return "rest_time_halved" if halved == still else "rests_too_early"
+    if wrong and all(
+        _rests(*a.case.args) and off(a.parts[0], -1) < off(a.parts[0], 1) for a in wrong
+    ):
+        return "impacts_counted"
+    if any(_start_speed(a) for a in wrong):
+        return "start_speed_turned_round"
     for a in answers:
         y, v, dt, _, gravity = (*a.case.args, 9.81)[:5]
         risen = y + v * dt + 0.5 * gravity * dt * dt
@@ -107,6 +114,16 @@ def told(answers: Sequence[Answer]) -> str:
             if min(off(a.parts[0], a.truth[0] + drop), off(a.parts[0], a.truth[0] - drop)) <= 1e-9:
                 return "euler_flight"
     return coarse(answers)
+
+
+def _start_speed(a: Answer) -> bool:
+    """Whether the one impact of a fall turns round the speed of the start, in the step or at its end."""
+    y, v, dt, e, gravity = (*a.case.args, 9.81)[:5]
+    if a.case.label != "one impact" or v > -3.0:
+        return False
+    left, up = dt - (v + math.sqrt(v * v + 2.0 * gravity * y)) / gravity, -e * v
+    ends = (up * left - 0.5 * gravity * left * left, up - gravity * left), (0.0, up)
+    return any(max(map(off, a.parts, end)) <= 1e-9 for end in ends)
 
 
 def energy(attempt: Attempt, answers: Sequence[Answer]) -> None:
@@ -231,6 +248,12 @@ _ENDLESS = """def bounce_step(y, v, dt, restitution, gravity=9.81):
             return y + v * dt - 0.5 * gravity * dt * dt, v - gravity * dt
         y, v, dt = 0.0, restitution * impact, dt - fall
 """
+_START_SPEED = """def bounce_step(y, v, dt, restitution, gravity=9.81):
+    fall = (v + (v * v + 2.0 * gravity * y) ** 0.5) / gravity
+    if dt > fall:
+        y, v, dt = 0.0, -restitution * v, dt - fall
+    return y + v * dt - 0.5 * gravity * dt * dt, v - gravity * dt
+"""
 _END = """def bounce_step(y, v, dt, restitution, gravity=9.81):
     y, v = {flight}, v - gravity * dt
     if y < 0.0:
@@ -295,6 +318,9 @@ SLIPS = slips(
         "impact = math.sqrt(2.0 * gravity * y)",
         "The speed of the impact is sqrt(2 g y), as if the ball had been dropped from rest. Its "
         "velocity at the start belongs to it: sqrt(v^2 + 2 g y)."),
+    start_speed_turned_round=(_START_SPEED,
+        "The speed that is turned round is the one from the start of the step. Until the impact "
+        "gravity adds to it: there it is sqrt(v^2 + 2 g y)."),
     energy_gained=("up = restitution * impact", "up = restitution * (gravity * dt - v)",
         "The ball is turned round with more speed than the impact had: the speed at the *end* of "
         "the step, gained below the floor, is used in a flight from the impact on."),
@@ -302,6 +328,10 @@ SLIPS = slips(
         "    if 2.0 * gone * (1.0 - restitution) >= up:\n",
         "The ball is put to rest after u / (g (1 - e)). A flight with speed u lasts 2 u / g, up "
         "and down, so all that are left last 2 u / (g (1 - e)): twice as long."),
+    impacts_counted=(
+        _LOOP.format(speed="restitution * impact", rest="").replace("2000", "100"),
+        "The loop ends after so many impacts, and the ball falls on through the floor. One that "
+        "comes to rest has infinitely many of them, in the time 2 u / (g (1 - e)): test for it."),
     rests_too_early=(
         _LOOP.format(speed="restitution * impact", rest="if v < 0.8:\n            return 0.0, 0.0"),
         "The ball is put to rest although it still bounces: a threshold on its speed cuts off "

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from drills import picture
 from drills.attempt import Attempt, Place
 from drills.chart import Drawing
 from drills.exercise import Exercise, coarse_slips, slips, value_slips
-from drills.judge import WHOLE, Case, coarse, judge_of
+from drills.judge import WHOLE, Answer, Case, coarse, judge_of, off
 from drills.report import Shown
 
 Array = NDArray[np.float64]
@@ -43,10 +44,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
     ]
 
 
-def rounding(case: Case, truth: Any) -> float:
-    """1e-12 for each metre and radian, one of each added."""
-    lengths, thetas = case.args
-    return float(1e-12 * (1.0 + lengths.sum()) * (1.0 + np.abs(thetas).sum()))
+def told(answers: Sequence[Answer]) -> str:
+    """Three points for four, whatever else is wrong with them; else digits that are missing."""
+    firsts = [off(np.asarray(a.got[0]), np.zeros(2)) for a in answers if np.shape(a.got) == (3, 2)]
+    if firsts and len(firsts) == len(answers):
+        return "base_missing" if max(firsts) > 0.0 else "tip_missing"
+    return coarse(answers)
 
 
 def arms(attempt: Attempt, worked: Place) -> Drawing:
@@ -136,7 +139,7 @@ EXERCISE = Exercise(
             1e-12 * (1.0 + case.args[0].sum()) * (1.0 + np.abs(case.args[1]).sum())
         ),
         "a closed form: only rounding is left, which grows with the arm's length and the angles",
-        told=coarse,
+        told=told,
     ),
     examples=(
         "fk3(np.array([1.0, 1.0, 1.0]), np.array([0.0, 0.0, 0.0]))",

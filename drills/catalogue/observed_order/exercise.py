@@ -63,6 +63,7 @@ def told(answers: Sequence[Answer]) -> str:
 
 def _wrong_orders(coarse: Array, medium: Array, fine: Array, ratio: float = 2.0) -> dict[str, Any]:
     first, second = np.linalg.norm(medium - coarse), np.linalg.norm(fine - medium)
+    each = np.abs((medium - coarse) / (fine - medium))
     return {
         "fine_taken_for_the_truth": math.log(np.linalg.norm(fine - coarse) / second, ratio),
         "ratio_not_used": math.log2(first / second),
@@ -70,6 +71,8 @@ def _wrong_orders(coarse: Array, medium: Array, fine: Array, ratio: float = 2.0)
         "order_rounded": round(math.log(first / second, ratio)),
         "norm_squared": 2.0 * math.log(first / second, ratio),
         "order_negative": math.log(second / first, ratio),
+        "ratios_averaged": math.log(np.mean(each), ratio),
+        "logarithms_averaged": np.mean(np.log(each)) / math.log(ratio),
         "another_norm": math.log(
             np.sum(np.abs(medium - coarse)) / np.sum(np.abs(fine - medium)), ratio
         ),
@@ -171,6 +174,14 @@ SLIPS = slips(
         "np.linalg.norm(fine - medium)", "np.sum(np.abs(fine - medium))",
         "The differences are measured by the sum or the mean of their sizes. The task asks for the "
         "2-norm; where the runs are not yet in the range of one power of h the two differ."),
+    ratios_averaged=("growth = first / second",
+        "growth = np.mean(np.abs((medium - coarse) / (fine - medium)))",
+        "The ratio is taken component by component and averaged. One in which the runs hardly "
+        "differ then counts as much as all others: take the ratio of the two 2-norms."),
+    logarithms_averaged=("growth = first / second",
+        "growth = np.exp(np.mean(np.log(np.abs((medium - coarse) / (fine - medium)))))",
+        "The order is found component by component and averaged. One in which the runs hardly "
+        "differ then counts as much as all others: take one order, of the ratio of the 2-norms."),
     second_order_assumed=(_LIMIT, "fine + (fine - medium) / 3.0",
         "The extrapolation divides by 3, which is 2^2 - 1: right for order 2 and halved steps "
         "only. Divide by r^p - 1 with the order that you have found."),

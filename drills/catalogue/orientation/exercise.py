@@ -175,8 +175,9 @@ SLIPS = slips(
     multiplied_on_the_left=("w * i + x * c + y * k - z * j", "w * i + x * c - y * k + z * j",
         "w * j - x * k + y * c + z * i", "w * j + x * k + y * c - z * i",
         "w * k + x * j - y * i + z * c", "w * k - x * j + y * i + z * c",
-        "The turn is multiplied on the left of q, which is right for a rate in the world frame. "
-        "This rate is the body's: q times turn. From the identity one does not see it."),
+        "The turn is multiplied on the left of q, which is right for a rate in the world frame; "
+        "or the cross product in your product has its sign turned, which comes to the same. This "
+        "rate is the body's: q times turn. From the identity one does not see it."),
     scalar_last=("    w, x, y, z = np.asarray", "    x, y, z, w = np.asarray", _RETURN,
         "    return np.roll(turned, -1) / np.linalg.norm(turned)\n",
         "Your quaternions have the scalar last, (x, y, z, w). Here it comes first. Libraries "

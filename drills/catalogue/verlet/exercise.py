@@ -215,6 +215,7 @@ def pendulum(attempt: Attempt) -> Plan:
 
 _V_HALF = "    v_half = v + 0.5 * dt * a\n"
 _Q_NEW = "    q_new = q + dt * v_half\n"
+_A_NEW = "    a_new = np.asarray(acceleration(q_new), dtype=float)\n"
 _V_NEW = "    v_new = v_half + 0.5 * dt * a_new\n"
 
 SLIPS = slips(
@@ -256,6 +257,12 @@ SLIPS = slips(
     acceleration_at_old_position=("acceleration(q_new)", "acceleration(q)",
         "The new acceleration is evaluated at the old position. Move the position first, then "
         "ask for the acceleration there."),
+    position_verlet=(_V_HALF, "    q_half = q + 0.5 * dt * v\n", _Q_NEW, "", _A_NEW,
+        "    a_new = np.asarray(acceleration(q_half), dtype=float)\n", _V_NEW,
+        "    v_new = v + dt * a_new\n    q_new = q_half + 0.5 * dt * v_new\n",
+        "This is position Verlet (drift, kick, drift): of second order too, but another method. "
+        "Its acceleration is that of half way, which the next step can't begin with. The task "
+        "asks for kick, drift, kick."),
     evaluated_twice=(_V_HALF, "    v_half = v + 0.5 * dt * np.asarray(acceleration(q))\n",
         "The values are right, at twice the price: the acceleration at the start of the step is "
         "what came in as `a`. In a real simulator that evaluation is the whole cost."),
