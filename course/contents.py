@@ -12,7 +12,7 @@ def figures() -> str:
     written = sum(chapter.there for chapter in CHAPTERS)
     planned = len(CHAPTERS)
     return (
-        "| chapters | simulations | dimensions per chapter |\n"
+        "| chapters | simulations | sides of each subject |\n"
         "|:---:|:---:|:---:|\n"
         f"| **{planned}** | **{planned}** | **{len(DIMENSIONS)}** |\n"
         f"| {written} written, {planned - written} coming "

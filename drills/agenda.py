@@ -1,4 +1,4 @@
-"""What to do next, and how much is left: by chapter order, difficulty and what is unsolved."""
+"""What to do next, and how much is left: in the order of the chapters, and what is unsolved."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def to_read(loaded: Loaded, standing: list[Standing]) -> tuple[Chapter, Section]
 
 
 def to_solve(loaded: Loaded, cards: list[Card]) -> list[Card]:
-    """The unsolved ones: what was tried last comes first, then by chapter and difficulty."""
+    """The unsolved ones: what was tried last comes first, then in the order of the cards."""
     left = [card for card in cards if loaded.of(card.name).state != SOLVED]
     tried = [card for card in left if loaded.of(card.name).state == ATTEMPTED]
     if tried:

@@ -140,7 +140,7 @@ class Attempt:
         shown: the slip that the answers show, whichever check has failed; or "".
         in_part: a sentence on what is right where the rest is wrong, or "".
         factor: a sentence on the factor that all values have too much, or "".
-        heard: for each case that was begun, in turn, how much had been printed before it.
+        heard: for each case that was begun, how much had been printed before it and after it.
     """
 
     def __init__(self, card: Card, child: Place, report: Report, given: str = "") -> None:
@@ -157,7 +157,7 @@ class Attempt:
         self.shown = ""
         self.in_part = self.factor = ""
         self._part = -1
-        self.heard: dict[int, int] = {}
+        self.heard: dict[int, tuple[float, float]] = {}
         self.rng = np.random.default_rng(report.seed)
         self.learner = Learner(child, self)
         self.reference = InProcess(card.solution_text(), given)
@@ -171,9 +171,11 @@ class Attempt:
         """What is checked inside belongs to this case of the plan."""
         before, self._part = self._part, index
         self.report.begun.add(index)
-        self.heard[index] = len(self.learner.child.output)
+        start = len(self.learner.child.output)
+        self.heard[index] = start, math.inf
         yield  # a case that an exception leaves has not ended
         self.report.ended.add(index)
+        self.heard[index] = start, len(self.learner.child.output)
         self._part = before
 
     @property

@@ -81,6 +81,7 @@ class Card:
         hints: three, each more telling than the one before.
         insight: the one thing to remember.
         drill: whether it is one of the interview drills; else an exercise of a chapter.
+        place: in its chapter's notebook, from 1 on; 0 for a drill.
     """
 
     name: str
@@ -96,6 +97,7 @@ class Card:
     hints: tuple[Hint, ...]
     insight: str
     drill: bool
+    place: int = 0
 
     @property
     def folder(self) -> Path:
@@ -130,15 +132,15 @@ class Card:
 
 
 def names() -> list[str]:
-    """The names of all exercises, by chapter and difficulty."""
+    """The names of all exercises, in the order of `cards`."""
     return [card.name for card in cards()]
 
 
 @functools.cache
 def cards() -> tuple[Card, ...]:
-    """The cards of all exercises, by chapter, difficulty and name."""
-    folders = [path.parent for path in CATALOGUE.glob("*/card.toml")]
-    return tuple(sorted(map(_read_card, folders), key=lambda c: (c.chapter, c.difficulty, c.name)))
+    """The cards of all exercises: by chapter, as its notebook has them, then drills, easy first."""
+    found = map(_read_card, (path.parent for path in CATALOGUE.glob("*/card.toml")))
+    return tuple(sorted(found, key=lambda c: (c.chapter, c.drill, c.place, c.difficulty, c.name)))
 
 
 def card(name: str) -> Card:

@@ -151,7 +151,7 @@ def _list(session: Session, cards: list[Card]) -> int:
 def next_(
     session: Session, chapter: tuple[int, ...], level: tuple[int, ...], minutes: int | None
 ) -> int:
-    """Say what to do next: by chapter order, difficulty and what is unsolved."""
+    """Say what to do next: in the order of the chapters, and what is unsolved."""
     loaded, terminal = session.records(), session.terminal
     left = agenda.to_solve(loaded, _fitting(chapter, level, minutes))
     reading = agenda.to_read(loaded, agenda.standings(loaded))

@@ -6,6 +6,7 @@ The parent draws the inputs, holds the right answers and decides; the child only
 from __future__ import annotations
 
 import ast
+import math
 import re
 import secrets
 import time
@@ -36,8 +37,6 @@ COMPILING = 20.0  # s of processor time, for an answer that uses Numba
 NUMBA = re.compile(r"^\s*(?:import|from)\s+numba\b", re.MULTILINE)
 # A warning as Python prints it: its file and line, what it says, and perhaps that line.
 WARNING = re.compile(r"^(?:\S*/)?(?P<said>[^/\s]+:\d+: \w*Warning: .*\n)(?:  \S.*\n)?", re.M)
-    r"^(?:\S*/)?(?P<said>[^/\s]+:\d+: \w*Warning: .*\n)(?:  \S.*\n)?", re.MULTILINE
-)
 PARSED = 20_000  # characters of foreign text parsed here; the time can grow as their square
 
 
@@ -115,7 +114,8 @@ def attempt(
         report.output = child.output
     _note_compiling(found)
     _conclude(found, graded)
-    report.output = printed(report.output, *_first_failed(found))
+    told = next((check.part for check in report.checks if not check.passed), -1)
+    report.output = printed(report.output, *found.heard.get(told, (0, math.inf)))
     report.seconds = time.perf_counter() - start
     return found
 
@@ -232,18 +232,7 @@ def _conclude(attempt: Attempt, graded: Exercise) -> None:
         report.slip, report.diagnosis = diagnosis(attempt, graded)
 
 
-def _first_failed(attempt: Attempt) -> tuple[int, int]:
-    """From where to where the case that is told printed; everything where none failed."""
-    failed = next((check.part for check in attempt.report.checks if not check.passed), -1)
-    starts = list(attempt.heard)
-    if failed not in starts:
-        return 0, len(attempt.report.output)
-    later = starts[starts.index(failed) + 1 :]
-    end = attempt.heard[later[0]] if later else len(attempt.report.output)
-    return attempt.heard[failed], end
-
-
-def printed(output: str, start: int, end: int) -> str:
+def printed(output: str, start: float, end: float) -> str:
     """What was printed; of warnings only those between two places, and no folders in them."""
 
     def told(match: re.Match[str]) -> str:

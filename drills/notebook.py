@@ -252,10 +252,11 @@ def home() -> Shown:
             f"| {agenda.duration(row.exercise_minutes)} | {passed if row.sections else ''} |"
         )
     signs = ", ".join(f"{present.STATE_SIGNS[s]} {present.STATE_WORDS[s]}" for s in progress.STATES)
-    to_read = agenda.duration(sum(row.reading_minutes for row in standing))
-    to_solve = agenda.duration(sum(row.exercise_minutes for row in standing))
-    foot = f"In all about {to_read} to read and {to_solve} to solve. {signs}."
-    page = "\n\n".join([*lines, "\n".join(table), foot, *loaded.notices])
+    there = [row for row in standing if row.sections]
+    to_read = agenda.duration(sum(row.reading_minutes for row in there))
+    to_solve = agenda.duration(sum(row.exercise_minutes for row in there))
+    foot = f"In the chapters that are there: about {to_read} to read and {to_solve} to solve."
+    page = "\n\n".join([*lines, "\n".join(table), f"{foot} {signs}.", *loaded.notices])
     return Shown(re.sub(r"\]\([^)]*\)|[*`\[]", "", page), markdown=page)
 
 

@@ -209,13 +209,21 @@ def figures(text: str, *rows: str, cut: str = "", summary: str = "All figures") 
     end = lines[0].index(cut) if cut else None
     chosen = []
     for row in rows:
-        found = [line[:end] for line in lines if line.lstrip().startswith(row.lstrip())]
+        found = [line[:end].rstrip() for line in lines if line.lstrip().startswith(row.lstrip())]
         if not found:
             raise refused("rows", row, "the beginning of a line of the table")
-        chosen += [line.rstrip() for line in found if line.rstrip() not in chosen]
-    shown = "\n".join(chosen)
+        chosen += [line for line in dict.fromkeys(found) if line not in chosen]
+    shown = "\n".join(_narrow(chosen))
     whole = folded(summary, f"```text\n{text}\n```")
     return Shown(shown or summary, f"```text\n{shown}\n```\n\n{whole}" if shown else whole)
+
+
+def _narrow(lines: Sequence[str]) -> list[str]:
+    """The lines of a table with at most two columns of blanks between its own."""
+    wide = max(map(len, lines), default=0)
+    blank = [all(line[k : k + 1] in ("", " ") for line in lines) for k in range(wide)]
+    kept = [k for k in range(wide) if k < 2 or not all(blank[k - 2 : k + 1])]
+    return ["".join(line[k : k + 1] for k in kept) for line in lines]
 
 
 def interview(topic: str) -> Shown:

@@ -125,6 +125,8 @@ def _set(run: list[Token]) -> str:
             out += closing.pop()
         elif word == "x" and _crosses(run, position):
             out += r"\times"
+        elif word == "dt":  # the step has one letter in a notebook; d t would be a product
+            out += "h"
         elif kind == "symbol" and word[-1].isdigit() and len(word) == 2:
             out += f"{word[0]}_{word[1]}"
         elif kind == "symbol" and "_" in word:

@@ -447,18 +447,14 @@ class Block:
     def _repr_markdown_(self) -> str:
         outcome = self.outcome
         verdict, corrected = cards.tex(self.verdict), cards.tex(outcome.corrected)
-        options = [
-            (
-                label,
-                f"**{'Right.' if found is outcome.finding.verdict else 'No.'} {verdict}** "
-                f"{corrected}",
-            )
-            for label, found in (
-                ("True", Verdict.HOLDS),
-                ("True only if ...", Verdict.CONDITIONAL),
-                ("False", Verdict.FALSE),
-            )
-        ]
+        said = {Verdict.HOLDS: "No.", Verdict.CONDITIONAL: "No.", Verdict.FALSE: "No."}
+        said[outcome.finding.verdict] = "Right."
+        if outcome.finding.verdict is Verdict.CONDITIONAL:  # so it is false without the condition
+            said[Verdict.FALSE] = "Right, as it stands."
+        labels = {
+            "True": Verdict.HOLDS, "True only if ...": Verdict.CONDITIONAL, "False": Verdict.FALSE
+        }  # fmt: skip
+        options = [(k, f"**{said[found]} {verdict}** {corrected}") for k, found in labels.items()]
         settled = [cards.tex(outcome.finding.statement), *(f"`{x}`" for x in self._figures())]
         if outcome.claim.source:
             settled.append(f"*{outcome.claim.source}*")

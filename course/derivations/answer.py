@@ -102,9 +102,11 @@ class Answer:
         return f"{'right' if self.correct else 'not right'}: {self.message}"
 
     def _repr_markdown_(self) -> str:
+        if self.correct:
+            return self.message.replace("Right", "**Right**", 1)
         # The message may quote what was typed: shown as code, it can't become markup.
         shown = self.message.replace("`", "'")
-        return f"**{'Right' if self.correct else 'Not right'}.** `{shown}`"
+        return f"**Not right.** `{shown}`"
 
 
 class _Unreadable(Exception):

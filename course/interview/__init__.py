@@ -94,7 +94,7 @@ class Question:
         def folded(head: str, body: str) -> str:
             return f"<details><summary>{head}</summary>\n\n{filled(body, figure)}\n\n</details>\n"
 
-        lines = [f"**{self.title}**\n", f"*{LEVELS[self.level]}, {self.minutes} minutes*\n"]
+        lines = [f"<br>\n\n**{self.title}**\n", f"*{self.minutes} minutes*\n"]
         lines += [folded(*pair) for pair in zip(PARTS, (self.minute, self.full), strict=True)]
         lines.append(folded("What comes next", _listed(self.follow_ups)))
         lines.append(folded("What is listened for", f"{self.probes}\n\n{_listed(self.rubric)}"))

@@ -170,20 +170,20 @@ class Canvas(anywidget.AnyWidget):
         return self._frame.text
 
     def _repr_mimebundle_(self, **_options: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        return bundle(self, self._frame)
+        return bundle(self, self._frame, self._frame)
 
 
 def _buffer(frame: Picture) -> bytes:
     return frame.data.astype("<f8", copy=False).tobytes()
 
 
-def bundle(widget: Any, frame: Picture) -> tuple[dict[str, Any], dict[str, Any]]:
-    """What a notebook keeps of a widget: the widget, its last picture, and its numbers as text."""
+def bundle(widget: Any, frame: Picture, still: Picture) -> tuple[dict[str, Any], dict[str, Any]]:
+    """What a notebook keeps of a widget: itself, its last numbers as text, and a still picture."""
     from course.simulations.painter import to_png
 
     data: dict[str, Any] = {
         "text/plain": frame.text,
-        "image/png": base64.b64encode(to_png(frame)).decode("ascii"),
+        "image/png": base64.b64encode(to_png(still)).decode("ascii"),
         "application/vnd.jupyter.widget-view+json": {
             "version_major": 2,
             "version_minor": 0,

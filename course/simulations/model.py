@@ -126,6 +126,15 @@ class Experiment:
             if not self.model.live_drag:
                 self.start()
 
+    def later(self, seconds: float) -> drawing.Picture:
+        """The picture so long after the start, with the same controls; this run stays as it is."""
+        other = Experiment(self.model)
+        for name in self.model.controls.fields:
+            other.controls[name] = self.controls[name]
+        other.start()
+        other.advance(seconds)
+        return other.picture()
+
     def picture(self) -> drawing.Picture:
         """The picture now."""
         drawing.clear(self._pen)

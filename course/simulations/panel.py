@@ -21,6 +21,8 @@ _STYLE = {"style": {"description_width": "118px"}, "layout": {"width": "auto"}}
 _SHORT = {"style": {"description_width": "initial"}}  # the words of a menu need the room
 # After a pause of the kernel the simulation goes on from where it was, it does not catch up [s].
 _LONGEST_ADVANCE = 0.1
+# How far into its motion a saved notebook shows a simulation, where no kernel runs [s].
+_STILL = 3.0
 
 
 class Panel(ipywidgets.VBox):
@@ -214,7 +216,9 @@ class Panel(ipywidgets.VBox):
         return self.canvas.frame.text
 
     def _repr_mimebundle_(self, **_options: Any) -> tuple[dict[str, Any], dict[str, Any]]:
-        return bundle(self, self.canvas.frame)
+        with self._lock:
+            later = self.experiment.later(_STILL)
+        return bundle(self, self.canvas.frame, later)
 
 
 def _input(field: Field) -> Any:

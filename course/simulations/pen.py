@@ -244,6 +244,13 @@ def spot(pen, x, y, radius, fill, edge=NONE, width=1.5, alpha=1.0):
 
 
 @register_jitable
+def spots(pen, x, y, radius, fill, edge=NONE, width=1.5, alpha=1.0):
+    """Discs around points, arrays (N,)."""
+    disc(pen, radius, fill, edge, width, alpha)
+    points(pen, x, y)
+
+
+@register_jitable
 def segment(pen, x0, y0, x1, y1, colour, width=1.5, alpha=1.0, on=0.0, off=0.0):
     """A line from one point to another."""
     line(pen, colour, width, alpha, on, off)
@@ -311,6 +318,18 @@ def key(pen, x, y, word, colour, width=1.5, alpha=1.0, on=0.0, off=0.0):
 
 
 @register_jitable
+def theory(pen, x, y):
+    """What theory says, dashed: a line through points, arrays (N,)."""
+    curve(pen, x, y, INK, 1.6, 0.8, 5.0, 4.0)
+
+
+@register_jitable
+def theory_key(pen, x, y, word):
+    """What the dashed line means."""
+    key(pen, x, y, word, INK, 1.6, 0.8, 5.0, 4.0)
+
+
+@register_jitable
 def readout(pen, name):
     """Begin a number below the picture, by the word that names it; `words`, `number` follow."""
     pen[_begin(pen, READOUT, 1)] = name
@@ -342,10 +361,13 @@ def number(pen, value, form, unit=0):
 
 
 @register_jitable
-def reading(pen, name, value, form, unit=0):
-    """A number below the picture."""
+def reading(pen, name, value, form, unit=0, instead=0):
+    """A number below the picture; or a word instead, where there is none to tell."""
     readout(pen, name)
-    number(pen, value, form, unit)
+    if instead != 0:
+        words(pen, instead)
+    else:
+        number(pen, value, form, unit)
 
 
 @register_jitable
@@ -466,6 +488,24 @@ def axes(pen, x_label=0, y_label=0, heading=0, x_ticks=5, y_ticks=5, size=12.0, 
     if heading:
         title(pen, left, top, heading)
     area(pen, (left, right, bottom, top), (x0, x1, y0, y1))
+
+
+@register_jitable
+def chart(pen, rectangle, values, x_label=0, y_label=0, heading=0, x_ticks=5, y_ticks=5):
+    """From now on draw in a rectangle with these values at its edges (`area`), and its axes."""
+    area(pen, rectangle, values)
+    axes(pen, x_label, y_label, heading, x_ticks, y_ticks)
+
+
+@register_jitable
+def gauge(pen, rectangle, high, value, colour, name, limit, mark):
+    """A value as a bar on a scale from 0 to `high`, and a limit, marked with a word begun last."""
+    chart(pen, rectangle, (0.0, high, 0.0, 1.0), name, 0, 0, 6, 0)
+    box(pen, 0.0, value, 0.0, 1.0, colour)
+    if limit < high:
+        segment(pen, limit, -0.25, limit, 1.3, INK, 2.5)
+        side = LEFT if limit < 0.5 * high else RIGHT
+        text(pen, limit, 1.3, mark, INK, 11.5, side, BOTTOM)
 
 
 # --- What a painter reads -------------------------------------------------------------------------

@@ -1,17 +1,20 @@
 # %% [markdown]
 # # 1 · Rigid bodies
 #
-# *A computer moves this box in small steps of time. Answer first; then run the cells, press* Play *and see.*
+# *A computer moves a box in small steps of time. Answer first; then run the cells, press* Play *and see.*
 # {open minutes} minutes to read and move, {folded minutes} minutes more for what is folded away, {exercise minutes}
 # minutes of exercises.
-#
-# ![Rigid body simulator: bouncing box](attachment:rigid_body.bouncing_box.png)
 
 # %%
 from course.cards import predict
 from course.simulations.rigid_body import simulation
 
 predict("energy_of_a_fall")
+
+# %% [markdown]
+# ![Rigid body simulator: bouncing box](attachment:rigid_body.bouncing_box.png)
+#
+# *Here the energy falls at the impacts, and should. The question is about the flight between them.*
 
 # %%
 simulation()
@@ -24,11 +27,10 @@ simulation()
 #
 # ## How this chapter works
 #
-# It is made of scenes. Most begin with a card: you answer before anything is shown, and a click tells whether you are
-# right. Then you move something, learn its name, and see one number. Derivations are folded away; open them when you
-# want them. A number in the text comes from the cell above it, or from a check that
-# `python -m course.derivations 1` runs again in front of you. The code is `course.rigid_body`: plain functions, the
-# ones that the tests run. These exercises wait in section 7:
+# Most scenes begin with a card: answer first; a click tells whether you are right. (What holds only under a condition
+# is false as it stands.) Then you move something, learn its name, and see one number. Derivations are folded away. A
+# number in the text comes from the cell above it, or from a check that `python -m course.derivations 1` runs again. The
+# code is `course.rigid_body`, as the tests run it. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import badges, card, check, checkpoint
@@ -186,7 +188,11 @@ except ValueError as problem:
 # nothing about the direction of $d$ itself.
 #
 # ### Three angles, and where they fail
-#
+
+# %%
+show("gimbal_lock_rank")
+
+# %% [markdown]
 # Yaw, pitch and roll are turns about $z$, then the new $y$, then the new $x$. At a pitch of ninety degrees the first
 # axis and the last fall on one line: **gimbal lock**.
 
@@ -197,19 +203,19 @@ show("gimbal_lock_is_physical")
 simulation("gimbal")
 
 # %% [markdown]
-# The angle rates and the angular velocity are connected by a matrix $E$ with $\det E = \pm\cos\theta$. At the lock
-# its rank is two: one direction of $\omega$ corresponds to *no* finite angle rates. The body can still turn that way;
-# the coordinates cannot follow.
+# A matrix $E$ takes angle rates to the angular velocity; $\det E = \pm\cos\theta$, and the weakest turn in the picture
+# is its smallest **singular value**. At the lock its rank is two: one direction of $\omega$ has *no* finite rates. The
+# body can still turn that way; the coordinates cannot follow.
 
 # %%
 for angle in (60.0, 89.0, 90.0):
-    rates = quaternion.euler_zyx_rate_matrix(np.radians(angle), 0.3)
-    smallest = np.linalg.svd(rates, compute_uv=False)[-1]
-    reach = f"{1.0 / smallest:.3g}" if smallest > 1e-12 else "no finite rate"
-    print(
-        f"pitch {angle:.0f} deg: rank {np.linalg.matrix_rank(rates)}, "
-        f"angle rates for 1 rad/s of the body: up to {reach}"
-    )
+    E = quaternion.euler_zyx_rate_matrix(np.radians(angle), 0.3)
+    _, values, right = np.linalg.svd(E)
+    rates = np.abs(right[2]) / max(values[2], 1e-12)  # for 1 rad/s about the axis that is hardest
+    needed = f"{np.linalg.norm(rates):.1f} rad/s of all three angles, {rates[0]:.1f} of yaw alone"
+    if values[2] < 1e-12:
+        needed = "no finite rate"
+    print(f"pitch {angle:.0f} deg, rank {np.linalg.matrix_rank(E)}: 1 rad/s takes {needed}")
 
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
@@ -239,6 +245,9 @@ simulation("double_cover")
 # goes from one orientation to another at a constant rate, along the shorter way.
 
 # %%
+show("quaternion_has_no_lock")
+
+# %%
 axis, angle = np.array([2.0, -1.0, 2.0]) / 3.0, 0.7
 K = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
 rodrigues = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
@@ -263,80 +272,17 @@ for name, quarter in (
     print(f"a quarter of the way by {name:<16}: {turned / 2.8:.3f} of the angle")
 
 # %% [markdown]
-# ### Stepping an orientation
-
-# %%
-show("renormalising_repairs")
-
-# %% [markdown]
-# **An orientation is updated by multiplication**, $q \leftarrow q\,\exp(h\,\omega)$, with $h$ the step. Here $q = (w,
-# x, y, z)$ takes body coordinates to world coordinates and $\omega$ is in the body frame; that is why exp stands on
-# the right. Adding $h\,\dot q$ leaves the unit sphere, and in a low-order step scaling back repairs the length, not
-# the angle. At fourth order it does no harm; section 6 measures both.
+# ## 2 · Concept: how a computer moves it
 #
-# ### Six ways to take a step
+# ### Two ways to take a step
 
 # %%
 show("swapping_two_lines")
 
 # %% [markdown]
-# An integrator turns the law into steps of length $h$. Write $a = a(q, v)$ for the acceleration, and read $q \oplus
-# u$ as "move from $q$ by $u$": plain addition for positions, $q\,\exp(u)$ for orientations. **Explicit Euler** moves
-# with the old velocity. **Semi-implicit Euler** updates the velocity first and moves
-# with the new one. **Velocity Verlet**, which is the **leapfrog** method with both quantities at the same times,
-# averages old and new acceleration. **RK4** averages four slopes.
-#
-# <table>
-# <tr><th>method</th> <th>one step</th> <th>order</th> <th>evaluations</th> <th>keeps area</th> <th>limit,
-# undamped</th></tr>
-# <tr><td>explicit Euler</td> <td>$q' = q\oplus hv,\;\; v' = v + ha$</td> <td>1</td> <td>1</td> <td>no</td> <td>none:
-# always unstable</td></tr>
-# <tr><td>semi-implicit Euler</td> <td>$v' = v + ha,\;\; q' = q\oplus hv'$</td> <td>1</td> <td>1</td> <td>yes</td>
-# <td>$\omega h < 2$</td></tr>
-# <tr><td>velocity Verlet</td> <td>$q' = q\oplus(hv + \tfrac{h^2}{2}a),\;\; v' = v+\tfrac h2(a+a')$</td> <td>2</td>
-# <td>2; 1 if forces depend on $q$ alone and the last is kept</td> <td>yes</td> <td>$\omega h < 2$</td></tr>
-# <tr><td>explicit midpoint</td> <td>full step with the derivative half way</td> <td>2</td> <td>2</td> <td>no</td>
-# <td>none: always unstable</td></tr>
-# <tr><td>implicit midpoint</td> <td>the same, half way solved for</td> <td>2</td> <td>4 and more</td> <td>yes</td>
-# <td>none on a spring</td></tr>
-# <tr><td>RK4 (on rotations: Munthe-Kaas)</td> <td>four slopes, weights $\tfrac16,\tfrac13,\tfrac13,\tfrac16$</td>
-# <td>4</td> <td>4</td> <td>no</td> <td>$\omega h \le 2\sqrt2$</td></tr>
-# </table>
-#
-# *Order* $p$ means that halving the step divides the error by $2^p$. Where $a$ depends on the velocity too, Verlet
-# takes $a' = a(q', v + ha)$. A seventh function, `rk4_renormalised`, adds the quaternion's rate and rescales; it is
-# there to be compared.
-
-# %%
-show("semi_implicit_is_verlet")
-
-# %% [markdown]
-# ### What "symplectic" promises
-#
-# **Symplectic** (semi-implicit Euler is also called symplectic Euler) means, with one degree of freedom, that a patch
-# of starting states keeps its area in the plane of position and momentum, for forces that depend on position alone and
-# constant masses.
-
-# %%
-show("symplectic_conserves_energy")
-
-# %% [markdown]
-# What does follow, for a smooth system and a fixed step well inside the limit: the energy error stays bounded for times
-# exponential in $1/h$. It does not follow that energy is conserved, that the phase is right, that the method is stable
-# at every step, or that anything survives friction or a changing step.
-#
-# <details><summary>Derive: why the energy stays near, and where the promise ends</summary>
-#
-# With more degrees of freedom symplectic asks for more than a volume that is kept: the areas of a patch's shadows on
-# the planes $(q_i, p_i)$ keep their sum. The method then follows a *nearby* energy function up to an exponentially
-# small error (on the oscillator exactly).
-#
-# In angles and rates, an arm's Coriolis terms and a body's $\omega\times(I\omega)$ depend on the velocity: there *no*
-# method of the table is symplectic, and semi-implicit Euler's energy drifts steadily on a double pendulum (claim
-# `semi_implicit_arm_energy`) and on a tumble. Symplectic methods for those work with momenta (splitting, RATTLE,
-# discrete Moser-Veselov).
-#
-# </details>
+# An integrator turns the law into steps of length $h$ (in code and on charts: dt). **Explicit Euler** moves with the
+# old velocity: $q' = q + hv$, then $v' = v + ha$, with $a$ the acceleration at $q$. **Semi-implicit Euler** has the two
+# lines in the other order: $v' = v + ha$, then $q' = q + hv'$.
 #
 # ### Why the step has a limit
 
@@ -376,17 +322,85 @@ show("semi_implicit_unconditional")
 # A contact is often modelled as a stiff spring that pushes back in proportion to the depth: a **penalty** contact. So
 # the hardest contact sets the step of the whole scene. Where a scene can't afford that step everywhere, one takes
 # several short physics steps, **substeps**, for each step of the controller.
-
-# %%
-show("contact_limit_explicit")
-
-# %% [markdown]
+#
 # <div class="alert alert-block alert-warning">
 #
 # **Key insight.** There is no good step in milliseconds. There is $h < 2/\omega_{\max}$, and the stiffest spring in
 # the model decides.
 #
 # </div>
+#
+# ### Stepping an orientation
+
+# %%
+show("renormalising_repairs")
+
+# %% [markdown]
+# **An orientation is updated by multiplication**, $q \leftarrow q\,\exp(h\,\omega)$. Here $q = (w, x, y, z)$ takes
+# body coordinates to world coordinates and $\omega$ is in the body frame; that is why exp stands on
+# the right. Adding $h\,\dot q$ leaves the unit sphere, and in a low-order step scaling back repairs the length, not
+# the angle. At fourth order it does no harm; section 7 measures both.
+#
+# ### Four more, and what a step costs
+#
+# Write $a = a(q, v)$ for the acceleration, and read $q \oplus u$ as "move from $q$ by $u$": plain addition for
+# positions, $q\,\exp(u)$ for orientations. **Velocity Verlet**, which is the **leapfrog** method with both quantities
+# at the same times, averages old and new acceleration. **RK4** averages four slopes.
+#
+# <table>
+# <tr><th>method</th> <th>one step</th> <th>order</th> <th>evaluations</th> <th>keeps area</th> <th>limit,
+# undamped</th></tr>
+# <tr><td>explicit Euler</td> <td>$q' = q\oplus hv,\;\; v' = v + ha$</td> <td>1</td> <td>1</td> <td>no</td> <td>none:
+# always unstable</td></tr>
+# <tr><td>semi-implicit Euler</td> <td>$v' = v + ha,\;\; q' = q\oplus hv'$</td> <td>1</td> <td>1</td> <td>yes</td>
+# <td>$\omega h < 2$</td></tr>
+# <tr><td>velocity Verlet</td> <td>$q' = q\oplus(hv + \tfrac{h^2}{2}a),\;\; v' = v+\tfrac h2(a+a')$</td> <td>2</td>
+# <td>2; 1 if forces depend on $q$ alone and the last is kept</td> <td>yes</td> <td>$\omega h < 2$</td></tr>
+# <tr><td>explicit midpoint</td> <td>full step with the derivative half way</td> <td>2</td> <td>2</td> <td>no</td>
+# <td>none: always unstable</td></tr>
+# <tr><td>implicit midpoint</td> <td>the same, half way solved for</td> <td>2</td> <td>4 and more</td> <td>yes</td>
+# <td>none on a spring</td></tr>
+# <tr><td>RK4 (on rotations: Munthe-Kaas)</td> <td>four slopes, weights $\tfrac16,\tfrac13,\tfrac13,\tfrac16$</td>
+# <td>4</td> <td>4</td> <td>no</td> <td>$\omega h \le 2\sqrt2$</td></tr>
+# </table>
+#
+# *Order* $p$ means that halving the step divides the error by $2^p$. Where $a$ depends on the velocity too, Verlet
+# takes $a' = a(q', v + ha)$. A seventh function, `rk4_renormalised`, adds the quaternion's rate and rescales; it is
+# there to be compared.
+
+# %%
+show("semi_implicit_is_verlet")
+
+# %% [markdown]
+# ### What "symplectic" promises
+#
+# **Symplectic** (semi-implicit Euler is also called symplectic Euler) means, with one degree of freedom, that a patch
+# of starting states keeps its area in the plane of position and momentum, for forces that depend on position alone and
+# constant masses.
+
+# %%
+show("area_preserved")
+
+# %%
+show("symplectic_conserves_energy")
+
+# %% [markdown]
+# What does follow, for a smooth system and a fixed step well inside the limit: the energy error stays bounded for times
+# exponential in $1/h$. It does not follow that energy is conserved, that the phase is right, that the method is stable
+# at every step, or that anything survives friction or a changing step.
+#
+# <details><summary>Derive: why the energy stays near, and where the promise ends</summary>
+#
+# With more degrees of freedom symplectic asks for more than a volume that is kept: the areas of a patch's shadows on
+# the planes $(q_i, p_i)$ keep their sum. The method then follows a *nearby* energy function up to an exponentially
+# small error (on the oscillator exactly).
+#
+# In angles and rates, an arm's Coriolis terms and a body's $\omega\times(I\omega)$ depend on the velocity: there *no*
+# method of the table is symplectic, and semi-implicit Euler's energy drifts steadily on a double pendulum (claim
+# `semi_implicit_arm_energy`) and on a tumble. Symplectic methods for those work with momenta (splitting, RATTLE,
+# discrete Moser-Veselov).
+#
+# </details>
 #
 # ### A ball that bounces, and its energy
 
@@ -426,7 +440,7 @@ show("elastic_bounce_rule")
 #
 # </details>
 #
-# ## 2 · Design: the loop around the equations
+# ## 3 · Design: the loop around the equations
 #
 # A simulator does six things, here at four different rates. The physics step is fixed; everything else happens on
 # ticks of it. The order within a tick matters: sensors are read from the state that exists, the controller answers,
@@ -484,7 +498,7 @@ show("step_sweet_spot")
 
 # %% [markdown]
 # So the highest frequency in the model sets the step, and accuracy usually asks for much less: read it off the charts
-# of section 5.
+# of section 6.
 #
 # This course measures itself against the libraries that professionals use. For this chapter that is **MuJoCo**
 # (Multi-Joint dynamics with Contact; Todorov, Erez and Tassa, 2012), an open physics engine that much of robot
@@ -494,7 +508,7 @@ show("step_sweet_spot")
 show("collisions_after_integration")
 
 # %% [markdown]
-# ## 3 · Code: the reference functions
+# ## 4 · Code: the reference functions
 #
 # Each integrator is one function over a *system*: positions on a manifold, velocities, and a function for the
 # acceleration. If there is one position more than velocities, the last four are a quaternion (MuJoCo's convention).
@@ -572,11 +586,11 @@ print(f"impacts: {box.impacts}, steps not resolved: {box.unresolved}")
 print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1][1]:.6f} m")
 
 # %% [markdown]
-# ## 4 · The simulation in full
+# ## 5 · The simulation in full
 #
 # Every control of the bouncing box. Move gravity, restitution, friction and the step; choose the integrator; drag the
-# box; watch the three energies. *Steps not resolved* counts steps in which more impacts fell due than one step
-# follows. Each preset shows one failure. Before you choose one, say what will happen:
+# box; watch the three energies. *Steps not resolved* counts steps in which more impacts fell due than are
+# followed in one. Each preset shows one failure. Before you choose one, say what will happen:
 #
 # 1. Which integrators make the *same* motion in flight, and why?
 # 2. RK4, but impacts noticed at the end of the step: does the energy stay?
@@ -587,7 +601,7 @@ print(f"at rest after 3 s: {bool(np.all(path[-1][3:] == 0.0))}, height {path[-1]
 simulation()
 
 # %% [markdown]
-# ## 5 · Speed against accuracy
+# ## 6 · Speed against accuracy
 
 # %%
 show("rk4_costs_four_times")
@@ -599,12 +613,18 @@ show("rk4_costs_four_times")
 # failed is a mark at the top, not a gap.
 
 # %%
+show("orders_of_accuracy")
+
+# %%
 from course.simulations.trade_off import TradeOff
 
 result = accuracy.work_precision("double_pendulum", repeats=3, best=True)
 for curve in result.curves:
     print(f"{curve.name:<22} observed order {result.observed_order(curve.name):.1f}")
 TradeOff(result)
+
+# %%
+show("mujoco_euler_is_semi_implicit")
 
 # %% [markdown]
 # Drag the tolerance, or use the arrow keys on it: the circle goes to the cheapest run within it, and the sentence says
@@ -633,17 +653,17 @@ predict("method_for_a_tumble")
 
 # %% [markdown]
 # The same chart for the free tumble, with a tolerance of 1 mrad after 20 s. The two RK4s differ only in how they
-# handle the quaternion. (On rotations MuJoCo's `RK4` is another fourth-order method with a slightly smaller constant;
-# before version 4 it was of second order there, says its changelog.)
+# handle the quaternion. (On rotations MuJoCo's `RK4` is another fourth-order method, with a slightly smaller constant.)
 #
 # ![Error against cost on the free tumble](../docs/charts/work_precision_tumble.png)
 #
 # For the bouncing box there are two first-order errors, the flight of semi-implicit Euler and impacts placed at the
-# end of a step. Exact flight helps only together with impact times, and impact times only together with exact flight:
+# end of a step. Each cure helps only together with the other. (Without either one is nearer here than with one of them:
+# the two errors have opposite signs and partly cancel, by luck.)
 #
 # ![Error against cost on the bouncing box](../docs/charts/work_precision_box.png)
 
-# %%
+# %% jupyter={"source_hidden": true}
 figures(
     read("table_at_one_millisecond"),
     "problem",
@@ -651,6 +671,7 @@ figures(
     "tumble      rk4 ",
     "tumble      MuJoCo RK4",
     "box drop    exact flight, impact times",
+    "box drop    semi-implicit, end of step",
     "box drop    MuJoCo Euler (impulse)",
     summary="All methods and problems at a step of 1 ms",
 )
@@ -673,11 +694,12 @@ figures(
 # ### Many bodies at once
 #
 # Training needs thousands of copies. (Most of it runs on GPUs today, in MuJoCo Warp, MJX or Isaac; they are not
-# measured here.) The same source, compiled for whole batches, beside `mujoco.batch`, one core each:
+# measured here.) The same source, compiled for whole batches, beside `mujoco.batch`, one core each (sim s / s:
+# simulated seconds in a second):
 #
 # ![Bodies per second against the number of bodies](../docs/charts/throughput.png)
 
-# %%
+# %% jupyter={"source_hidden": true}
 figures(
     read("throughput"),
     "who  ",
@@ -708,7 +730,7 @@ predict("what_to_leave_out")
 # Speed begins before the integrator: with what you leave out. A **scene** states its question, the tolerance the
 # answer needs, and what is left out together with the error of leaving it out, measured against a model that has it.
 
-# %%
+# %% jupyter={"source_hidden": true}
 figures(
     read("scene_bouncing_box"),
     "How high",
@@ -731,7 +753,7 @@ figures(
 #   MuJoCo's `discrete` does to a spring). Implicit midpoint stays stable too, but lets the unresolved spring ring.
 # * *Long runs whose statistics matter*: a symplectic method with a fixed step.
 #
-# ## 6 · Where it fails
+# ## 7 · Where it fails
 #
 # ### The limit, measured
 
@@ -744,7 +766,7 @@ predict("damping_and_the_limit")
 # integrators are measured in the same way, as black boxes; `eulerdamp` is its switch for implicit joint damping. (The
 # outputs write dt for $h$ and omega for $\omega$.)
 
-# %%
+# %% jupyter={"source_hidden": true}
 figures(
     read("stability_limits"),
     "limit",
@@ -761,14 +783,18 @@ figures(
 # Semi-implicit Euler with explicit damping has a limit that *shrinks* with damping. MuJoCo's `Euler` takes joint
 # damping implicitly, and its limit *grows* with damping. No integrator but `discrete` takes the spring itself
 # implicitly:
-#
+
+# %%
+show("mujoco_rk4")
+
+# %% [markdown]
 # ![The stiff spring in MuJoCo](../docs/charts/mujoco_stiff_spring.png)
 #
 # ### Energy over a million steps
 #
 # ![Energy error over a million steps](../docs/charts/long_run_energy.png)
 
-# %%
+# %% jupyter={"source_hidden": true}
 figures(
     read("long_run_energy").replace("largest relative energy error: ", ""),
     "explicit_euler",
@@ -785,7 +811,7 @@ figures(
 #
 # ![Alternating steps](../docs/charts/symplectic_not_enough.png)
 
-# %%
+# %% jupyter={"source_hidden": true}
 figures(
     read("symplectic_not_enough"), summary="Growth per cycle, measured and in theory; phase errors"
 )
@@ -822,14 +848,16 @@ simulation("tunnelling")
 
 # %% [markdown]
 # **Tunnelling**: the collision is never looked at, because the body is in front of the wall at one step and behind it
-# at the next. A point that is checked once per step misses a wall of thickness $d$ with probability $1 - d/(vh)$. The
-# cure is **continuous collision detection**: sweep the motion between two steps, and find the time of impact. MuJoCo's
-# default contact adds a limit of its own that no smaller step removes, because its softness lets a fast ball sink in
-# past the middle:
+# at the next. With $D$ for both thicknesses together, body and wall, one check per step misses with probability
+# $1 - D/(vh)$. The cure is **continuous collision detection**: sweep the motion between two steps, and find the time
+# of impact.
+#
+# MuJoCo's default contact adds a limit that no smaller step removes: it is so soft that a fast ball's centre gets past
+# the middle of the wall, $d/2 + r$ from the first touch (half the wall, and the radius):
 #
 # ![Tunnelling](../docs/charts/tunnelling.png)
 
-# %%
+# %% jupyter={"source_hidden": true}
 figures(
     read("tunnelling").replace(" (theory)", ""),
     "checked once",
@@ -852,7 +880,7 @@ predict("impacts_at_rest")
 #
 # ![Chatter](../docs/charts/chatter.png)
 
-# %%
+# %% jupyter={"source_hidden": true}
 figures(
     read("chatter"),
     "semi_implicit_euler, in the step, rest speed 0.01",
@@ -871,7 +899,7 @@ figures(
 #
 # ![Quaternion drift](../docs/charts/quaternion_drift.png)
 
-# %%
+# %% jupyter={"source_hidden": true}
 figures(
     read("quaternion_drift").replace("after 1e6 steps: ", ""),
     "added and renormalised, 10 mrad",
@@ -937,7 +965,7 @@ predict("perfect_energy_wrong_momentum")
 # <tr><td>box jitters on the floor for ever</td> <td>each step's $gh$ is turned round by the impact</td> <td>count
 # impacts per second</td> <td>a rest speed above $gh$, or contact at velocity level</td></tr>
 # <tr><td>fast object passes a thin wall</td> <td>$vh$ larger than both thicknesses together, or a contact that is too
-# soft</td> <td>print $vh/d$; record the depth</td> <td>sweep the motion or find the impact time; stiffen the
+# soft</td> <td>print $vh/D$; record the depth</td> <td>sweep the motion or find the impact time; stiffen the
 # contact</td></tr>
 # <tr><td>orientation drifts, matrix no longer orthogonal</td> <td>quaternion was added, not multiplied</td>
 # <td>$\lvert q\rvert-1$ over time</td> <td>$q\exp(h\omega)$</td></tr>
@@ -962,20 +990,19 @@ predict("drift_of_joints")
 # models softly</td> <td>switch gravity off; halve $h$</td> <td>compensate gravity; harder friction</td></tr>
 # </table>
 #
-# ## 7 · Exercises
+# ## 8 · Exercises
 #
-# Six graded exercises. Each has a card with the task and three hints to unfold, a cell to change, and a check. `check`
-# runs what your cell defines in a process of its own, on cases drawn afresh every time, and says what is right, what is
-# wrong and, where it recognises the mistake, why.
+# Each has a card with the task and three hints, a cell to change, and a check, which runs what your cell defines on
+# cases drawn afresh, and says what is wrong and, where it recognises the mistake, why.
 #
 # Keep its result for more: `check(verlet_step).chart()` puts a right answer on a work-precision chart beside the worked
 # answer and MuJoCo. `drills.notebook.solution("verlet")` shows the worked answer after a pass. The same exercises run
-# in a terminal, in your own editor: `drills start verlet`, `drills check verlet`.
+# in a terminal: `drills start verlet`, `drills check verlet`.
 
 # %% [markdown]
 # ### Integrators
 #
-# Section 1 has the formula; here it has to cost one evaluation, and to run backwards.
+# Section 2 has the formula; here it has to cost one evaluation, and to run backwards.
 
 # %%
 card("verlet")
@@ -1033,7 +1060,7 @@ check(update_orientation)
 # %% [markdown]
 # ### Impacts
 #
-# Sections 1 and 6 show what a bounce at the end of the step does. Do it right.
+# Sections 2 and 7 show what a bounce at the end of the step does. Do it right.
 
 # %%
 card("bounce")
@@ -1063,7 +1090,7 @@ check(bounce_step)
 # %% [markdown]
 # ### The step
 #
-# The debugging tip of section 6, as a function.
+# The debugging tip of section 7, as a function.
 
 # %%
 card("stable_step")
@@ -1215,7 +1242,7 @@ answer("semi_implicit_limit", "sqrt(m/k)")
 # Others to try: `explicit_energy_factor` (energy after one step over energy before, in `omega` and `h`), `rk4_limit`
 # (largest stable step in terms of `omega`), `top_condition` (smallest stable spin in `I1`, `I3`, `m`, `g`, `l`).
 #
-# ## 8 · Frontier: differentiable simulation
+# ## 9 · Frontier: differentiable simulation
 
 # %%
 predict("gradient_through_an_impact")
@@ -1294,17 +1321,17 @@ for label, poor in (
 # </details>
 
 # %%
-exact = drop_gradients(1.0, 0.7, 0.8)
+exact = drop_gradients(1.0, 0.6, 0.8)
 print("derivative of the height at 0.8 s with respect to the drop height of 1 m")
 print(f"event resolved, by autograd: {exact.by_height:+.4f}   (height {exact.height:.4f} m)")
 for dt in (1e-2, 1e-3):
-    naive = naive_drop_gradients(1.0, 0.7, dt, 0.8)
+    naive = naive_drop_gradients(1.0, 0.6, dt, 0.8)
     print(
         f"fixed steps of {1e3 * dt:4.0f} ms:       {naive.by_height:+.4f}   (height {naive.height:.4f} m)"
     )
 
 # %% [markdown]
-# ## 9 · Interview
+# ## 10 · Interview
 #
 # <div class="alert alert-block alert-success">
 #
@@ -1330,6 +1357,6 @@ interview("rigid_body")
 checkpoint(
     "rigid_body",
     verlet_frequency="",
-    explicit_growth_proportional_to_dt="",
+    explicit_growth_per_second="",
     mujoco_damped_limit="",
 )

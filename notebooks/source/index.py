@@ -1,5 +1,5 @@
 # %% [markdown]
-# *Preparation for a staff engineer's interview in robotics simulation and robot software*
+# *For anyone who wants to know how far a simulated number can be trusted, and for interviews about it*
 #
 # # Robotics Simulation & Software
 #

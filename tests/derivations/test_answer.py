@@ -125,7 +125,7 @@ def test_equivalent_forms_of_one_limit_pass(text):
         ("rk4_limit", "2√2/ω"),
         ("rk4_limit", "√√64 / omega"),
         ("rk4_limit", "2^1.5/omega"),
-        ("explicit_growth_proportional_to_dt", "exp(h)^(omega^2)"),
+        ("explicit_growth_per_second", "exp(h)^(omega^2)"),
         ("principal_axis_is_stable", "omega sqrt((I3-I2)/I1) sqrt((I2-I1)/I3)"),
         ("contact_limit_explicit", "6.32"),
         ("contact_limit_explicit", "dt < 6.3246"),

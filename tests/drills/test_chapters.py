@@ -5,6 +5,7 @@ import http.server
 import importlib.machinery
 import json
 import os
+import re
 import sys
 import threading
 from collections.abc import Iterator
@@ -347,6 +348,13 @@ def test_the_sections_take_the_time_that_the_first_screen_says() -> None:
             assert whole <= said < whole + 1
 
 
+def test_the_exercises_of_a_chapter_come_in_the_order_of_its_notebook() -> None:
+    for source in notebooks.sources():
+        asked = re.findall(r'^card\("(\w+)"\)', source.read_text(encoding="utf-8"), re.M)
+        mine = [card.name for card in cards.cards() if card.name in asked]
+        assert asked == mine, "`place` in card.toml is the exercise's place in the notebook"
+
+
 def test_what_is_next_follows_the_chapters_and_what_was_tried() -> None:
     every = list(cards.cards())
     assert agenda.to_solve(Loaded(), every) == every
@@ -422,7 +430,8 @@ def test_the_home_page_says_where_to_go_on_and_what_is_left(progress_file: Path)
     link = one.chapter.notebook.removeprefix("notebooks/")
     assert f"[chapter {number}, section {part.number}: {part.title}]({link})" in page
     assert f"`{cards.cards()[0].name}`" in page and "○" * len(one.cards) in page
-    assert f"{agenda.duration(sum(card.minutes for card in cards.cards()))} to solve" in page
+    there = sum(row.exercise_minutes for row in standing if row.sections)
+    assert f"{agenda.duration(there)} to solve" in page
     progress.change(progress_file, one.cards[0].name, lambda r: progress.note_attempt(r, True, {}))
     progress.change_chapter(progress_file, number, lambda r: progress.note_read(r, [part.number]))
     right = {name: derivations.formula(name).expression for name in course.cards.gate("rigid_body")}

@@ -104,7 +104,7 @@ def explicit_energy_factor(found):
              "exp(omega*h)": "The exponent per step is (omega h)^2.",
              "exp(omega^2*h^2)": "That is one step; a second has 1/h steps."}),
 )  # fmt: skip
-def explicit_growth_proportional_to_dt(found):
+def explicit_growth_per_second(found):
     import sympy
 
     from course.rigid_body import problems

@@ -303,7 +303,7 @@ def top_condition(found):
     draws = found.rng.uniform((0.01, 0.2, 0.05), (0.03, 1.6, 0.3), (10, 3))
     found.heard(
         below < 0.05,
-        only_if="I3^2 spin^2 > 4 I1 m g l",
+        only_if="(I3 omega)^2 > 4 I1 m g l, with omega the spin",
         inside=[tilt(i, ratio, 1 + margin) < 0.05 for i, ratio, margin in draws],
         outside=[tilt(i, ratio, 1 - margin) < 0.05 for i, ratio, margin in draws],
     )

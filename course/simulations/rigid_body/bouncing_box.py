@@ -135,7 +135,7 @@ def initial(controls, state):
     state["history"][1:, 0] = now
     state["samples"] = 1
     state["path_points"] = _trace(state["path"], box, controls, _method(controls))
-    # Exact flight, impacts found in time, short steps.
+    # Exact flight, impacts located within the step, short steps.
     rest = min(controls["rest_speed"], 0.01) or 0.01
     state["good_points"] = _trace(state["good"], box, controls, (5e-4, 0.5, True, rest))
 
@@ -175,13 +175,13 @@ word, colour = draw.words_table(), draw.colours_table()
 _GROUND, _EARTH, _SKIN = colour("#ece7df", "#8c7a5c", "#f4b183")
 _INTEGRATOR, _ENERGY = word(*MENU)[0], word("kinetic", "potential", "total")[0]
 _M, _J, _S, _MM, _MS, _PERCENT, _DASH = word(" m", " J", " s", " mm", " ms", " %", "\N{EN DASH}")
-_COMMA, _FOUND, _LATE = word(", ", ", impacts found in time", ", impacts noticed late")
+_COMMA, _FOUND, _LATE = word(", ", ", impacts located in the step", ", impacts at its end")
 _THIS, _FINE = word("path with these settings, 3 s", "the same box computed finely")
 (_VELOCITY,) = word("velocity")
 _X, _Y, _T, _E = word("x [m]", "height [m]", "time [s]", "energy [J]")
 _NOW, _OVER_TIME = word("energy now (dotted: start)", "energy over time")
 _TIME, _CHANGE, _HEIGHT, _HIGHEST = word("time", "energy change", "height", "highest so far")
-_IMPACTS, _UNRESOLVED, _DEEPEST = word("impacts", f"steps > {_MOST} impacts", "deepest in ground")
+_IMPACTS, _UNRESOLVED, _DEEPEST = word("impacts", "steps not resolved", "deepest in ground")
 
 # In units of the window, not metres.
 _SCENE, _BARS, _STRIP = (0.62, 5.42, 0.62, 4.62), (6.4, 8.82, 2.98, 4.62), (6.4, 8.82, 0.62, 2.22)
@@ -322,13 +322,14 @@ _ELASTIC = {"restitution": 1.0, "friction": 0.0, "timestep": 20.0}
 PRESETS = {
     "Default drop": Preset(
         {},
-        "Every bounce takes energy, and the box comes to rest. Drag the box to drop it from "
-        "somewhere else. The dashed path is the same box computed with exact flight and short "
-        "steps: after a few tumbling bounces the smallest error sends it elsewhere.",
+        "Semi-implicit Euler: each step changes the speed first, then moves the box with the new "
+        "one. Every bounce takes energy. Drag the box to drop it from "
+        "elsewhere. The dashed path is the same box computed with exact flight and short steps: "
+        "after a few tumbling bounces the smallest error sends it elsewhere.",
     ),
     "Explicit Euler gains energy": Preset(
         _ELASTIC | {"integrator": "explicit Euler"},
-        "Nothing takes or gives energy here, and impacts are found in time. Still every step of "
+        "Nothing takes or gives energy here, and impacts are located within the step. Each step of "
         "flight adds m g² h²/2: the box bounces higher and higher.",
     ),
     "Semi-implicit Euler loses energy": Preset(

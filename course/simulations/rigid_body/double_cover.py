@@ -14,7 +14,7 @@ AXIS = np.array([0.36, -0.48, 0.8])
 _RATE = 1.2  # rad/s
 
 CONTROLS = Record(
-    goal=slider("Turn that q′ stands for", 360.0, 0.0, 720.0, 5.0, "°", 0),
+    goal=slider("Turn of q′", 360.0, 0.0, 720.0, 5.0, "°", 0),
     way=menu("Go straight from q", ("to q′", "to −q′")),
     **space.camera(0.4, 0.3),
 )
@@ -64,8 +64,7 @@ def frame(pen, state, controls):
     aim = rotate(end, 1.02 * corner)
     space.dot(pen, eye, aim, draw.RED, 0.045)
     space.arrow(pen, eye, zero, 1.3 * AXIS, draw.GREY, 2.0, 10.0, _AXIS)
-    draw.area(pen, _PANEL, (0.0, 4.0, -1.1, 1.1))
-    draw.axes(pen, 0, 0, _BARS, 0, 4)
+    draw.chart(pen, _PANEL, (0.0, 4.0, -1.1, 1.1), 0, 0, _BARS, 0, 4)
     draw.segment(pen, 0.0, 0.0, 4.0, 0.0, draw.GREY, 1.2)
     for k in range(4):
         draw.box(pen, k + 0.2, k + 0.6, 0.0, q[k], draw.ORANGE if k == 0 else draw.BLUE)

@@ -22,14 +22,14 @@ AXES = ("1, smallest moment", "2, middle moment", "3, largest moment")
 CONTROLS = Record(
     axis=menu("Spin about axis", AXES, 1),
     spin=slider("Spin", 6.0, 2.0, 10.0, 0.1, "rad/s", 1),
-    push=slider("Push, power of ten", -2.0, -6.0, -0.5, 0.1, "", 1),  # aside, over the spin
+    push=slider("log10 of push", -2.0, -6.0, -0.5, 0.1, "", 1),  # aside, over the spin
     **space.camera(0.6, 0.25),
 )
 STATE = Record(
     growth=Field(0.0, unit="1/s"),  # of the part that only grows, while it is small
     flips=Field(0),
     flipped=Field(0.0, unit="s"),  # when it turned over last
-    between=Field(0.0, unit="s"),  # the last two flips
+    between=Field(0.0, unit="s"),  # the last two flips, if there were two
     **turning.TURNING,
 )
 
@@ -60,13 +60,12 @@ def advance(state, controls, seconds):
             part = omega[0] / _MODE[0] + omega[2] / _MODE[2]
             state["growth"] = math.log(max(part, 1e-300) / small) / time
         if before * omega[axis] < 0.0:
-            state["between"] = time - state["flipped"] if state["flips"] > 0 else 0.0
+            state["between"], state["flipped"] = time - state["flipped"], time
             state["flips"] += 1
-            state["flipped"] = time
 
 
 TITLE = "The flip about the middle axis"
-_L, _OMEGA, _NONE, _S, _PER_S = word("L", "ω", "\N{EN DASH}", " s", " /s")
+_L, _OMEGA, _NONE, _S, _PER_S = word("L", "ω", "\N{EM DASH}", " s", " /s")
 _ASIDE, _T, _SHARE = word("rate about the other two axes", "time [s]", "log10, of the spin")
 _TIME, _GROWTH, _IN_THEORY = word("time", "growth, measured", "growth, in theory")
 _FLIPS, _BETWEEN, _MEASURED, _LAW = word("flips", "between two flips", "measured", "in theory")
@@ -76,36 +75,34 @@ _SCENE, _STRIP, _LOG = (0.1, 5.3, 0.1, 4.6), (6.35, 8.8, 3.25, 4.5), (6.35, 8.8,
 
 def frame(pen, state, controls):
     """The body, its rates, its disturbance; numbers."""
-    q, spin, end = state["q"], controls["spin"], 1.3
-    past, along = turning.recent(state), np.zeros(3)
-    eye = space.look(pen, _SCENE, controls, end)
-    along[controls["axis"]] = 1.0
-    half, axis = 0.5 * SIDES[controls["axis"]], rotate(q, along)
+    q, spin, zero = state["q"], controls["spin"], np.zeros(3)
+    past, unit = turning.recent(state), 0.9 / spin  # ω ends below the tip of L
+    eye = space.look(pen, _SCENE, controls, 1.5)
+    half, axis = 0.5 * SIDES[controls["axis"]], rotate(q, np.eye(3)[controls["axis"]])
     turning.body(pen, eye, q, SIDES)
-    space.trail(pen, eye, past[4:7] / spin, draw.RED, 1.2, 0.5)
-    name = _NAMES + controls["axis"]
+    space.trail(pen, eye, unit * past[4:7], draw.RED, 1.2, 0.5)
+    now, name = unit * rotate(q, state["omega"]), _NAMES + controls["axis"]
     space.arrow(pen, eye, half * axis, (half + 0.35) * axis, draw.GREY, 2.0, 9.0, name)
-    space.arrow(pen, eye, np.zeros(3), np.array([0.0, 0.0, 1.2]), draw.INK, 3.0, 12.0, _L)
-    now = rotate(q, state["omega"]) / spin
-    space.arrow(pen, eye, np.zeros(3), now, draw.RED, 3.0, 12.0, _OMEGA)
+    space.arrow(pen, eye, zero, np.array([0.0, 0.0, 1.4]), draw.INK, 3.0, 12.0, _L)
+    space.arrow(pen, eye, zero, now, draw.RED, 4.0, 12.0)
+    x, y, _ = space.project(eye, 0.75 * now)
+    draw.text(pen, x, y, _OMEGA, draw.RED, 13.0, draw.LEFT, draw.MIDDLE, 9.0, 0.0, 0.0, 1.0)
     turning.rates(pen, state, _STRIP, 1.2 * spin)
     others = np.sum(past[1:4] ** 2, axis=0) - past[1 + controls["axis"]] ** 2
     start, push, middle = past[0, 0], controls["push"], controls["axis"] == 1
-    draw.area(pen, _LOG, (start, start + 6.0, push - 0.5, 0.3))
-    draw.axes(pen, _T, _SHARE, _ASIDE, 4, 3)
+    draw.chart(pen, _LOG, (start, start + 6.0, push - 0.5, 0.3), _T, _SHARE, _ASIDE, 4, 3)
     if middle:
         low, slope = push + math.log10(_SHARE_OF_MODE), rate_in_theory(spin) / math.log(10.0)
-        draw.segment(pen, 0.0, low, 20.0, low + 20.0 * slope, draw.INK, 1.6, 0.8, 5.0, 4.0)
+        draw.theory(pen, np.array([0.0, 20.0]), np.array([low, low + 20.0 * slope]))
     draw.curve(pen, past[0], np.log10(np.sqrt(np.maximum(others, 1e-30)) / spin), draw.RED, 2.2)
     draw.window(pen)
     draw.key(pen, 6.4, 0.3, _MEASURED, draw.RED, 2.2)
-    draw.key(pen, 7.7, 0.3, _LAW, draw.INK, 1.6, 0.8, 5.0, 4.0)
+    draw.theory_key(pen, 7.7, 0.3, _LAW)
     draw.reading(pen, _TIME, turning.STEP * state["steps"], 2, _S)
-    if middle:
-        draw.reading(pen, _GROWTH, state["growth"], 3, _PER_S)
-        draw.reading(pen, _IN_THEORY, rate_in_theory(spin), 3, _PER_S)
+    draw.reading(pen, _GROWTH, state["growth"], 3, _PER_S, 0 if middle else _NONE)
+    draw.reading(pen, _IN_THEORY, rate_in_theory(spin), 3, _PER_S, 0 if middle else _NONE)
     draw.reading(pen, _FLIPS, state["flips"], 0)
-    draw.reading(pen, _BETWEEN, state["between"], 2, _S)
+    draw.reading(pen, _BETWEEN, state["between"], 2, _S, 0 if state["flips"] > 1 else _NONE)
 
 
 PRESETS = {

@@ -40,16 +40,17 @@ def advance(state, controls, seconds):
 
 
 TITLE = "A free body: L stays, ω wanders"
+(_VIOLET,) = colour("#b5487f")  # no body rate has it
 _L, _OMEGA, _THIRD = word("L", "ω", "3")
 _KEYS = word(
-    "L = R I Rᵀ ω: fixed in space", "ω: wanders", "space cone: where ω was, in space",
+    "L: fixed in space", "ω: wanders", "space cone: where ω was, in space",
     "body cone: where ω was, in the body", "plane in which the tip of ω stays",
 )[0]  # fmt: skip
 _TIME, _ENERGY, _SIZE = word("time", "energy", "size of L")
 _ANGLE, _MOVED = word("angle of ω and L", "ω has moved by")
 _S, _J, _NMS, _DEG = word(" s", " J", " N m s", "°")
 _SCENE, _STRIP = (0.1, 5.5, 0.1, 4.6), (6.35, 8.8, 3.0, 4.5)
-_INKS = (draw.INK, draw.RED, draw.ORANGE, draw.BLUE, draw.GREY)
+_INKS = (draw.INK, draw.RED, draw.GREEN, _VIOLET, draw.GREY)
 
 
 @register_jitable
@@ -75,8 +76,8 @@ def frame(pen, state, controls):
     third = rotate(q, np.array([0.0, 0.0, 1.0]))
     space.arrow(pen, eye, 0.5 * sides[2] * third, (0.5 * sides[2] + 0.3) * third, draw.GREY, 1.5,
                 8.0, _THIRD)  # fmt: skip
-    _fan(pen, eye, unit * past[4:7], draw.ORANGE)
-    _fan(pen, eye, unit * rotate(q, past[1:4]), draw.BLUE)
+    _fan(pen, eye, unit * past[4:7], draw.GREEN)
+    _fan(pen, eye, unit * rotate(q, past[1:4]), _VIOLET)
     space.arrow(pen, eye, 0.0 * spin, 1.25 * momentum / length, draw.INK, 3.5, 13.0, _L)
     space.arrow(pen, eye, 0.0 * spin, unit * spin, draw.RED, 3.5, 13.0, _OMEGA)
     turning.rates(pen, state, _STRIP, 1.1 * controls["spin"])

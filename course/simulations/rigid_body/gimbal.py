@@ -12,9 +12,9 @@ from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, slider
 
 CONTROLS = Record(
-    yaw=slider("Yaw, outer ring", 20.0, -180.0, 180.0, 1.0, "°", 0, live=True),
-    pitch=slider("Pitch, middle ring", 20.0, -90.0, 90.0, 1.0, "°", 0, live=True),
-    roll=slider("Roll, inner ring", 0.0, -180.0, 180.0, 1.0, "°", 0, live=True),
+    yaw=slider("Yaw", 20.0, -180.0, 180.0, 1.0, "°", 0, live=True),
+    pitch=slider("Pitch", 20.0, -90.0, 90.0, 1.0, "°", 0, live=True),
+    roll=slider("Roll", 0.0, -180.0, 180.0, 1.0, "°", 0, live=True),
     **space.camera(-0.9, 0.3),
 )
 STATE = Record(time=Field(0.0, unit="s"))
@@ -33,7 +33,7 @@ def advance(state, controls, seconds):
 @register_jitable
 def angles(state, controls):
     """Yaw, pitch and roll now [rad], (3,); the ring that is being wiggled, or -1."""
-    now = np.array([controls["yaw"], controls["pitch"], controls["roll"]]) * (math.pi / 180.0)
+    now = np.radians(np.array([controls["yaw"], controls["pitch"], controls["roll"]]))
     ring = int(state["time"] / 2.0) % 3 if state["time"] > 0.0 else -1
     if ring >= 0:
         now[ring] += 0.4 * math.sin(math.pi * state["time"])
@@ -55,15 +55,12 @@ def axes_of(yaw, pitch, roll):
 TITLE = "Gimbal lock"
 word, colour = draw.words_table(), draw.colours_table()
 _SHADES = space.shades(colour, "#4d9fd6", "#eb8f4a", "#ad7fbb", "#c4cad0")
-_NAMES = word("yaw axis (outer ring)", "pitch axis (middle ring)", "roll axis (inner ring)",
-              "lost axis: no ring turns about it")[0]  # fmt: skip
-_MOVED = word("turning: outer ring (yaw)", "turning: middle ring (pitch)",
-              "turning: inner ring (roll)")[0]  # fmt: skip
-_ANGLES, _VALUE, _THEORY, _NEEDED, _PITCH, _SIGMA, _DEG, _RATE, _COMMA, _NONE = word(
-    "yaw, pitch, roll", "smallest value", "in theory", "rate for 1 rad/s", "pitch [°]",
-    "smallest singular value of E", "°", " rad/s", ", ",
-    "none is enough",
-)  # fmt: skip
+_RINGS = ("yaw, outer ring", "pitch, middle ring", "roll, inner ring")
+_NAMES = word(*(f"axis of {ring}" for ring in _RINGS), "lost axis: no ring turns about it")[0]
+_MOVED = word(*(f"turning: {ring}" for ring in _RINGS))[0]
+_ANGLES, _VALUE, _THEORY = word("yaw, pitch, roll", "weakest turn of the plate", "in theory")
+_NEEDED, _NONE = word("rings, for 1 rad/s of it", "none is enough")
+_PITCH, _SIGMA, _DEG, _RATE, _COMMA = word("pitch [°]", "weakest turn [rad/s]", "°", " rad/s", ", ")
 _SCENE, _CURVE = (0.1, 5.6, 0.1, 4.6), (6.35, 8.8, 2.6, 4.4)
 _INKS = (draw.BLUE, draw.ORANGE, draw.PURPLE, draw.RED)
 # Each ring lies in the plane of its own axis and the next one. All faces are sorted together.
@@ -83,26 +80,16 @@ def frame(pen, state, controls):
         q = from_euler_zyx(yaw, pitch if k > 0 else 0.0, roll if k > 1 else 0.0)
         corners[:, k * _N : (k + 1) * _N] = rotate(q, _CORNERS[:, k * _N : (k + 1) * _N])
     sigma = np.linalg.svd(euler_zyx_rate_matrix(pitch, roll))[1][2]
-    eye = space.look(pen, _SCENE, controls, 1.55)
-    for k in range(4 if sigma < 0.5 else 3):
+    eye, shown = space.look(pen, _SCENE, controls, 1.55), 4 if sigma < 0.5 else 3
+    for k in range(shown):
         space.trail(pen, eye, np.outer(axes[k], np.array([-1.45, -0.8])), _INKS[k], 2.5)
     space.faces(pen, eye, corners, _INDEX, _FILLS)
-    for k in range(4 if sigma < 0.5 else 3):
+    for k in range(shown):
         width = 4.5 if k == ring or k == 3 else 2.5
         space.arrow(pen, eye, (0.9 if k < 3 else 0.0) * axes[k], 1.5 * axes[k], _INKS[k], width)
-    draw.area(pen, _CURVE, (-110.0, 110.0, 0.0, 1.1))
-    draw.axes(pen, _PITCH, 0, _SIGMA, 4, 4)
+    draw.chart(pen, _CURVE, (-110.0, 110.0, 0.0, 1.1), _PITCH, 0, _SIGMA, 4, 4)
     bend = np.linspace(-110.0, 110.0, 111)
-    draw.curve(
-        pen,
-        bend,
-        np.sqrt(1.0 - np.abs(np.sin(bend * (math.pi / 180.0)))),
-        draw.INK,
-        1.6,
-        0.7,
-        5.0,
-        4.0,
-    )
+    draw.theory(pen, bend, np.sqrt(1.0 - np.abs(np.sin(np.radians(bend)))))
     draw.spot(pen, math.degrees(pitch), sigma, 7.0, draw.RED)
     draw.window(pen)
     for k in range(4):
@@ -112,23 +99,19 @@ def frame(pen, state, controls):
     draw.readout(pen, _ANGLES)
     for k in range(3):
         draw.number(pen, math.degrees((yaw, pitch, roll)[k]), 0, _COMMA if k < 2 else _DEG)
-    draw.reading(pen, _VALUE, sigma, 4)
-    draw.reading(pen, _THEORY, math.sqrt(max(1.0 - abs(math.sin(pitch)), 0.0)), 4)
-    draw.readout(pen, _NEEDED)
-    if sigma > 1e-3:
-        draw.number(pen, 1.0 / sigma, 1, _RATE)
-    else:
-        draw.words(pen, _NONE)
+    draw.reading(pen, _VALUE, sigma, 4, _RATE)
+    draw.reading(pen, _THEORY, math.sqrt(max(1.0 - abs(math.sin(pitch)), 0.0)), 4, _RATE)
+    draw.reading(pen, _NEEDED, 1.0 / max(sigma, 1e-3), 1, _RATE, 0 if sigma > 1e-3 else _NONE)
 
 
 PRESETS = {
     "Three free axes": Preset(
-        {}, "Press play: each ring in turn wiggles about its own axis. Three axes, three ways to "
-        "turn. The farther the middle ring tilts, the nearer the outer axis comes to the inner."),
+        {}, "Press play: each ring in turn wiggles about its own axis. The farther the middle ring "
+        "tilts, the nearer the outer axis comes to the inner. The curve: how fast the plate turns "
+        "about its weakest axis, of rings at 1 rad/s in all."),
     "Locked: pitch 90°": Preset(
-        {"pitch": 90.0}, "The outer and the inner ring turn about one and the same axis: wiggling "
-        "either does the same. Nothing turns the plate about the red axis. The plate can still "
-        "have any attitude; three angles cannot follow it from here."),
+        {"pitch": 90.0}, "The outer and the inner ring turn about one axis: wiggling either does "
+        "the same. None turns the plate about the red one. It can; three angles cannot follow."),
     "Nearly locked: pitch 80°": Preset(
         {"pitch": 80.0}, "To turn about the red axis at 1 rad/s the rings need eight times that."),
 }  # fmt: skip

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from numba.extending import register_jitable
 
 from course.rigid_body.integrators import INTEGRATORS
 from course.rigid_body.oscillator import METHODS, limit, step_of
@@ -14,6 +13,7 @@ from course.simulations.rigid_body.turning import whole_steps
 
 OMEGA = 6.0  # rad/s
 _LARGEST, _EDGE, _PAST = 3.2, 48, 400  # omega h, corners of the patch, steps remembered
+_COSINE, _SINE = (f(np.linspace(0.0, 2.0 * math.pi, _EDGE + 1)) for f in (np.cos, np.sin))
 _PATCH = 0.5 * _EDGE * 0.3**2 * math.sin(2.0 * math.pi / _EDGE)  # its area at the start
 _LIMITS = np.array([[limit(name, k / 20) for k in range(21)] for name in METHODS])  # by zeta
 
@@ -32,42 +32,25 @@ STATE = Record(
 )
 
 
-@register_jitable
-def step(controls, z, after):
-    """One step from states z to `after`, (2, N), in the unit of time 1 / omega."""
-    params = np.array([1.0, controls["zeta"]])
-    q, v = step_of(controls["method"], z[0:1], z[1:2], controls["omega_h"], params)
-    after[0] = q[0]
-    after[1] = v[0]
-
-
-@register_jitable
-def area(z):
-    """Area of the patch (shoelace formula)."""
-    x, y = z[0, 1:], z[1, 1:]
-    return 0.5 * abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
-
-
 def initial(controls, state):
-    """Released at 1; the step's matrix is where it takes (1, 0) and (0, 1)."""
-    angle = 2.0 * math.pi * np.arange(_EDGE) / _EDGE
+    """Released at 1; the step's matrix is where it takes (1, 0) and (0, 1), in time 1 / omega."""
     state["z"][0, 0] = state["past"][1, 0] = 1.0
-    state["z"][0, 1:] = 1.0 + 0.3 * np.cos(angle)
-    state["z"][1, 1:] = 0.3 * np.sin(angle)
+    state["z"][0, 1:], state["z"][1, 1:] = 1.0 + 0.3 * _COSINE[1:], 0.3 * _SINE[1:]
     state["samples"] = 1
-    step(controls, np.eye(2), state["matrix"])
+    unit, params = np.eye(2), np.array([1.0, controls["zeta"]])
+    q, v = step_of(controls["method"], unit[0:1], unit[1:2], controls["omega_h"], params)
+    state["matrix"][:] = np.vstack((q, v))
 
 
 def advance(state, controls, seconds):
-    """As many whole steps as fit, unless all has left the picture by far; the rest is owed."""
-    h = controls["omega_h"] / OMEGA
+    """As many whole steps as fit, unless all has left the picture by far."""
+    h, past = controls["omega_h"] / OMEGA, state["past"]
     for _ in range(whole_steps(state, seconds, h)):
         if np.max(np.abs(state["z"])) < 1e4:
-            step(controls, state["z"], state["z"])
+            state["z"][:] = state["matrix"] @ state["z"]
             state["steps"] += 1
-            n = draw.remember(state["past"], state["samples"], h * state["steps"])
-            state["past"][1:, n - 1] = state["z"][:, 0]
-            state["samples"] = n
+            state["samples"] = n = draw.remember(past, state["samples"], h * state["steps"])
+            past[1:, n - 1] = state["z"][:, 0]
 
 
 TITLE = "A spring and its step"
@@ -75,9 +58,8 @@ word, colour = draw.words_table(), draw.colours_table()
 (_PALE,) = colour("#cfe3f2")
 _PHASE, _CIRCLE = word("states: the mass, and a patch of other starts", "eigenvalues of one step")
 _X, _V, _T, _H, _LIMIT = word("x", "v / ω", "time [s]", "ω h: drag me", "limit")
-_STEPS, _MODULUS, _DET, _AREA, _THEORY = word(
-    "steps", "largest |eigenvalue|", "determinant", "area of the patch", "determinant ^ steps"
-)
+_STEPS, _MODULUS, _DET = word("steps", "largest |eigenvalue|", "determinant")
+_AREA, _THEORY = word("area of the patch", "determinant ^ steps")
 _ROPE, _STATES, _UNIT = (0.6, 4.6, 4.05, 4.6), (0.6, 4.6, 0.55, 3.7), (5.5, 7.1, 3.0, 4.6)
 _SCALE, _TIME = (5.5, 8.8, 2.2, 2.45), (5.5, 8.8, 0.55, 1.4)
 
@@ -91,45 +73,32 @@ def drag(controls, state, x, y):
 def frame(pen, state, controls):
     """The spring, its states, the eigenvalues of a step, the step's scale, the motion; numbers."""
     z, past, m = state["z"], state["past"][:, : state["samples"]], state["matrix"]
-    trace, det = m[0, 0] + m[1, 1], m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
-    root, real = math.sqrt(abs(0.25 * trace * trace - det)), 0.25 * trace * trace > det
-    apart, up = (root, 0.0) if real else (0.0, root)
-    modulus = max(math.hypot(0.5 * trace + apart, up), math.hypot(0.5 * trace - apart, up))
-    ink = draw.RED if modulus > 1.0 + 1e-9 else draw.GREEN
+    values = np.linalg.eigvals(m.astype(np.complex128))
+    modulus, det = np.max(np.abs(values)), m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
+    ink = draw.RED if modulus > 1.0 + 1e-7 else draw.GREEN
     draw.area(pen, _ROPE, (-3.0, 3.0, -1.0, 1.0))
     coil, side = np.arange(25) / 24.0, 1.0 * (np.arange(25) % 2) - 0.5
     draw.curve(pen, -3.0 + (z[0, 0] + 2.8) * coil, side, draw.GREY, 2.0)
     draw.box(pen, z[0, 0] - 0.2, z[0, 0] + 0.2, -0.7, 0.7, draw.BLUE)
-    draw.area(pen, _STATES, (-3.0, 3.0, -2.4, 2.4))
-    draw.axes(pen, _X, _V, _PHASE, 6, 4)
-    first = max(0, state["samples"] - 60)
-    draw.curve(pen, past[1, first:], past[2, first:], draw.BLUE, 1.0, 0.5)
+    draw.chart(pen, _STATES, (-3.0, 3.0, -2.4, 2.4), _X, _V, _PHASE, 6, 4)
+    draw.curve(pen, past[1, -60:], past[2, -60:], draw.BLUE, 1.0, 0.5)
+    x, y = z[0, 1:], z[1, 1:]
+    patch = 0.5 * abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
     draw.polygon(pen, _PALE, ink, 1.8, 0.9)
-    draw.points(pen, z[0, 1:], z[1, 1:])
-    draw.disc(pen, 0.07, draw.BLUE)
-    draw.points(pen, past[1, first:], past[2, first:])
-    draw.area(pen, _UNIT, (-1.6, 1.6, -1.6, 1.6))
-    draw.axes(pen, 0, 0, _CIRCLE, 3, 3)
-    angle = np.linspace(0.0, 2.0 * math.pi, 73)
-    draw.curve(pen, np.cos(angle), np.sin(angle), draw.INK, 1.5)
-    draw.spot(pen, 0.5 * trace + apart, up, 0.1, ink)
-    draw.point(pen, 0.5 * trace - apart, -up)
-    draw.area(pen, _SCALE, (0.0, _LARGEST, 0.0, 1.0))
-    draw.axes(pen, _H, 0, 0, 6, 0)
-    draw.box(pen, 0.0, controls["omega_h"], 0.0, 1.0, ink)
+    draw.points(pen, x, y)
+    draw.spots(pen, past[1, -60:], past[2, -60:], 0.07, draw.BLUE)
+    draw.chart(pen, _UNIT, (-1.6, 1.6, -1.6, 1.6), 0, 0, _CIRCLE, 3, 3)
+    draw.curve(pen, _COSINE, _SINE, draw.INK, 1.5)
+    draw.spots(pen, values.real, values.imag, 0.1, ink)
     edge = _LIMITS[controls["method"], round(20.0 * controls["zeta"])]
-    if edge < _LARGEST:
-        draw.segment(pen, edge, -0.2, edge, 1.4, draw.INK, 2.5)
-        draw.text(pen, edge, 1.4, _LIMIT, draw.INK, 11.5, draw.CENTRE, draw.BOTTOM)
+    draw.gauge(pen, _SCALE, _LARGEST, controls["omega_h"], ink, _H, edge, _LIMIT)
     start = max(past[0, -1] - 8.0, 0.0)
-    draw.area(pen, _TIME, (start, start + 8.0, -3.0, 3.0))
-    draw.axes(pen, _T, _X, 0, 4, 3)
+    draw.chart(pen, _TIME, (start, start + 8.0, -3.0, 3.0), _T, _X, 0, 4, 3)
     draw.curve(pen, past[0], past[1], draw.BLUE, 1.8)
-    draw.window(pen)
     draw.reading(pen, _STEPS, state["steps"], 0)
     draw.reading(pen, _MODULUS, modulus, 4)
     draw.reading(pen, _DET, det, 4)
-    draw.reading(pen, _AREA, area(z) / _PATCH, 4)
+    draw.reading(pen, _AREA, patch / _PATCH, 4)
     draw.reading(pen, _THEORY, det ** state["steps"], 4)
 
 
@@ -138,13 +107,12 @@ PRESETS = {
         {}, "Drag the bar ω h. Semi-implicit Euler: both eigenvalues stay on the unit circle, the "
         "patch is sheared and turned, and its area stays what it was."),
     "At the limit, ω h = 2": Preset(
-        {"omega_h": 2.0}, "Both eigenvalues meet at −1. The area still stays, but the patch is "
-        "drawn out: the motion grows step by step, not exponentially."),
+        {"omega_h": 2.0}, "Both eigenvalues meet at −1. The patch keeps its area and is drawn out: "
+        "the motion grows by as much every step."),
     "Just beyond": Preset(
-        {"omega_h": 2.01}, "One eigenvalue leaves the circle, the other enters it; their product "
-        "is still 1. An area that is kept does not make a step stable."),
-    "Explicit Euler": Preset(
-        {"method": 0, "omega_h": 0.2}, "Outside the circle at every step: the patch grows."),
+        {"omega_h": 2.01}, "One eigenvalue leaves the circle, the other enters it, the area still "
+        "stays: that does not make a step stable."),
+    "Explicit Euler": Preset({"method": 0, "omega_h": 0.2}, "Outside at every h: the patch grows."),
     "RK4": Preset({"method": 5, "omega_h": 1.5}, "Inside the circle: the patch shrinks."),
 }  # fmt: skip
 

@@ -7,6 +7,7 @@ from course.simulations import pen as draw
 from course.simulations import splitmix
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, slider, switch
+from course.simulations.rigid_body.turning import whole_steps
 
 RADIUS = 0.05  # of the ball [m]
 _FROM, _TO, _SEEN, _PAUSE = -1.0, 0.8, 1.5, 0.7  # m, m, m flown in a second of yours, s
@@ -25,6 +26,7 @@ STATE = Record(
     samples=Field(0),
     hit=Field(0),
     owed=Field(0.0, unit="s"),  # of your time
+    pause=Field(0.0, unit="s"),  # left before the next shot
     shots=Field(0),
     missed=Field(0),
     share=Field(0.0),  # missed, of 1000 phases of the step
@@ -34,9 +36,8 @@ STATE = Record(
 @register_jitable
 def found(before, now, controls):
     """Whether a step finds the wall, whose front is at 0; of numbers or arrays."""
-    if controls["sweep"] != 0:
-        return (now >= -RADIUS) & (before <= 1e-3 * controls["wall"] + RADIUS)
-    return (now >= -RADIUS) & (now <= 1e-3 * controls["wall"] + RADIUS)
+    first = before if controls["sweep"] != 0 else now
+    return (now >= -RADIUS) & (first <= 1e-3 * controls["wall"] + RADIUS)
 
 
 @register_jitable
@@ -45,36 +46,30 @@ def shoot(controls, state, way):
     phase = np.empty(1)
     splitmix.uniform(state["seed"], phase)
     state["centre"][0] = _FROM - phase[0] * way
-    state["samples"], state["hit"] = 1, 0
+    state["samples"], state["hit"], state["pause"] = 1, 0, _PAUSE
     state["shots"] += 1
 
 
 def initial(controls, state):
-    """The first shot; and a thousand phases of the step, flown past the wall."""
+    """The first shot; and of a thousand phases of the step, the share that finds the wall."""
     state["seed"][0] = controls["seed"]
     way = 1e-3 * controls["timestep"] * controls["speed"]
+    # The last look before the wall; if the next is beyond it, so are all others.
     x = -RADIUS - way * (np.arange(1000) + 0.5) / 1000.0
-    seen = np.zeros(1000, np.bool_)
-    while np.min(x) <= 1e-3 * controls["wall"] + RADIUS:
-        seen |= found(x, x + way, controls)
-        x = x + way
-    state["share"] = 1.0 - np.mean(seen)
+    state["share"] = 1.0 - np.mean(found(x, x + way, controls))
     shoot(controls, state, way)
 
 
 def advance(state, controls, seconds):
     """Steps in slow motion: every ball flies past in the same time of yours."""
     way = 1e-3 * controls["timestep"] * controls["speed"]
-    state["owed"] += seconds
     x = state["centre"]
-    while True:
+    for _ in range(whole_steps(state, seconds, way / _SEEN)):
         n = state["samples"]
-        over = state["hit"] != 0 or x[n - 1] > _TO
-        if state["owed"] < (_PAUSE if over else way / _SEEN):
-            break
-        state["owed"] -= _PAUSE if over else way / _SEEN
-        if over:
-            shoot(controls, state, way)
+        if state["hit"] != 0 or x[n - 1] > _TO:
+            state["pause"] -= way / _SEEN
+            if state["pause"] < 0.0:
+                shoot(controls, state, way)
             continue
         x[n], state["samples"] = x[n - 1] + way, n + 1
         state["hit"] = int(found(x[n - 1], x[n], controls))
@@ -86,13 +81,12 @@ def advance(state, controls, seconds):
 TITLE = "Tunnelling in motion"
 word, colour = draw.words_table(), draw.colours_table()
 (_STONE,) = colour("#b9a88c")
-_X, _RATIO, _M, _PERCENT = word("x [m]", "v dt / D", " m", " %")
+_X, _RATIO, _M, _PERCENT = word("x [m]", "v h / D", " m", " %")
 _LOOKS, _MISS = word("where the ball is at each step", "share missed")
 _CURVE, _HERE = word("theory", "1000 phases of the step")
 _SAID = word("on its way", "found", "missed: it went through")[0]
-_WAY, _D, _SHARE, _THEORY, _SHOTS, _MISSED = word(
-    "v dt, a step's way", "D = ball + wall", "missed, of 1000", "1 − D / (v dt)", "shots", "missed"
-)
+_WAY, _D, _SHOTS, _MISSED = word("v h, a step's way", "D = ball + wall", "shots", "missed")
+_SHARE, _THEORY = word("missed, of 1000", "1 − D / (v h)")
 _FLIGHT, _CHART = (0.5, 8.8, 3.1, 4.45), (0.9, 5.2, 0.6, 2.2)
 
 
@@ -102,31 +96,18 @@ def frame(pen, state, controls):
     way, wide = 1e-3 * controls["timestep"] * controls["speed"], 2.0 * RADIUS + wall
     said = 1 if state["hit"] != 0 else 2 * (x[n - 1] > _TO)
     ink = (draw.BLUE, draw.GREEN, draw.RED)[said]
-    draw.area(pen, _FLIGHT, (-1.15, 1.25, -0.2, 0.2))
-    draw.axes(pen, _X, 0, _LOOKS, 8, 0)
+    draw.chart(pen, _FLIGHT, (-1.15, 1.25, -0.2, 0.2), _X, 0, _LOOKS, 8, 0)
     draw.box(pen, 0.0, wall, -0.2, 0.2, _STONE, draw.INK, 1.0)
     draw.curve(pen, x[:n], 0.0 * x[:n], draw.BLUE, 1.2, 0.6)
-    draw.disc(pen, RADIUS, draw.BLUE, draw.BLUE, 1.0, 0.25)
-    draw.points(pen, x[: n - 1], 0.0 * x[: n - 1])
+    draw.spots(pen, x[: n - 1], 0.0 * x[: n - 1], RADIUS, draw.BLUE, draw.BLUE, 1.0, 0.25)
     draw.spot(pen, x[n - 1], 0.0, RADIUS, ink)
-    draw.window(pen)
-    draw.text(pen, 8.8, 4.62, _SAID + said, ink, 14.0, draw.RIGHT)
-    draw.area(pen, _CHART, (0.0, 10.0, 0.0, 1.0))
-    draw.axes(pen, _RATIO, 0, _MISS, 5, 4)
+    draw.chart(pen, _CHART, (0.0, 10.0, 0.0, 1.0), _RATIO, 0, _MISS, 5, 4)
     ratio = np.linspace(0.0, 10.0, 201)
-    draw.curve(
-        pen,
-        ratio,
-        np.maximum(0.0, 1.0 - 1.0 / np.maximum(ratio, 1e-3)),
-        draw.INK,
-        1.6,
-        0.8,
-        5.0,
-        4.0,
-    )
+    draw.theory(pen, ratio, np.maximum(0.0, 1.0 - 1.0 / np.maximum(ratio, 1e-3)))
     draw.spot(pen, min(way / wide, 10.0), state["share"], 0.16, draw.RED)
     draw.window(pen)
-    draw.key(pen, 5.6, 1.9, _CURVE, draw.INK, 1.6, 0.8, 5.0, 4.0)
+    draw.text(pen, 8.8, 4.62, _SAID + said, ink, 14.0, draw.RIGHT)
+    draw.theory_key(pen, 5.6, 1.9, _CURVE)
     draw.key(pen, 5.6, 1.6, _HERE, draw.RED, 4.0)
     draw.reading(pen, _WAY, way, 3, _M)
     draw.reading(pen, _D, wide, 3, _M)
@@ -138,13 +119,11 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "A fast ball": Preset(
-        {}, "In one step the ball flies more than three times D. Most balls are before the wall at "
-        "one look and beyond it at the next. Which ones is luck: the phase of the step."),
+        {}, "In one step the ball flies more than three times D: most are before the wall at one "
+        "look and beyond it at the next. Which ones is luck."),
     "Just slow enough": Preset(
-        {"speed": 12.0}, "v dt = D: some look always falls into the wall. Raise v by a little."),
-    "Swept": Preset(
-        {"sweep": True}, "The same ball and step. The way between two looks is tested, and "
-        "nothing is missed, however thin the wall."),
+        {"speed": 12.0}, "v h = D: some look always falls into the wall. Raise v by a little."),
+    "Swept": Preset({"sweep": True}, "The way between two looks is tested: no wall is too thin."),
     "A shorter step": Preset(
         {"timestep": 2.0}, "Smaller steps help in proportion; for a bullet and foil never enough."),
 }  # fmt: skip

@@ -22,19 +22,20 @@ TURNING = {
     "omega": Field(0.0, shape=(3,), unit="rad/s"),  # in the body frame
     "steps": Field(0),
     "owed": Field(0.0, unit="s"),
-    # Time, angular velocity in the body frame and in the world, of the samples.
-    "past": Field(0.0, shape=(7, 2 * PAST)),
+    # Time, angular velocity in the body frame and in the world, and axis 3 there, of the samples.
+    "past": Field(0.0, shape=(10, 2 * PAST)),
     "samples": Field(0),
 }
 
 
 @register_jitable
-def remember(state):
-    """Remember the angular velocity now."""
+def remember(state, time):
+    """Remember how the body turns now."""
     past = state["past"]
-    state["samples"] = n = draw.remember(past, state["samples"], STEP * state["steps"])
+    state["samples"] = n = draw.remember(past, state["samples"], time)
     past[1:4, n - 1] = state["omega"]
     past[4:7, n - 1] = rotate(state["q"], state["omega"])
+    past[7:10, n - 1] = rotate(state["q"], np.array([0.0, 0.0, 1.0]))
 
 
 @register_jitable
@@ -45,7 +46,7 @@ def start(state, moments, omega):
     sine = math.sqrt(axis[0] ** 2 + axis[1] ** 2)
     state["q"][:] = exp(axis * (math.atan2(sine, momentum[2]) / max(sine, 1e-300)))
     state["omega"][:] = omega
-    remember(state)
+    remember(state, 0.0)
 
 
 @register_jitable
@@ -57,20 +58,26 @@ def whole_steps(state, seconds, step):
 
 
 @register_jitable
-def turn(state, moments, seconds):
-    """Let the body turn by whole steps."""
-    for _ in range(whole_steps(state, seconds, STEP)):
-        q, omega = rk4(state["q"], state["omega"], tumble_acceleration, STEP, moments)
+def march(state, law, params, step, sample, seconds):
+    """Let the body turn by whole steps; each so-manieth is remembered."""
+    for _ in range(whole_steps(state, seconds, step)):
+        q, omega = rk4(state["q"], state["omega"], law, step, params)
         state["q"][:] = q
         state["omega"][:] = omega
         state["steps"] += 1
-        if state["steps"] % SAMPLE == 0:
-            remember(state)
+        if state["steps"] % sample == 0:
+            remember(state, step * state["steps"])
+
+
+@register_jitable
+def turn(state, moments, seconds):
+    """Let the body turn freely."""
+    march(state, tumble_acceleration, moments, STEP, SAMPLE, seconds)
 
 
 @register_jitable
 def recent(state):
-    """Time and rates of the last six seconds, a view (7, N)."""
+    """Time, rates and axis 3 of the last samples, a view (10, N)."""
     return state["past"][:, max(0, state["samples"] - PAST) : state["samples"]]
 
 
@@ -85,7 +92,7 @@ word, colour = draw.words_table(), draw.colours_table()
 SKIN = space.shades(colour, "#c9d1d9", "#c9d1d9", "#e6dcc4", "#e6dcc4", "#8fb3d9", "#d9775b")
 _CORNERS, _INDEX = space.box(1.0, 1.0, 1.0)
 _FILLS = np.array(SKIN)
-_RATES, _T, _RATE = word("rates about the body's own axes", "time [s]", "[rad/s]")
+_RATES, _T, _RATE = word("body rates", "time [s]", "[rad/s]")
 _NAMES = word("ω1", "ω2", "ω3")[0]
 _INKS = (draw.BLUE, draw.ORANGE, draw.PURPLE)
 
@@ -101,8 +108,7 @@ def body(pen, eye, q, sides):
 def rates(pen, state, rectangle, high):
     """The three body rates over the last six seconds."""
     past = recent(state)
-    draw.area(pen, rectangle, (past[0, 0], past[0, 0] + 6.0, -high, high))
-    draw.axes(pen, _T, _RATE, _RATES, 4, 6)
+    draw.chart(pen, rectangle, (past[0, 0], past[0, 0] + 6.0, -high, high), _T, _RATE, _RATES, 4, 6)
     for k in range(3):
         draw.curve(pen, past[0], past[1 + k], _INKS[k], 2.0)
     draw.window(pen)

@@ -117,7 +117,7 @@ def told(answers: Sequence[Answer]) -> str:
 
 
 def _start_speed(a: Answer) -> bool:
-    """Whether the one impact of a fall turns round the speed of the start, in the step or at its end."""
+    """Whether the one impact of a fall turns round the speed of the start, then or at the end."""
     y, v, dt, e, gravity = (*a.case.args, 9.81)[:5]
     if a.case.label != "one impact" or v > -3.0:
         return False
