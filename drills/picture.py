@@ -80,19 +80,14 @@ def bodies(figure: Figure, start: Any, got: Any, right: Any) -> None:
 
 def angle(p: Any, q: Any) -> float:
     """The angle between two orientations [degrees], of quaternions of any length."""
-    error = min(float(np.linalg.norm(unit(p) - sign * unit(q))) for sign in (1.0, -1.0))
-    return math.degrees(4.0 * math.asin(min(0.5 * error, 1.0)))
-
-
-def unit(q: Any) -> Any:
-    """A quaternion of length one; that of no turn where there is none."""
-    q = np.asarray(q, dtype=float)
-    size = float(np.linalg.norm(q))
-    return q / size if 0.0 < size < np.inf else np.array([1.0, 0.0, 0.0, 0.0])
+    apart = float(np.linalg.norm(_axes_of(p) - _axes_of(q)))
+    return math.degrees(2.0 * math.asin(min(apart / math.sqrt(8.0), 1.0)))
 
 
 def _axes_of(q: Any) -> Any:
     """The body's axes in the world, one a row, of a quaternion (w, x, y, z)."""
-    w, *v = unit(q)
+    q = np.asarray(q, dtype=float)
+    size = float(np.linalg.norm(q))
+    w, *v = q / size if 0.0 < size < np.inf else np.array([1.0, 0.0, 0.0, 0.0])
     axes = np.eye(3)
     return axes + 2.0 * np.cross(v, np.cross(v, axes) + w * axes)

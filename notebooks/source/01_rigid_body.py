@@ -693,9 +693,9 @@ figures(
 #
 # ### Many bodies at once
 #
-# Training needs thousands of copies. (Most of it runs on GPUs today, in MuJoCo Warp, MJX or Isaac; they are not
-# measured here.) The same source, compiled for whole batches, beside `mujoco.batch`, one core each (sim s / s:
-# simulated seconds in a second):
+# Training needs thousands of copies. (Most runs on GPUs today, in MuJoCo Warp, MJX or Isaac, not measured here.) The
+# same source, compiled for whole batches, beside `mujoco.batch`, one core each (sim s / s: simulated seconds in a
+# second):
 #
 # ![Bodies per second against the number of bodies](../docs/charts/throughput.png)
 
@@ -710,8 +710,7 @@ figures(
 
 # %% [markdown]
 # Read this with care: it compares *a planar box* with *a general engine that was asked about a planar box*. The gain is
-# what you get for modelling no more than the scene needs. It is lost the moment the scene needs a second body in
-# contact with the first.
+# what you get for modelling no more than the scene needs. It is lost once a second body touches the first.
 #
 # <details><summary>How it was measured, and the free bodies</summary>
 #
@@ -763,8 +762,7 @@ predict("damping_and_the_limit")
 # %% [markdown]
 # Now with a damper: $\ddot x = -2\zeta\omega\dot x - \omega^2 x$, where $\zeta = 1$ is critical damping. Bisection on
 # the step, until the growth per step is one; `worst` is the largest relative distance from the theory. MuJoCo's own
-# integrators are measured in the same way, as black boxes; `eulerdamp` is its switch for implicit joint damping. (The
-# outputs write dt for $h$ and omega for $\omega$.)
+# integrators are measured in the same way, as black boxes; `eulerdamp` is its switch for implicit joint damping.
 
 # %% jupyter={"source_hidden": true}
 figures(

@@ -1,11 +1,13 @@
 """The form of the chapters: moved, not read. What is counted, and that it is kept."""
 
 import re
+from collections import Counter
 
 import nbformat
 import pytest
 
 from course import CHAPTERS, cards, derivations
+from course.derivations import records
 from tools import form, notebooks
 
 BUILT = {
@@ -73,6 +75,24 @@ def test_a_checkpoint_is_not_answered_on_its_page(name: str) -> None:
     for claim in cards.gate(CHAPTER[name]):
         assert f'show("{claim}")' not in source and f'answer("{claim}"' not in source
         assert derivations.formula(claim).expression.replace(" ", "") not in page
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_no_answer_to_a_claim_is_right_by_habit(name: str) -> None:
+    source = "\n".join(cell.source for cell in BUILT[name].cells)
+    shown = re.findall(r'^show\("(\w+)"\)', source, re.M)
+    entries = {k: e for file in records.files() for k, e in records.load(file).items()}
+    verdicts = Counter(entries[claim]["verdict"] for claim in shown)
+    assert len(shown) < 6 or verdicts["holds"] >= len(shown) / 6, verdicts
+    assert len(shown) < 6 or max(verdicts.values()) <= 0.6 * len(shown), verdicts
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_the_question_comes_before_the_film(name: str) -> None:
+    cells = BUILT[name].cells
+    films = [place for place, cell in enumerate(cells) if "(attachment:" in cell.source]
+    asked = [place for place, cell in enumerate(cells) if "question" in form.pauses(cell)]
+    assert not films or asked[0] < films[0]
 
 
 @pytest.mark.parametrize("name", WRITTEN)

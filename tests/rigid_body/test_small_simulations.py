@@ -169,8 +169,8 @@ def test_at_90_degrees_no_ring_turns_about_the_lost_axis():
     for pitch in (90.0, -90.0):
         axes = gimbal.axes_of(0.4, math.radians(pitch), 1.1)
         assert np.abs(axes[:3] @ axes[3]).max() < 1e-12
-        assert number(Experiment(gimbal.MODEL, pitch=pitch), "weakest turn of the plate") == 0.0
-    assert number(Experiment(gimbal.MODEL, pitch=60.0), "weakest turn of the plate") == 0.3660
+        assert number(Experiment(gimbal.MODEL, pitch=pitch), "weakest turn") == 0.0
+    assert number(Experiment(gimbal.MODEL, pitch=60.0), "weakest turn") == 0.3660
 
 
 def test_after_a_full_turn_the_body_is_back_and_its_quaternion_is_not():

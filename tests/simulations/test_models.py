@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from course.simulations import painter
 from course.simulations import pen as draw
 from course.simulations.model import Experiment, recorded
 from course.simulations.painter import film, to_png
@@ -166,3 +167,20 @@ def test_models_need_no_widget_and_no_plot():
     )
     result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert result.stdout.strip() == "set()", result.stderr
+
+
+@pytest.mark.parametrize("model", MODELS)
+def test_no_word_is_cut(model: Any) -> None:
+    """Words in the picture stay in it, and the name of a number stays in its column below."""
+    for preset in model.presets.values():
+        experiment = Experiment(model, **preset.values)
+        experiment.advance(0.5)
+        page = painter._page(experiment.picture(), 1.0)
+        page.draw()
+        wide, high = page.get_width_height()
+        for written in page.figure.axes[0].texts:
+            box = written.get_window_extent()
+            inside = box.x0 > -1.0 and box.x1 < wide + 1.0 and box.y1 < high + 1.0
+            assert inside or not written.get_text(), written.get_text()
+        for written in page.figure.texts:
+            assert written.get_window_extent().width < painter._CELL[0] - 4.0, written.get_text()
