@@ -16,15 +16,7 @@ from drills.inprocess import InProcess
 from drills.reasons import SENTENCES, Reason
 from drills.report import Check, Cost, Part, Report
 from drills.sandbox import Handle, Loaded, Raised
-from drills.values import (
-    Failure,
-    Mismatch,
-    as_float64,
-    describe,
-    describe_call,
-    type_name,
-    worst,
-)
+from drills.values import Failure, Mismatch, as_float64, describe, describe_call, type_name, worst
 
 Array = NDArray[np.float64]
 

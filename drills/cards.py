@@ -110,10 +110,7 @@ class Card:
 
     def prompt(self) -> str:
         """The task in Markdown: the text, then a table of what goes in and what comes back."""
-        parts = [
-            f"# {self.title}",
-            (self.folder / "prompt.md").read_text(encoding="utf-8").strip(),
-        ]
+        parts = [f"# {self.title}", (self.folder / "prompt.md").read_text(encoding="utf-8").strip()]
         for signature in self.signatures:
             rows = [("takes", q) for q in signature.arguments]
             rows += [("returns", q) for q in signature.returns]

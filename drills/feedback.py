@@ -35,12 +35,7 @@ def clean(text: str) -> str:
 
 
 def text(
-    report: Report,
-    card: Card,
-    *,
-    colour: bool = False,
-    unicode: bool = True,
-    width: int = 80,
+    report: Report, card: Card, *, colour: bool = False, unicode: bool = True, width: int = 80
 ) -> str:
     """The feedback on one attempt as lines of text.
 

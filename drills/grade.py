@@ -22,15 +22,7 @@ from drills.diagnosis import diagnosis, repeated
 from drills.exercise import Exercise
 from drills.reasons import SENTENCES, Reason
 from drills.report import LEVELS, Check, Problem, Report
-from drills.sandbox import (
-    Child,
-    Ended,
-    Limits,
-    Loaded,
-    MissingName,
-    Raised,
-    SyntaxProblem,
-)
+from drills.sandbox import Child, Ended, Limits, Loaded, MissingName, Raised, SyntaxProblem
 from drills.values import Mismatch, describe, describe_call, identical
 
 COMPILING = 20.0  # s of processor time, for an answer that uses Numba

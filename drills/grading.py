@@ -230,11 +230,7 @@ def _told(session: Session, card: Card, report: Report, path: str) -> tuple[int,
     terminal = session.terminal
     if not terminal.json:
         text = feedback.text(
-            report,
-            card,
-            colour=terminal.colour,
-            unicode=terminal.unicode,
-            width=terminal.width,
+            report, card, colour=terminal.colour, unicode=terminal.unicode, width=terminal.width
         )
         session.say(text.rstrip("\n"))
         if not report.passed and report.reason not in _UNCOUNTED:

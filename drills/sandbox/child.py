@@ -100,12 +100,7 @@ class Answers:
         """Run a source as the module `name`."""
         module = types.ModuleType(name)
         module.__file__ = filename
-        linecache.cache[filename] = (
-            len(source),
-            None,
-            source.splitlines(keepends=True),
-            filename,
-        )
+        linecache.cache[filename] = (len(source), None, source.splitlines(keepends=True), filename)
         self.modules[name] = sys.modules[name] = module
         exec(code, module.__dict__)
         return module

@@ -70,11 +70,7 @@ def extent(shape: Sequence[int]) -> int:
     return math.prod(max(count, 1) for count in shape)
 
 
-def encode(
-    value: Any,
-    unknown: Callable[[Any, str], Any],
-    text: int = TEXT,
-) -> Any:
+def encode(value: Any, unknown: Callable[[Any, str], Any], text: int = TEXT) -> Any:
     """A value as something that `json` writes exactly.
 
     Args:

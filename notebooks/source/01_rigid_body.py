@@ -240,8 +240,7 @@ simulation("double_cover")
 #
 # The last form is the **exponential map**, from a turn vector to its quaternion.
 # Because of the half, a full turn takes $q$ to $-q$, and both are the same orientation: the **double cover**. So
-# compare orientations by the angle between them, never by subtracting quaternions. Two relatives you will be asked
-# for. **Rodrigues'** formula turns axis and angle into a matrix, with $[n]_\times$ the matrix of $n\times$. **SLERP**
+# compare orientations by the angle between them, never by subtracting quaternions. **Rodrigues'** formula turns axis and angle into a matrix, with $[n]_\times$ the matrix of $n\times$. **SLERP**
 # goes from one orientation to another at a constant rate, along the shorter way.
 
 # %%
@@ -633,7 +632,7 @@ show("mujoco_euler_is_semi_implicit")
 # digits. Its `implicitfast` and `discrete` are of first order. What differs is the time per step, because MuJoCo's is a
 # step of a general engine.
 #
-# Put a step function of your own on the chart with one call. It runs as plain Python, so compare it in the left panel:
+# Put a step function of your own on it. It runs as plain Python, so compare it in the left panel:
 
 
 # %%
@@ -909,8 +908,6 @@ figures(
 
 # %% [markdown]
 # ### Debugging table
-#
-# Say the cause before you open the answer.
 #
 # <div class="alert alert-block alert-danger">
 #

@@ -5,7 +5,6 @@ import http.server
 import importlib.machinery
 import json
 import os
-import re
 import sys
 import threading
 from collections.abc import Iterator
@@ -346,13 +345,6 @@ def test_the_sections_take_the_time_that_the_first_screen_says() -> None:
             whole = sum(part.minutes for part in parts)
             said = form.reading(nbformat.read(notebooks.target(source), 4).cells)["open"]
             assert whole <= said < whole + 1
-
-
-def test_the_exercises_of_a_chapter_come_in_the_order_of_its_notebook() -> None:
-    for source in notebooks.sources():
-        asked = re.findall(r'^card\("(\w+)"\)', source.read_text(encoding="utf-8"), re.M)
-        mine = [card.name for card in cards.cards() if card.name in asked]
-        assert asked == mine, "`place` in card.toml is the exercise's place in the notebook"
 
 
 def test_what_is_next_follows_the_chapters_and_what_was_tried() -> None:

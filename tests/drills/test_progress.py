@@ -28,9 +28,7 @@ def attempt(path: Path, name: str, passed: bool, **costs: tuple[float, str]) -> 
 
 def run(program: str, *arguments: object) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        [sys.executable, "-c", program, *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        text=True,
+        [sys.executable, "-c", program, *map(str, arguments)], stdout=subprocess.PIPE, text=True
     )
 
 

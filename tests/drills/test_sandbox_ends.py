@@ -17,16 +17,7 @@ import numpy as np
 import pytest
 
 from drills.reasons import Reason
-from drills.sandbox import (
-    Ended,
-    Limits,
-    Raised,
-    confine,
-    places,
-    protections,
-    scratch,
-    tree,
-)
+from drills.sandbox import Ended, Limits, Raised, confine, places, protections, scratch, tree
 from drills.sandbox.process import LAYERS
 from tests.drills.sandbox_children import PLAIN, QUICK, child, ended, loaded
 
@@ -58,16 +49,8 @@ LINUX = sys.platform.startswith("linux")
         ("while True: print('spam' * 100)", Reason.OUTPUT_FLOOD, "256 KiB"),
         ("import os\n    while True: os.write(2, b'x' * 4096)", Reason.OUTPUT_FLOOD, ""),
         ("open('big', 'wb').write(bytes(10**7))", Reason.DISK_FLOOD, "2 MiB"),
-        (
-            "for i in range(10**6): open(str(i), 'wb').write(bytes(10**5))",
-            Reason.DISK_FLOOD,
-            "",
-        ),
-        (
-            "for i in range(10**6): open(str(i), 'wb').close()",
-            Reason.DISK_FLOOD,
-            "files",
-        ),
+        ("for i in range(10**6): open(str(i), 'wb').write(bytes(10**5))", Reason.DISK_FLOOD, ""),
+        ("for i in range(10**6): open(str(i), 'wb').close()", Reason.DISK_FLOOD, "files"),
         ("import os\n    while True: os.mkdir('d'); os.chdir('d')", Reason.DISK_FLOOD, "deep"),
         ("import os; os.closerange(3, 200)", Reason.EXITED, ""),
     ],

@@ -61,9 +61,7 @@ for arguments in {TEXTS!r}:
 
 
 @pytest.mark.parametrize(
-    "locale",
-    [{"LC_ALL": "C"}, {"PYTHONIOENCODING": "ascii"}, {}],
-    ids=["C", "ascii", "UTF-8"],
+    "locale", [{"LC_ALL": "C"}, {"PYTHONIOENCODING": "ascii"}, {}], ids=["C", "ascii", "UTF-8"]
 )
 def test_every_text_fits_80_columns_and_the_locale(place: Place, locale: dict[str, str]) -> None:
     place.answer(WRONG)

@@ -8,6 +8,7 @@ import pytest
 
 from course import CHAPTERS, cards, derivations
 from course.derivations import records
+from drills import cards as catalogue
 from tools import form, notebooks
 
 BUILT = {
@@ -102,6 +103,14 @@ def test_a_chapter_has_all_its_questions_and_key_insights(name: str) -> None:
     assert sorted(asked) == sorted(cards.predictions(CHAPTER[name]))
     assert f'interview("{CHAPTER[name]}")' in source and "checkpoint(" in source
     assert "**Key insight.**" in source
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_exercises_are_listed_in_the_order_of_their_notebook(name: str) -> None:
+    source = "\n".join(cell.source for cell in BUILT[name].cells)
+    asked = re.findall(r'^card\("(\w+)"\)', source, re.M)
+    listed = [one.name for one in catalogue.cards() if one.name in asked]
+    assert asked == listed, "`place` in card.toml is the exercise's place in the notebook"
 
 
 # --- What is counted ------------------------------------------------------------------------------
