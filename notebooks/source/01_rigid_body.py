@@ -238,10 +238,11 @@ simulation("double_cover")
 #
 # $$q = (\cos\tfrac{\alpha}{2},\; n\sin\tfrac{\alpha}{2}) = \exp(\alpha n) .$$
 #
-# The last form is the **exponential map**, from a turn vector to its quaternion.
-# Because of the half, a full turn takes $q$ to $-q$, and both are the same orientation: the **double cover**. So
-# compare orientations by the angle between them, never by subtracting quaternions. **Rodrigues'** formula turns axis and angle into a matrix, with $[n]_\times$ the matrix of $n\times$. **SLERP**
-# goes from one orientation to another at a constant rate, along the shorter way.
+# The last form is the **exponential map**, from a turn vector to its quaternion. Because of the half, a full turn
+# takes $q$ to $-q$, and both are the same orientation: the **double cover**. So compare orientations by the angle
+# between them, never by subtracting quaternions. **Rodrigues'** formula turns axis and angle into a matrix, with
+# $[n]_\times$ the matrix of $n\times$. **SLERP** goes from one orientation to another at a constant rate, along the
+# shorter way.
 
 # %%
 show("quaternion_has_no_lock")
