@@ -1,6 +1,5 @@
 """Joint angles for a pose: shares solved, residuals, and what a learned start is worth."""
 
-import functools
 import time
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -20,6 +19,7 @@ from course.kinematics import (
     two_link_ik,
     within,
 )  # fmt: skip
+from course.kinematics.inverse import METHODS
 from course.measure.figure import Panel, Series
 from course.measure.success import collect
 from course.oracles.pinocchio import Arm
@@ -78,13 +78,6 @@ def usual(chain: Chain, clamped: bool, starts: int, rate: float, most: int) -> S
     return solve
 
 
-def a_second(run: Callable[[], Any]) -> float:
-    """Solved targets a second of processor time; `run` gives a flag for each."""
-    start = time.process_time()
-    solved = np.sum(run())
-    return float(solved) / (time.process_time() - start)
-
-
 @chart
 def ik_success(
     targets: int = 10_000, slow: int = 300, seeds: Sequence[int] = (0, 1, 2), table: int = 10_000
@@ -109,30 +102,33 @@ def ik_success(
         "usual loop, clamped, 20 starts": usual(arm, True, 20, 0.1, 1000),
         "same with full steps": usual(arm, True, 60, 1.0, 100),
     }
+    budgets = np.logspace(-4.3, 0.5, 70)
     for title, poses in sets.items():
         panel = Panel(title, "time for a pose [s]", "share of the poses solved", scale="log x",
                       ylim=(0, 1.02))  # fmt: skip
-        budgets = np.logspace(-4.3, 0.5, 70)
+        rates, whole = {}, np.array(poses).T
         for name, solve in (ours | theirs).items():
-            mine = name in ours
-            steps, seconds = collect(
-                name, solve, poses if mine else poses[:slow], seeds if mine else seeds[:1], "steps"
-            )
+            some, tried = (poses, seeds) if name in ours else (poses[:slow], seeds[:1])
+            start = time.process_time()
+            steps, seconds = collect(name, solve, some, tried, "steps")
+            rates[name] = steps.ever * len(some) * len(tried) / (time.process_time() - start)
             series = seconds.series(budgets, name)
             series.note = steps.series(budgets, name).note
             panel.series.append(series)
-        whole = np.array(poses).T
-        found = {name: ik(arm, whole, start, rng=0) for name, start in (("", None), ("t", samples))}
-        for name, result in zip(ours, found.values(), strict=True):
-            left = pose_error(whole, tip(arm, result.q))[:, result.success]
+        for name, first in zip(ours, (None, samples), strict=True):
+            start = time.process_time()
+            found = ik(arm, whole, first)
+            rates[name] = found.success.sum() / (time.process_time() - start)
+            left = pose_error(whole, tip(arm, found.q))[:, found.success]
             wrong = np.maximum(*(np.linalg.norm(x, axis=0) for x in (left[:3], left[3:]))) > 1e-6
             panel.notes.append(
-                f"{name:<20} {result.success.mean():.2%} of {len(poses)}, "
+                f"{name:<20} {found.success.mean():.2%} of {len(poses)}, "
                 f"{wrong.sum()} claims that FK contradicts, "
-                f"{result.starts.mean():.1f} starts and {result.iterations.mean():.0f} steps each"
+                f"{found.starts.mean():.1f} starts and {found.iterations.mean():.0f} steps each"
             )
-        if title.startswith("Reach"):
-            panel.notes += _rates(arm, whole, samples, theirs, slow)
+        best = rates["nearest of a table"]
+        panel.notes += [f"{name:<31} {rate:10.3g} solved a second, table is {best / rate:6.1f} "
+                        "times that" for name, rate in rates.items()]  # fmt: skip
         yield panel
     far = ik(arm, np.array(beyond(arm, slow, 0)).T, restarts=10)
     shares = {str(r): float(np.mean(far.reason == r)) for r in np.unique(far.reason)}
@@ -142,31 +138,7 @@ def ik_success(
     )
 
 
-def _rates(
-    arm: Chain, poses: Array, samples: Samples, loops: dict[str, Solve], slow: int
-) -> list[str]:
-    """Solved a second: the course in one batch, each loop one pose after the other."""
-    rates, few = {}, poses.T[:slow]
-
-    def batch(start: Any) -> Any:
-        return ik(arm, poses, start, rng=1).success
-
-    def one_by_one(solve: Solve) -> Any:
-        rng = np.random.default_rng(1)
-        return np.isfinite([solve(pose, rng) for pose in few])
-
-    for name, start in (("uniform starts", None), ("nearest of a table", samples)):
-        rates[name] = a_second(functools.partial(batch, start))
-    for name, solve in loops.items():
-        rates[name] = a_second(functools.partial(one_by_one, solve))
-    best = rates["nearest of a table"]
-    return [f"{name:<31} {rate:10.3g} solved a second, table is {best / rate:6.1f} times that"
-            for name, rate in rates.items()]  # fmt: skip
-
-
 # --- residuals ------------------------------------------------------------------------------------
-
-METHODS = ("transpose", "pseudo_inverse", "damped", "adaptive", "levenberg_marquardt")
 
 
 @chart

@@ -53,18 +53,18 @@ def fk_is_a_product(found):
     from course.kinematics import random_chain, tip
     from course.rigid_body import quaternion
 
-    def matrix(pose: np.ndarray) -> np.ndarray:
-        result = np.eye(4)
-        result[:3, :3], result[:3, 3] = quaternion.to_matrix(pose[3:]), pose[:3]
-        return result
-
     def product(arm: Any, q: np.ndarray, backwards: bool) -> np.ndarray:
-        factors = []
+        """The tip from a product of 4 x 4 matrices, two a joint."""
+        poses = []
         for i in arm.path():
-            turn = np.array([0, 0, 0, np.cos(q[i] / 2), 0, 0, np.sin(q[i] / 2)])
-            slide = np.array([0, 0, q[i], 1, 0, 0, 0])
-            factors.append(matrix(arm.placement[:, i]) @ matrix(slide if arm.slides[i] else turn))
-        factors.append(matrix(arm.tool))
+            slides, half = arm.slides[i], q[i] / 2
+            moved = [0, 0, q[i], 1, 0, 0, 0]
+            turned = [0, 0, 0, np.cos(half), 0, 0, np.sin(half)]
+            poses += [arm.placement[:, i], np.array(moved if slides else turned)]
+        factors = []
+        for pose in [*poses, arm.tool]:
+            rows = np.column_stack([quaternion.to_matrix(pose[3:]), pose[:3]])
+            factors.append(np.vstack([rows, [0, 0, 0, 1]]))
         return np.linalg.multi_dot(factors[::-1] if backwards else factors)[:3, 3]
 
     joints, apart, off = found.given("joints", 7), [], []
