@@ -52,6 +52,7 @@ def test_a_weak_motor_catches_up_to_the_arcsine(share):
 
 def test_the_map_of_the_pendulum_has_its_edges():
     (panel,) = build("saturation_region", points=25)
+    assert panel.grid is not None
     good = panel.grid.within()
     assert good[12, 12] and not good[-1, -1] and not good[0, 0]
     np.testing.assert_array_equal(good, good[::-1, ::-1])  # a pendulum has no better side
