@@ -57,6 +57,7 @@ SLOW = (
     "tests/drills/test_verify.py",
     "tests/interview/test_questions.py",
     "tests/kinematics/test_solutions.py::test_torques_are_those_of_pinocchio_and_mujoco",
+    "tests/kinematics/test_charts.py",
     "tests/notebooks/test_browser.py",
     "tests/notebooks/test_lab",
     "tests/rigid_body/test_charts.py",
