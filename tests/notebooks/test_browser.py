@@ -88,6 +88,11 @@ PLACES = """wide => {
           wide: box(panel).width, picture: picture.width, cut};
 }"""
 
+# The labels of every panel of the page that do not fit into their columns.
+CUT = """() => [...document.querySelectorAll('.course-simulation .widget-label')]
+  .filter(label => label.clientWidth && label.scrollWidth > label.clientWidth)
+  .map(label => label.innerText)"""
+
 # Notes when the browser has drawn each frame, and when each key came in.
 WATCH = """canvas => {
   window.drawn = [];
@@ -418,6 +423,7 @@ def test_chapter_1_in_the_browser(tmp_path, capsys):
             seen = [what for _, what in page.evaluate("() => window.shown")]
             assert seen[seen.index("film ") :] == ["film ", "live"], "the picture was away"
             look_at_the_page(page)
+            assert page.evaluate(CUT) == []
             median, worst, pictures, moves = exercise(page, canvas)
             drag_the_tolerance(page)
             # As a document; another view of the notebook has the same kernel.

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from course.rigid_body import problems, quaternion
+from course.rigid_body import planar, problems, quaternion
 from course.rigid_body.integrators import simulate
 from tests.budget import examples
 
@@ -159,3 +159,20 @@ def test_tumble_refuses_a_case_its_closed_form_does_not_cover() -> None:
         problems.tumble(inertia=(1.0, 1.0, 2.0))
     with pytest.raises(ValueError, match="rates is"):
         problems.tumble(rates=(3.0, 0.1))
+
+
+def test_the_two_first_order_errors_of_the_charted_box_are_opposite_and_partly_cancel():
+    from course.charts.rigid_body import accuracy
+
+    start, size, e = accuracy.BOX_START, accuracy.BOX_SIZE, accuracy.BOX_RESTITUTION
+    truth = problems.frictionless_box(1.0, start, *size, e)[1]
+    box = planar.box_parameters(1.0, *size, restitution=e, friction=0.0, rest_speed=0.0)
+
+    def error(integrator, resolve):
+        how = {"integrator": integrator, "resolve_impacts": resolve}
+        end, _ = planar.advance_boxes(start[:, None], box, 1e-3, 1000, **how)
+        return end[1, 0] - truth
+
+    flight, impact = error("semi_implicit_euler", True), error("rk4", False)
+    both = error("semi_implicit_euler", False)
+    assert flight * impact < 0.0 and abs(both) < 0.5 * min(abs(flight), abs(impact))
