@@ -125,8 +125,7 @@ def enumerated(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Arra
         safe = np.where(parallel, 1.0, det)
         s, t = (de * er - dr * ee) / safe, (dd * er - de * dr) / safe
         inner = ~parallel & (s >= 0) & (s <= 1) & (t >= 0) & (t <= 1)
-        n = np.cross(d, e, axis=0)
-        gap = np.abs((n * r).sum(0)) / np.sqrt(np.where(parallel, 1.0, (n * n).sum(0)))
+        gap = np.linalg.norm(r + s * d - t * e, axis=0)
         nearest = np.minimum(nearest, np.where(inner, gap, np.inf).min(axis=(0, 1)))
     return np.where(inside > -a.radius - b.radius, nearest - a.radius - b.radius, inside)
 

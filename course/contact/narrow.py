@@ -22,6 +22,7 @@ from course.contact.shapes import Array, Shape, poses
 from course.rigid_body.quaternion import to_matrix
 
 _EPS = 2.0**-52
+_STUCK = 4  # iterations in a row that bring neither bound of the distance nearer
 _VERTICES = 120  # that a growing polytope may have; its faces are fewer than twice as many
 
 # Where a pair of shapes stands in its array of numbers: half sizes of a and of b, centre of b,
@@ -128,8 +129,10 @@ def _square(s, i, j, k, shares):
 
 
 @register_jitable
-def _nearest(s, n, share):
+def _nearest(s, n, share, thin):
     """Reduce a simplex of n rows to those whose hull holds its point nearest to the origin.
+
+    Of a tetrahedron thinner than `thin` the sides cannot be told, so all four are tried.
 
     Returns:
         How many rows are left, with their shares in `share`; 5 where the origin is inside.
@@ -149,7 +152,8 @@ def _nearest(s, n, share):
             m = _normal(s, i, j, k)
             here = m[0] * s[i, 0] + m[1] * s[i, 1] + m[2] * s[i, 2]
             there = here - (m[0] * s[face, 0] + m[1] * s[face, 1] + m[2] * s[face, 2])
-            if here * there > 0.0:
+            clear = there * there > (m[0] * m[0] + m[1] * m[1] + m[2] * m[2]) * thin * thin
+            if clear and here * there > 0.0:
                 continue  # the origin is on the inner side of this face
             inside = False
             shares = _on_triangle(s, i, j, k)
@@ -197,7 +201,7 @@ def _gjk(va, vb, pair, s, share, v):
     x, y, z = s[0, 0], s[0, 1], s[0, 2]
     square = x * x + y * y + z * z
     low, last, rounding = 0.0, math.inf, 4.0 * _EPS * pair[_SIZE]
-    iterations = 0
+    iterations, stuck = 0, 0
     while True:
         if square <= 100.0 * rounding * rounding:
             break  # touching
@@ -205,11 +209,11 @@ def _gjk(va, vb, pair, s, share, v):
         _support(-x, -y, -z, va, vb, pair, s, n)
         # All of the set lies beyond the plane through this support.
         bound = (x * s[n, 0] + y * s[n, 1] + z * s[n, 2]) / math.sqrt(x * x + y * y + z * z)
-        low = max(low, bound)
-        if math.sqrt(square) - low <= rounding or square >= last or _known(s, n, n):
-            break  # certain; or rounding keeps the point from coming nearer
-        last = square
-        n = _nearest(s, n + 1, share)
+        stuck = stuck + 1 if square >= last and bound <= low else 0
+        low, last = max(low, bound), min(square, last)
+        if math.sqrt(square) - low <= rounding or stuck == _STUCK or _known(s, n, n):
+            break  # certain; or rounding lets neither bound come nearer
+        n = _nearest(s, n + 1, share, rounding)
         if n == 5:
             break
         x, y, z = 0.0, 0.0, 0.0
@@ -226,10 +230,12 @@ def _gjk(va, vb, pair, s, share, v):
             if x == 0.0 and y == 0.0 and z == 0.0:
                 square = 0.0
         elif n == 3:
-            # The triangle's normal keeps its direction where the point is all but zero.
+            # The triangle's normal keeps its direction where the point is all but zero, and the
+            # point where the triangle is all but an edge: of both the one that rounding hurts less.
             m = _normal(s, 0, 1, 2)
             side = m[0] * s[0, 0] + m[1] * s[0, 1] + m[2] * s[0, 2]
-            if side != 0.0:
+            area = m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
+            if side != 0.0 and area > square * pair[_SIZE] * pair[_SIZE]:
                 side = math.copysign(1.0, side)
                 x, y, z = side * m[0], side * m[1], side * m[2]
     v[0], v[1], v[2] = x, y, z

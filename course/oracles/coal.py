@@ -8,6 +8,7 @@ each other. Poses are made before the clock starts, unless a caller asks for the
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from types import ModuleType
 from typing import Any
 
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from course.check import refused
 from course.contact.shapes import Shape, poses
+from course.rigid_body.quaternion import to_matrix
 
 Array = NDArray[np.float64]
 
@@ -75,6 +77,13 @@ def transforms(pose: ArrayLike) -> list[Any]:
     return [coal.Transform3s(coal.Quaternion(*row[3:]), row[:3]) for row in q.T.copy()]
 
 
+def parts(pose: ArrayLike) -> list[tuple[Array, Array]]:
+    """Rotation matrix and place of each pose: what a `Transform3s` is built from in a loop."""
+    q = poses("pose", pose, 3)
+    R = to_matrix(q[3:])
+    return [(R[:, :, i].copy(), q[:3, i].copy()) for i in range(q.shape[1])]
+
+
 class Pair:
     """Two shapes, asked for their distance again and again.
 
@@ -92,7 +101,7 @@ class Pair:
             self.request.gjk_tolerance = tolerance
             self.request.epa_tolerance = tolerance
 
-    def loop(self, at_a: list[Any], at_b: list[Any]) -> list[float]:
+    def loop(self, at_a: Iterable[Any], at_b: Iterable[Any]) -> list[float]:
         """Signed distances, one call of Coal a pair: the part to be timed."""
         distance, a, b = self._distance, self.a, self.b
         request, result = self.request, self.result
@@ -101,6 +110,11 @@ class Pair:
             result.clear()
             found.append(distance(a, p, b, q, request, result))
         return found
+
+    def built_in_the_loop(self, a: list[tuple[Array, Array]], b: list[tuple[Array, Array]]) -> None:
+        """As `loop`, where each pose is made on the way, of what `parts` gives."""
+        make = _coal().Transform3s
+        self.loop((make(*p) for p in a), (make(*q) for q in b))
 
     def distances(self, pose_a: ArrayLike, pose_b: ArrayLike) -> Array:
         """Signed distances [m], shape (N,); poses are made here, so this one is not for timing.

@@ -7,6 +7,7 @@ import pytest
 
 from course import contact
 from course.oracles import coal
+from course.rigid_body.quaternion import exp
 from tests.contact import draws
 
 SHAPES = draws.shapes()
@@ -41,3 +42,20 @@ def test_boxes_agree_with_every_feature(angle, scale):
         found = contact.distance(a, pose_a, b, pose_b)
         expected = contact.enumerated(a, pose_a, b, pose_b)
         assert np.abs(found.distance - expected).max() < 1e-12 * scale
+
+
+def test_boxes_of_any_proportions_all_but_aligned():
+    """Sizes 1:10,000, turns and offsets that make edges, faces and corners all but meet."""
+    rng = np.random.default_rng()
+    angles = [0.0, 1e-12, 1e-8, 1e-4, 0.3, np.pi / 4, np.pi / 2]
+    offsets = [0.0, 1e-14, 1e-9, 1e-3, 0.5, 1.0, 1.0 + 1e-12, 2.0]
+    for _ in range(600):
+        a, b = (contact.box(10.0 ** rng.uniform(-2, 2, 3)) for _ in range(2))
+        turns = [exp(rng.choice(angles, (3, 50))) for _ in range(2)]
+        place = rng.choice(offsets, (3, 50)) * max(a.size, b.size)
+        pose_a, pose_b = np.vstack((0.0 * place, turns[0])), np.vstack((place, turns[1]))
+        size = a.size + b.size + np.linalg.norm(place, axis=0)
+        found = contact.distance(a, pose_a, b, pose_b)
+        expected = contact.enumerated(a, pose_a, b, pose_b)
+        assert (np.abs(found.distance - expected) / size).max() < 1e-13
+        assert (found.gap / size).max() < 1e-11

@@ -1,0 +1,323 @@
+"""Chapter 2, geometry: broad phase by size, narrow phase beside Coal, and where walls leak."""
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from course import contact
+from course.charts import chart
+from course.contact import broad
+from course.contact.narrow import measured
+from course.contact.shapes import Array, Shape, poses
+from course.measure.figure import Panel, Series
+from course.measure.timing import batches, calls, interleaved
+from course.measure.work_precision import machine
+from course.oracles import coal
+from course.oracles.mujoco import shapes as mujoco_shapes
+from course.rigid_body.quaternion import exp, product
+
+THEORY = {"spread": 5 / 3, "settled": 3 / 2, "aligned": 2.0}
+WORDS = {"spread": "spread in a cube", "settled": "in one layer", "aligned": "aligned on the axis"}
+SIZES = (100, 300, 1000, 3000, 10_000, 30_000, 100_000)
+
+
+def _power(x: Sequence[float], y: Sequence[float]) -> float:
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+def _law(x: Sequence[float], y: Sequence[float], exponent: float) -> Callable[[float], float]:
+    """The power law with that exponent through the last point."""
+    return lambda n: y[-1] * (n / x[-1]) ** exponent
+
+
+@chart
+def broad_phase(
+    sizes: Sequence[int] = SIZES,
+    aligned: int = 30_000,
+    brute: int = 10_000,
+    mujoco: int = 3000,
+    repeats: int = 5,
+) -> Iterator[Panel]:
+    """Overlap tests, which no machine changes, and times; sweeping one axis, three crowds."""
+    counts = Panel("Overlap tests of one sweep, and the pairs that are left", "boxes N", "count",
+                   scale="log")  # fmt: skip
+    for kind, theory in THEORY.items():
+        n = [size for size in sizes if kind != "aligned" or size <= aligned]
+        tests, pairs, swaps = [], [], []
+        for size in n:
+            rng = np.random.default_rng(size)
+            boxes = broad.crowd(kind, size, rng)
+            sweep = contact.SweepAndPrune(axis=0)
+            pairs.append(sweep.pairs(boxes).shape[1])
+            tests.append(sweep.tests)
+            # Each box moves by one per cent of an edge, 7.5 mm, in any direction.
+            sweep.pairs(boxes + rng.normal(scale=0.0075, size=(3, size)))
+            swaps.append(sweep.swaps)
+        exponent, grown = _power(n, tests), _power(n, pairs)
+        note = f"{kind:<8} tests N^{exponent:.2f}, theory N^{theory:.2f}; pairs N^{grown:.2f}"
+        if kind == "spread":
+            note += f"; swaps after a move of 1 % N^{_power(n, swaps):.2f}"
+        counts.series.append(Series(f"tests, {WORDS[kind]}: $N^{{{exponent:.2f}}}$", n, tests,
+                                    theory=_law(n, tests, theory), note=note))  # fmt: skip
+        if kind == "spread":
+            counts.series.append(Series(f"pairs, {WORDS[kind]}: $N^{{{grown:.2f}}}$", n, pairs,
+                                        style=":"))  # fmt: skip
+            label = f"swaps after a move of 1 %: $N^{{{_power(n, swaps):.2f}}}$"
+            counts.series.append(Series(label, n, swaps, style="--"))
+    yield counts
+    times = Panel("The same pairs, spread in a cube: time of a call", "boxes N", "time [s]",
+                  scale="log")  # fmt: skip
+    found: dict[str, list[tuple[int, float, float, float]]] = {}
+    busy = 0.0
+    for size in sizes:
+        rng = np.random.default_rng(size)
+        boxes = broad.crowd("spread", size, rng)
+        moved = boxes + rng.normal(scale=0.0075, size=(3, size))
+        kept = contact.SweepAndPrune(axis=0)
+        ways = itertools.cycle((moved, boxes))
+        methods = {
+            "sweep and prune": calls(lambda b=boxes: contact.SweepAndPrune(axis=0).pairs(b)),
+            "kept order": calls(lambda k=kept, w=ways: k.pairs(next(w))),
+            "uniform grid": calls(lambda b=boxes: contact.uniform_grid(b)),
+        }
+        if size <= brute:
+            methods["brute force"] = calls(lambda b=boxes: contact.brute_force(b))
+        if size <= mujoco:
+            methods["MuJoCo"] = mujoco_shapes.BroadPhase(boxes).seconds
+        for name, timing in zip(
+            methods, interleaved(list(methods.values()), repeats=repeats), strict=True
+        ):
+            found.setdefault(name, []).append((size, timing.median, timing.low, timing.high))
+            busy = max(busy, timing.busy)
+    for name, rows in found.items():
+        n, median, low, high = (list(column) for column in zip(*rows, strict=True))
+        # Small sizes measure what a call costs by itself.
+        large = [i for i, size in enumerate(n) if size >= 1000] or list(range(len(n)))
+        slope = _power([n[i] for i in large], [median[i] for i in large]) if len(large) > 1 else 0.0
+        times.series.append(Series(
+            f"{name}: $N^{{{slope:.2f}}}$" if slope else name, n, median, name, low=low, high=high,
+            note=f"{name:<16} " + ", ".join(f"{a}: {1e3 * b:.3g} ms" for a, b in
+                                            zip(n, median, strict=True)),
+        ))  # fmt: skip
+    times.footer = machine(busy)
+    yield times
+
+
+def kinds() -> dict[str, Shape]:
+    """One shape of each kind, of about the same size."""
+    cloud = np.random.default_rng(7).normal(size=(3, 12)) * 0.4
+    return {
+        "sphere": contact.sphere(0.4),
+        "capsule": contact.capsule(0.25, 0.5),
+        "box": contact.box([0.3, 0.4, 0.6]),
+        "points": contact.points(cloud),
+    }
+
+
+def random_poses(rng: np.random.Generator, n: int, spread: float) -> Array:
+    """Any rotation, places in a cube, shape (7, n)."""
+    q = rng.normal(size=(4, n))
+    return np.vstack((rng.uniform(-spread, spread, (3, n)), q / np.linalg.norm(q, axis=0)))
+
+
+def drawn_pairs(a: Shape, b: Shape, n: int, apart: bool) -> tuple[Array, Array]:
+    """So many random pairs that are apart, or in each other."""
+    rng = np.random.default_rng(3)
+    kept: list[tuple[Array, Array]] = []
+    while sum(pair[0].shape[1] for pair in kept) < n:
+        pose_a, pose_b = (random_poses(rng, 4 * n, 1.2 if apart else 0.5) for _ in range(2))
+        some = (contact.distance(a, pose_a, b, pose_b).distance > 0.0) == apart
+        kept.append((pose_a[:, some], pose_b[:, some]))
+    first, second = (np.hstack([pair[k] for pair in kept])[:, :n] for k in (0, 1))
+    return np.ascontiguousarray(first), np.ascontiguousarray(second)
+
+
+def _timed(a: Shape, b: Shape, qa: Array, qb: Array, repeats: int) -> tuple[list[float], float]:
+    """Seconds a pair of ours, of Coal's loop, and of Coal's with poses made in it; and busy."""
+    n = qa.shape[1]
+    pair, at_a, at_b = coal.Pair(a, b), coal.transforms(qa), coal.transforms(qb)
+    checked = poses("pose_a", qa, 3), poses("pose_b", qb, 3)
+
+    parts_a, parts_b = coal.parts(qa), coal.parts(qb)
+
+    def whole(times: int) -> None:
+        for _ in range(times):
+            pair.built_in_the_loop(parts_a, parts_b)
+
+    def loop(times: int) -> None:
+        for _ in range(times):
+            pair.loop(at_a, at_b)
+
+    timings = interleaved(
+        [calls(measured, a, checked[0], b, checked[1]), batches(loop), batches(whole)],
+        repeats=repeats, sample=2e-3,
+    )  # fmt: skip
+    return [timing.median / n for timing in timings], max(timing.busy for timing in timings)
+
+
+@chart(columns=2)
+def narrow_phase(count: int = 2000, repeats: int = 7, boxes: int = 2000) -> Iterator[Panel]:
+    """Ratios, as both took their turns in one process; and error beside time for boxes."""
+    shapes = kinds()
+    busy = 0.0
+    for apart in (True, False):
+        what = "apart: distance" if apart else "in each other: depth"
+        panel = Panel(f"Shapes {what}", "time of Coal / time of the course", scale="log x",
+                      lines=[("x", 1.0, "as fast as Coal")])  # fmt: skip
+        names, bare, built, worst = [], [], [], 0.0
+        for first, second in itertools.combinations_with_replacement(shapes, 2):
+            a, b = shapes[first], shapes[second]
+            qa, qb = drawn_pairs(a, b, count, apart)
+            (own, theirs, whole), load = _timed(a, b, qa, qb, repeats)
+            busy = max(busy, load)
+            error = np.abs(
+                contact.distance(a, qa, b, qb).distance - coal.Pair(a, b).distances(qa, qb)
+            )
+            worst = max(worst, float(error.max()) / (a.size + b.size))
+            names.append(f"{first}, {second}")
+            bare.append(theirs / own)
+            built.append(whole / own)
+            panel.notes.append(
+                f"{names[-1]:<17}{'apart' if apart else 'deep':<6} {1e6 * own:5.2f} us, Coal "
+                f"{bare[-1]:5.2f} times that, {built[-1]:5.2f} with its poses made in the loop"
+            )
+        panel.notes.append(f"largest difference from Coal {worst:.1e} of the size, {what}")
+        longer = "Coal, poses in the loop"
+        panel.series.append(Series(longer, built, names, longer, "bar"))
+        panel.series.append(Series("Coal", bare, names, "Coal", "bar"))
+        yield panel
+    yield _box_panel(boxes, repeats)
+
+
+def box_scenes(n: int) -> dict[str, tuple[Array, Array]]:
+    """Pairs of boxes: at random, all but parallel, and aligned with small gaps."""
+    rng = np.random.default_rng(5)
+    pose_a, pose_b = random_poses(rng, n, 0.8), random_poses(rng, n, 0.8)
+    near = pose_b.copy()
+    near[3:] = product(pose_a[3:], exp(1e-8 * rng.normal(size=(3, n))))
+    aligned = np.zeros((7, n))
+    aligned[3] = 1.0
+    beside = aligned.copy()
+    beside[0] = 0.6 + 10.0 ** rng.uniform(-9, -1, n)
+    beside[1:3] = rng.uniform(-0.3, 0.3, (2, n))
+    return {
+        "random": (pose_a, pose_b),
+        "turned by 1e-8": (pose_a, near),
+        "aligned, small gap": (aligned, beside),
+    }
+
+
+def _box_panel(n: int, repeats: int) -> Panel:
+    box = kinds()["box"]
+    panel = Panel("Two boxes: speed and error, against every feature", "time of a pair [s]",
+                  "largest error / size", scale="log",
+                  lines=[("y", 1e-9, "asked of a planner: a nanometre on a metre")])  # fmt: skip
+    rows: dict[str, list[tuple[float, float]]] = {}
+    scenes = box_scenes(n)
+    tight, loose = coal.Pair(box, box), coal.Pair(box, box, None)
+
+    def runs(qa: Array, qb: Array) -> dict[str, Callable[[], object]]:
+        at_a, at_b = coal.transforms(qa), coal.transforms(qb)
+        return {
+            "GJK and EPA": lambda: contact.distance(box, qa, box, qb).distance,
+            "Coal": lambda: tight.loop(at_a, at_b),
+            "Coal, default tolerance": lambda: loose.loop(at_a, at_b),
+            "every feature": lambda: contact.enumerated(box, qa, box, qb),
+        }
+
+    for qa, qb in scenes.values():
+        truth, methods = contact.enumerated(box, qa, box, qb), runs(qa, qb)
+        timings = interleaved([calls(run) for run in methods.values()], repeats=repeats)
+        for (name, run), timing in zip(methods.items(), timings, strict=True):
+            off = float(np.abs(np.asarray(run()) - truth).max()) / (2 * box.size)
+            rows.setdefault(name, []).append((timing.median / n, off))
+    for name, points in rows.items():
+        cost, error = (np.array(column) for column in zip(*points, strict=True))
+        if name == "every feature":
+            panel.notes.append(f"{name:<24} {1e6 * np.median(cost):6.1f} us a pair: the truth here")
+            continue
+        # An exact zero has no place on a logarithm: it is drawn at the rounding of the size.
+        panel.series.append(Series(
+            name, cost, np.maximum(error, 1e-17), name, "", tags=list(scenes),
+            note=f"{name:<24} " + ", ".join(f"{scene}: {e:.1e}" for scene, e in
+                                            zip(scenes, error, strict=True)),
+        ))  # fmt: skip
+    panel.footer = machine()
+    return panel
+
+
+RADIUS, WALL, TIMECONST, DMAX = 0.02, 0.01, 0.02, 0.95
+
+
+def _first(passes: Callable[[float, float], bool], speeds: Array, phases: int) -> float:
+    """The least of the speeds at which some phase of the step comes through; infinite if none."""
+    for speed in speeds:
+        if any(passes(float(speed), (k + 0.5) / phases) for k in range(phases)):
+            return float(speed)
+    return np.inf
+
+
+def checked(dt: float, speed: float, phase: float) -> bool:
+    """Whether a ball of 20 mm passes a wall of 10 mm between two tests of their distance."""
+    ball, wall = contact.sphere(RADIUS), contact.box([WALL / 2, 1.0, 1.0])
+    reach = RADIUS + WALL / 2
+    x = (
+        -reach
+        - speed * dt * (1.0 - phase)
+        + speed * dt * np.arange(2 + int(2 * reach / (speed * dt)))
+    )
+    at = np.zeros((7, x.size))
+    at[0], at[3] = x, 1.0
+    return bool((measured(ball, at, wall, at * (np.arange(7) == 3)[:, None])[0] > 0.0).all())
+
+
+def advanced(dt: float, speed: float, phase: float) -> bool:
+    """Whether the ball passes if every step is searched for its time of impact."""
+    ball, wall = contact.sphere(RADIUS), contact.box([WALL / 2, 1.0, 1.0])
+    start = np.array([-RADIUS - WALL / 2 - speed * dt * (1.0 - phase), 0, 0, 1, 0, 0, 0])
+    still = np.array([0.0, 0, 0, 1, 0, 0, 0])
+    steps = 2 + int((2 * RADIUS + WALL) / (speed * dt))
+    for _ in range(steps):
+        go = np.array([speed, 0.0, 0, 0, 0, 0])
+        if np.isfinite(contact.time_of_impact(ball, start, go, wall, still, np.zeros(6), dt).time):
+            return False
+        start[0] += speed * dt
+    return True
+
+
+@chart
+def tunnelling_limit(
+    steps: Sequence[float] = (2.5e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2),
+    grid: int = 54,
+    phases: int = 4,
+) -> Iterator[Panel]:
+    """The least speed at which a ball comes through a wall, by step: two limits, and two cures."""
+    speeds = np.geomspace(1.0, 400.0, grid)
+    reach = RADIUS + WALL / 2
+    soft = np.e * reach / (DMAX * TIMECONST)
+    panel = Panel("A ball of 20 mm radius at a wall of 10 mm: the least speed that comes through",
+                  "step [s]", "speed [m/s]", scale="log",
+                  lines=[("y", soft, "soft limit e (r + w/2) / (dmax timeconst)")])  # fmt: skip
+    rows = {
+        "checked once a step": lambda dt: lambda v, p: checked(dt, v, p),
+        "advanced to the impact": lambda dt: lambda v, p: advanced(dt, v, p),
+        "MuJoCo, default": lambda dt: lambda v, p: mujoco_shapes.passes(v, dt, 0.01 + p * v * dt),
+        "MuJoCo, speculative": lambda dt: (
+            lambda v, p: mujoco_shapes.passes(v, dt, 0.01 + p * v * dt, speculative=True)
+        ),
+    }
+    ratio = float(speeds[1] / speeds[0])
+    panel.notes.append(f"speeds on a grid of {100 * (ratio - 1):.0f} %; soft limit {soft:.2f} m/s")
+    for name, of in rows.items():
+        found = [_first(of(dt), speeds, phases) for dt in steps]
+        theory = (lambda dt: (2 * RADIUS + WALL) / dt) if name == "checked once a step" else None
+        shown = ", ".join(
+            f"{1e3 * dt:g} ms: "
+            + (f"{v:.3g}" if np.isfinite(v) else f"none up to {speeds[-1]:.0f}")
+            for dt, v in zip(steps, found, strict=True)
+        )
+        panel.series.append(Series(name, list(steps), found, name, theory=theory,
+                                   note=f"{name:<24} {shown}"))  # fmt: skip
+    panel.theory = "geometric limit (2 r + w) / dt"
+    yield panel
