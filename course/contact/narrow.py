@@ -190,7 +190,7 @@ def _gjk(va, vb, pair, s, share, v):
 
     Returns:
         How many rows of s hold it, 5 where the origin is inside; its distance, and a lower bound of
-        that; how many iterations. In `v` a vector along it, of any length.
+        that; how many iterations. In `v` the direction that proves the bound, of any length.
     """
     x, y, z = -pair[6], -pair[7], -pair[8]
     if x == 0.0 and y == 0.0 and z == 0.0:
@@ -200,7 +200,7 @@ def _gjk(va, vb, pair, s, share, v):
     share[0] = 1.0
     x, y, z = s[0, 0], s[0, 1], s[0, 2]
     square = x * x + y * y + z * z
-    low, last, rounding = 0.0, math.inf, 4.0 * _EPS * pair[_SIZE]
+    low, last, rounding = -math.inf, math.inf, 4.0 * _EPS * pair[_SIZE]
     iterations, stuck = 0, 0
     while True:
         if square <= 100.0 * rounding * rounding:
@@ -210,7 +210,10 @@ def _gjk(va, vb, pair, s, share, v):
         # All of the set lies beyond the plane through this support.
         bound = (x * s[n, 0] + y * s[n, 1] + z * s[n, 2]) / math.sqrt(x * x + y * y + z * z)
         stuck = stuck + 1 if square >= last and bound <= low else 0
-        low, last = max(low, bound), min(square, last)
+        last = min(square, last)
+        if bound > low:
+            low = bound
+            v[0], v[1], v[2] = x, y, z
         if math.sqrt(square) - low <= rounding or stuck == _STUCK or _known(s, n, n):
             break  # certain; or rounding lets neither bound come nearer
         n = _nearest(s, n + 1, share, rounding)
@@ -238,7 +241,6 @@ def _gjk(va, vb, pair, s, share, v):
             if side != 0.0 and area > square * pair[_SIZE] * pair[_SIZE]:
                 side = math.copysign(1.0, side)
                 x, y, z = side * m[0], side * m[1], side * m[2]
-    v[0], v[1], v[2] = x, y, z
     return n, math.sqrt(square), low, iterations
 
 

@@ -1,0 +1,549 @@
+"""Claims on the geometry of contact: bounding boxes, broad and narrow phase, thin walls, hulls."""
+
+import numpy as np
+
+from course.derivations import Ask, Symbol, claim
+
+SYMBOLS = {"n": Symbol("number of bodies", 2, 1000)}
+
+
+def _still(x=0.0, y=0.0, z=0.0):
+    """A pose without rotation."""
+    return np.array([x, y, z, 1.0, 0.0, 0.0, 0.0])
+
+
+def _posed(rng, n, spread):
+    q = rng.normal(size=(4, n))
+    return np.vstack((rng.uniform(-spread, spread, (3, n)), q / np.linalg.norm(q, axis=0)))
+
+
+@claim(
+    "Two axis-aligned bounding boxes overlap only if they overlap on all three axes.",
+    "They overlap exactly then. It says little of the shapes inside: of random capsules four times "
+    "as long as wide whose boxes overlap, {apart_percent:.0f} % are apart.",
+)
+def aabb_all_axes(found):
+    from course import contact
+
+    rod = contact.capsule(0.1, 0.3)
+    boxes = contact.bounds(rod, _posed(found.rng, 400, 1.0))
+    i, j = contact.overlapping_pairs(boxes)
+    # A point that both hold: the middle of the common interval, on every axis.
+    low = np.maximum(boxes[0][:, i], boxes[0][:, j])
+    high = np.minimum(boxes[1][:, i], boxes[1][:, j])
+    missed = contact.brute_force(boxes)[0].shape[1] - i.size
+    poses = _posed(found.rng, 400, 1.0)
+    i, j = contact.overlapping_pairs(contact.bounds(rod, poses))
+    apart = contact.distance(rod, poses[:, i], rod, poses[:, j]).distance > 0.0
+    found.figure("apart_percent", 100.0 * apart.mean(), 0.02)
+    found.statement = f"{apart.size} pairs of overlapping boxes among 400 random capsules."
+    found.heard(bool((low <= high).all()))
+    found.corrected(missed == 0, bool(apart.any()), bool((low <= high).all()))
+
+
+class _Counted(float):
+    """A number that counts how often it is compared."""
+
+    compared = 0
+
+    def __gt__(self, other):
+        _Counted.compared += 1
+        return float(self) > float(other)
+
+
+class _Watched:
+    """Boxes that note which of their numbers are read."""
+
+    def __init__(self, boxes):
+        self._boxes, self.shape, self.read = boxes, boxes.shape, set()
+
+    def __getitem__(self, place):
+        self.read.add(place)
+        return _Counted(self._boxes[place])
+
+
+@claim(
+    "Whether two bounding boxes overlap is a trivial comparison of six numbers.",
+    "Two boxes in space are {numbers:.0f} numbers, and overlap takes {comparisons:.0f} comparisons "
+    "of them. Boxes that are apart take fewer, {mean_comparisons:.1f} on average for random ones, "
+    "as the first axis that separates them ends the test.",
+)
+def aabb_six_numbers(found):
+    from course.contact import broad
+
+    def cost(boxes):
+        watched, _Counted.compared = _Watched(boxes), 0
+        overlap = broad.aabb_overlap(watched, 0, 1)
+        return overlap, len(watched.read), _Counted.compared
+
+    overlapping = np.array([[[0.0, 0.5]] * 3, [[1.0, 1.5]] * 3])
+    overlap, numbers, comparisons = cost(overlapping)
+    found.figure("numbers", numbers)
+    found.figure("comparisons", comparisons)
+    counts = []
+    for _ in range(300):
+        low = found.rng.uniform(0.0, 5.0, (3, 2))
+        apart, _, took = cost(np.stack((low, low + 1.0)))
+        if not apart:
+            counts.append(took)
+    mean = found.figure("mean_comparisons", np.mean(counts), 0.02)
+    found.statement = f"The course's own test, counted; {len(counts)} random boxes that are apart."
+    found.heard(numbers == 6)
+    found.corrected(overlap, numbers == 12, comparisons == 6, mean < comparisons, min(counts) == 1)
+
+
+@claim(
+    "The usual listing, a_min[0] <= b_max[0] and a_max[0] >= b_min[0] and the same for [1], is the "
+    "test of bounding boxes in three dimensions.",
+    "It tests two axes. Of random boxes in space that it reports, {false_percent:.0f} % are apart "
+    "along z.",
+)
+def aabb_listing_two_axes(found):
+    from course import contact
+
+    def listing(a_min, a_max, b_min, b_max):
+        return (
+            a_min[0] <= b_max[0] and a_max[0] >= b_min[0]
+            and a_min[1] <= b_max[1] and a_max[1] >= b_min[1]
+        )  # fmt: skip
+
+    low = found.rng.uniform(0.0, 4.0, (3, 60))
+    boxes = np.stack((low, low + found.rng.uniform(0.5, 1.0, (3, 60))))
+    reported = {
+        (i, j) for i in range(60) for j in range(i + 1, 60)
+        if listing(boxes[0, :, i], boxes[1, :, i], boxes[0, :, j], boxes[1, :, j])
+    }  # fmt: skip
+    true = set(map(tuple, contact.brute_force(boxes)[0].T.tolist()))
+    flat = set(map(tuple, contact.brute_force(boxes[:, :2])[0].T.tolist()))
+    found.figure("false_percent", 100.0 * len(reported - true) / len(reported), 0.02)
+    found.statement = f"{len(reported)} pairs reported among 60 boxes, {len(true)} overlap."
+    found.heard(reported == true)
+    found.corrected(reported == flat, true < reported)
+
+
+@claim(
+    "A naive broad phase of 100 objects tests 4,950 pairs, and grows with the square of N.",
+    "Every pair once is N (N - 1) / 2 tests: {tests:.0f} for {objects:.0f} objects.",
+    ask=Ask("N bodies, every pair tested once: how many tests?", "n*(n - 1)/2", {
+        "n**2": "A body is not tested against itself, and (i, j) is (j, i).",
+        "n*(n - 1)": "That counts (i, j) and (j, i).",
+        "n**2/2": "A body is not tested against itself.",
+        "n*(n + 1)/2": "That tests each body against itself, too."}),
+)  # fmt: skip
+def brute_force_pairs(found):
+    import sympy
+
+    from course import contact
+
+    n = sympy.symbols("n", positive=True)
+    found.formula = sympy.factor(sympy.summation(n - 1 - sympy.symbols("i"),
+                                                 (sympy.symbols("i"), 0, n - 1)))  # fmt: skip
+    objects = found.given("objects", 100)
+    tests = [contact.brute_force(np.zeros((2, 3, size)))[1] for size in (objects, 2, 57)]
+    found.figure("tests", tests[0])
+    found.statement = "The tests of `brute_force`, counted, and the sum."
+    found.heard(tests[0] == 4950)
+    found.corrected(*[bool(found.formula.subs(n, size) == count)
+                      for size, count in zip((objects, 2, 57), tests, strict=True)])  # fmt: skip
+
+
+def _exponent(crowd, sizes=(500, 4000)):
+    """Growth of the overlap tests with the number of boxes, sweeping along x."""
+    from course import contact
+
+    tests = []
+    for n in sizes:
+        sweep = contact.SweepAndPrune(axis=0)
+        sweep.pairs(crowd(n))
+        tests.append(sweep.tests)
+    return float(np.diff(np.log(tests))[0] / np.diff(np.log(sizes))[0])
+
+
+@claim(
+    "Sweep and prune sorts the boxes along an axis and so makes the broad phase O(N log N).",
+    "Sorting takes that. The overlap tests along one axis grow as N^{spread:.2f} for bodies spread "
+    "in a cube, where theory has 5/3, as N^{settled:.2f} in one layer (3/2), and as "
+    "N^{aligned:.2f} where all overlap on the axis. Only in a row along it they grow as "
+    "N^{row:.2f}.",
+)
+def sweep_and_prune_n_log_n(found):
+    from course.contact import broad
+
+    def row(n):
+        middle = found.rng.uniform(0.0, 0.3, (3, n))
+        middle[0] = found.rng.uniform(0.0, float(n), n)
+        half = found.rng.uniform(0.25, 0.5, (3, n))
+        return np.stack((middle - half, middle + half))
+
+    crowds = {
+        kind: _exponent(lambda n, kind=kind: broad.crowd(kind, n, found.rng))
+        for kind in broad.CROWDS
+    }
+    rows = [_exponent(row) for _ in range(8)]
+    spread = [_exponent(lambda n: broad.crowd("spread", n, found.rng)) for _ in range(8)]
+    for kind, exponent in crowds.items():
+        found.figure(kind, exponent, 0.03)
+    found.figure("row", np.mean(rows), 0.03)
+    # N log N from 500 to 4000 boxes has the exponent 1.14.
+    most = 1.0 + float(np.log(np.log(4000) / np.log(500)) / np.log(8.0))
+    found.statement = "Overlap tests counted at 500 and 4,000 boxes of a metre, one a cubic metre."
+    found.heard(
+        max(crowds.values()) <= most,
+        only_if="the bodies stand in a row along the axis that is swept",
+        inside=[exponent <= most for exponent in rows],
+        outside=[exponent <= most for exponent in spread],
+    )
+    found.corrected(
+        abs(crowds["spread"] - 5 / 3) < 0.06, abs(crowds["settled"] - 3 / 2) < 0.06,
+        abs(crowds["aligned"] - 2) < 0.06, abs(np.mean(rows) - 1.0) < 0.05,
+    )  # fmt: skip
+
+
+def _pile(geom, width, shape, count, seed=1):
+    """Pairs of overlapping boxes, and pairs that touch, after so many bodies settled in a bin."""
+    import mujoco
+
+    from course import contact
+
+    rng = np.random.default_rng(seed)
+    walls = "".join(
+        f'<geom type="plane" size="1 1 1" pos="{-width * x} {-width * y} 0" zaxis="{x} {y} 0"/>'
+        for x, y in ((1, 0), (-1, 0), (0, 1), (0, -1))
+    )
+    bodies = ""
+    for k in range(count):
+        # The start is loose and uneven: exact columns would stay columns.
+        x, y = (np.array([k % 16 // 4, k % 4]) - 1.5) * width / 2.2 + rng.uniform(-0.01, 0.01, 2)
+        z = 0.08 + 0.11 * (k // 16)
+        turn = " ".join(map(str, rng.normal(size=4)))
+        bodies += f'<body pos="{x} {y} {z}" quat="{turn}"><freejoint/>{geom}</body>'
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><option timestep="0.005"/><worldbody><geom type="plane" size="1 1 1"/>{walls}'
+        f"{bodies}</worldbody></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_step(model, data, 300)
+    poses = data.qpos.reshape(count, 7).T.copy()
+    poses[3:] /= np.linalg.norm(poses[3:], axis=0)
+    i, j = contact.overlapping_pairs(contact.bounds(shape, poses))
+    near = contact.distance(shape, poses[:, i], shape, poses[:, j]).distance <= 1e-3
+    speed = np.abs(data.qvel.reshape(count, 6)[:, :3]).max(axis=1)
+    return i.size, int(near.sum()), float(np.median(speed))
+
+
+@claim(
+    "A bin of 100 objects has 4,950 potential pairs; the broad phase leaves about 200.",
+    "How many are left is a property of the shapes: of {bodies:.0f} balls settled in a bin "
+    "{balls:.0f}, of cubes {cubes:.0f}, of rods eight times as long as wide {rods:.0f}. Of these "
+    "{balls_touch:.0f}, {cubes_touch:.0f} and {rods_touch:.0f} touch.",
+)
+def pile_of_a_hundred(found):
+    from course import contact
+
+    scenes = {
+        "balls": ('<geom size="0.04"/>', contact.sphere(0.04)),
+        "cubes": ('<geom type="box" size="0.035 0.035 0.035"/>', contact.box([0.035] * 3)),
+        "rods": ('<geom type="capsule" size="0.015 0.105"/>', contact.capsule(0.015, 0.105)),
+    }
+    bodies = found.given("bodies", 100)
+    left, speeds = {}, []
+    for name, (geom, shape) in scenes.items():
+        count, touching, speed = _pile(geom, 0.2, shape, bodies)
+        left[name] = found.figure(name, count, 0.15)
+        found.figure(f"{name}_touch", touching, 0.15)
+        speeds.append(speed)
+    found.statement = (
+        "Dropped by MuJoCo into a bin 0.4 m wide for 1.5 s; median speed at the end at most "
+        f"{max(speeds):.3f} m/s; touching is within 1 mm."
+    )
+    found.heard(all(150 <= count <= 250 for count in left.values()))
+    found.corrected(
+        left["rods"] > 2 * max(left["balls"], left["cubes"]), max(speeds) < 0.1,
+        left["balls"] > left["cubes"],
+    )  # fmt: skip
+
+
+@claim(
+    "Two shapes intersect exactly if their Minkowski difference holds the origin: that is what GJK "
+    "tests.",
+    "The first half holds for any two sets. GJK asks for support points, which only the convex "
+    "hull has, so it needs convex shapes: of balls in the notch of an angle {clear_percent:.0f} "
+    "% are clear of both plates, and it would say of {wrong_percent:.0f} % of all that they touch.",
+)
+def gjk_minkowski(found):
+    from scipy.spatial import ConvexHull
+
+    from course import contact
+
+    clouds = found.rng.normal(size=(2, 60, 3, 8)) * 0.5
+    offsets = found.rng.uniform(-1.0, 1.0, (60, 3))
+    agree, inside = [], []
+    for a, b, offset in zip(*clouds, offsets, strict=True):
+        difference = (a[:, :, None] - (b + offset[:, None])[:, None, :]).reshape(3, -1)
+        holds = bool((ConvexHull(difference.T).equations[:, 3] <= 0.0).all())
+        apart = contact.distance(contact.points(a), _still(), contact.points(b), _still(*offset))
+        agree.append(bool((apart.distance <= 0.0) == holds))
+        inside.append(holds)
+    plates = _angle()
+    corners = np.hstack([plate.corners + place[:3, None] for plate, place in plates])
+    ball, place = contact.sphere(0.02), np.tile(_still()[:, None], 200)
+    place[:3] = found.rng.uniform((0.0, -0.4, 0.05), (0.3, 0.4, 0.3), (200, 3)).T
+    clear = np.min([contact.distance(p, at, ball, place).distance for p, at in plates], 0) > 0.0
+    seen = contact.distance(contact.points(corners), _still(), ball, place).distance <= 0.0
+    found.figure("clear_percent", 100.0 * clear.mean(), 0.02)
+    wrong = found.figure("wrong_percent", 100.0 * (seen & clear).mean(), 0.02)
+    found.figure("share_inside", np.mean(inside), 0.02)
+    found.statement = "60 pairs of random hulls against the hull of all differences by Qhull."
+    found.heard(all(agree))
+    found.corrected(all(agree), wrong > 20.0, bool((seen | ~clear).all()), 0 < np.mean(inside) < 1)
+
+
+def _angle():
+    """Two plates that stand at right angles, and where they are."""
+    from course import contact
+
+    return [(contact.box([0.5, 0.5, 0.05]), _still(0.45, 0.0, -0.05)),
+            (contact.box([0.05, 0.5, 0.45]), _still(0.0, 0.0, 0.45))]  # fmt: skip
+
+
+@claim(
+    "When shapes overlap, EPA gives the depth and the normal of the contact.",
+    "It gives the shortest way out. That is the way in only while a ball of {ball_mm:.0f} mm "
+    "radius is sunk less than {middle_mm:.1f} mm into a wall of {wall_mm:.0f} mm, the radius and "
+    "half the wall; beyond, it is pushed out behind. And it is one point: where faces meet, the "
+    "contact is a polygon, {corners:.0f} corners for a cube on a cube.",
+)
+def epa_gives_the_contact(found):
+    from course import contact
+
+    radius, wall = found.given("ball_mm", 20.0) / 1000, found.given("wall_mm", 10.0) / 1000
+    middle = radius + wall / 2
+    ball, slab = contact.sphere(radius), contact.box([1.0, 1.0, wall / 2])
+
+    def back(sunk):
+        way = contact.distance(slab, _still(), ball, _still(z=middle - sunk)).normal
+        return bool(way[2] > 0.0)
+
+    low, high = 0.0, 2.0 * middle
+    while high - low > 1e-9:
+        low, high = ((low + high) / 2, high) if back((low + high) / 2) else (low, (low + high) / 2)
+    found.figure("middle_mm", 1000 * high)
+    cube = contact.box([0.5, 0.5, 0.5])
+    pair = np.stack((_still(), _still(0.1, 0.2, 0.99)), axis=1)
+    corners = found.figure("corners", contact.contacts([cube, cube], pair).distance.size)
+    found.statement = "A ball is pressed into a wall from above, to random depths."
+    found.heard(
+        back(1.5 * middle),
+        only_if="it is sunk by less than {middle_mm:.1f} mm",
+        inside=[back(share * middle) for share in found.rng.uniform(0.01, 0.999, 12)],
+        outside=[back(share * middle) for share in found.rng.uniform(1.001, 1.9, 12)],
+    )
+    single = contact.distance(cube, pair[:, 0], cube, pair[:, 1])
+    found.corrected(abs(single.distance + 0.01) < 1e-12, corners == 4, abs(high - middle) < 1e-8)
+
+
+@claim(
+    "A circle test returns the depth and the normal of two circles that overlap.",
+    "The usual one divides by the distance of the centres, and where that is 0 it returns no "
+    "contact at all, at the deepest overlap there is: {depth_m:g} m here. Any direction is a right "
+    "normal then, and one has to be chosen.",
+)
+def circle_test_concentric(found):
+    from course import contact
+
+    def listing(p1, r1, p2, r2):
+        diff = p2 - p1
+        dist = np.linalg.norm(diff)
+        if dist < r1 + r2 and dist > 1e-8:
+            return (r1 + r2) - dist, diff / dist
+        return 0, np.zeros(2)
+
+    places = found.rng.uniform(-1.0, 1.0, (30, 2))
+    a, b = contact.sphere(0.7, 2), contact.sphere(0.5, 2)
+    ours = [contact.distance(a, (0, 0, 0), b, (*p, 0)).distance for p in places]
+    theirs = [listing(np.zeros(2), 0.7, p, 0.5)[0] for p in places]
+    depth, normal = listing(np.zeros(2), 0.7, np.zeros(2), 0.5)
+    deepest = contact.distance(a, (0, 0, 0), b, (0, 0, 0))
+    found.figure("depth_m", -deepest.distance)
+    found.statement = (
+        f"The usual listing at equal centres: depth {depth}, normal {normal.tolist()}."
+    )
+    found.heard(depth > 0)
+    found.corrected(
+        bool(np.allclose(np.maximum(0.0, np.negative(ours)), theirs, atol=1e-12)),
+        not normal.any(), abs(np.linalg.norm(deepest.normal) - 1.0) < 1e-12,
+        abs(deepest.distance + 1.2) < 1e-12,
+    )  # fmt: skip
+
+
+@claim(
+    "A test of the circles in every step finds their collisions.",
+    "Only while a step is no longer than the way on which they overlap, twice "
+    "sqrt((r1 + r2)^2 - h^2) for a path that passes at h. With steps up to three times as long "
+    "{missed_percent:.0f} % of random flights went unseen. The time of impact finds all.",
+)
+def circles_once_a_step(found):
+    from course import contact
+
+    a, b = contact.sphere(0.3, 2), contact.sphere(0.5, 2)
+
+    def flights(low, high, n=40):
+        """Whether a test a step sees each hit, and whether the time of impact does, at random."""
+        h = found.rng.uniform(0.0, 0.75, n)
+        step = 2.0 * np.sqrt(0.8**2 - h**2) * found.rng.uniform(low, high, n)
+        start = -1.0 - step * found.rng.uniform(0.0, 1.0, n)
+        seen = []
+        for x, dx, y in zip(start, step, h, strict=True):
+            at = np.zeros((3, 2 + int((1.0 - x) / dx)))
+            at[0], at[1] = x + dx * np.arange(at.shape[1]), y
+            seen.append(bool((contact.distance(b, (0, 0, 0), a, at).distance <= 0.0).any()))
+        when = contact.spheres_time_of_impact(
+            np.stack((-start, -h)), np.stack((-step, 0.0 * h)), 0.8
+        )
+        return seen, bool(np.isfinite(when).all())
+
+    inside, all_inside = flights(0.1, 1.0)
+    outside, all_outside = flights(1.001, 3.0)
+    found.figure("missed_percent", 100.0 * (1.0 - np.mean(outside)), 0.02)
+    found.statement = "Discs of 0.3 and 0.5 m; phase of the step and offset of the path at random."
+    found.heard(
+        all(outside), only_if="a step is no longer than the way on which the circles overlap",
+        inside=inside, outside=outside,
+    )  # fmt: skip
+    found.corrected(all(inside), all_inside, all_outside, not all(outside))
+
+
+@claim(
+    "With a step that is small enough nothing passes a thin wall.",
+    "A test a step misses nothing below (2 r + w) / dt, {geometric_m_per_s:.0f} m/s for a ball of "
+    "{ball_mm:.0f} mm radius, a wall of {wall_mm:.0f} mm and {step_ms:g} ms. But a soft contact "
+    "gives way: pushed past its middle the ball comes out behind, in MuJoCo's critically damped "
+    "default from about e (r + w/2) / (dmax timeconst) on, {soft_m_per_s:.2f} m/s, whatever the "
+    "step: {smallest_m_per_s:.2f} to {largest_m_per_s:.2f} m/s measured at three of them.",
+)
+def soft_wall(found):
+    from course import contact
+    from course.oracles.mujoco import shapes
+
+    radius, wall = found.given("ball_mm", 20.0) / 1000, found.given("wall_mm", 10.0) / 1000
+    dt = found.given("step_ms", 0.5) / 1000
+    # Deepest point of a critically damped contact, hit with 1 m/s: w = 1 / (dmax timeconst).
+    t = np.linspace(0.0, 0.2, 20_001)
+    soft = found.figure("soft_m_per_s", (radius + wall / 2) / np.max(t * np.exp(-t / 0.019)))
+
+    def bisected(passes, low, high):
+        while high - low > 0.005 * low:
+            middle = (low + high) / 2
+            low, high = (low, middle) if passes(middle) else (middle, high)
+        return high
+
+    def unseen(speed):
+        """Whether some phase of a test a step misses the ball."""
+        reach, ball, slab = radius + wall / 2, contact.sphere(radius), contact.box([wall / 2, 1, 1])
+        x = -reach - speed * dt * np.linspace(0.0, 1.0, 401) + speed * dt * np.arange(3)[:, None]
+        at = np.zeros((7, x.size))
+        at[0], at[3] = x.ravel(), 1.0
+        seen = contact.distance(ball, at, slab, _still()).distance <= 0.0
+        return bool((~seen.reshape(x.shape).any(axis=0)).any())
+
+    def through(speed, step):
+        starts = 0.01 + np.arange(3) * speed * step / 3
+        return any(shapes.passes(speed, step, s, radius=radius, wall=wall) for s in starts)
+
+    geometric = found.figure("geometric_m_per_s", bisected(unseen, 50.0, 200.0), 0.02)
+    limits = [bisected(lambda v, h=h: through(v, h), 2.0, 6.0) for h in (dt, 2 * dt, 4 * dt)]
+    found.figure("smallest_m_per_s", min(limits), 0.05)
+    found.figure("largest_m_per_s", max(limits), 0.05)
+    found.statement = "Bisected over the speed, the ball's start shifted by thirds of a step."
+    found.heard(limits[0] > 2 * limits[2])
+    found.corrected(
+        *[abs(limit / soft - 1.0) < 0.15 for limit in limits],
+        abs(soft / (np.e * (radius + wall / 2) / 0.019) - 1.0) < 1e-6,
+        abs(geometric * dt / (2 * radius + wall) - 1.0) < 0.02,
+    )
+
+
+@claim(
+    "For a mesh that is not convex the engine makes a convex decomposition by itself.",
+    "MuJoCo takes its convex hull: a ball that hangs free in the notch of an angle, "
+    "{free_mm:.0f} mm from both plates, is {depth_mm:.0f} mm deep in the mesh. The decomposition "
+    "is the user's work, with another tool.",
+    source="MuJoCo 4 documentation, Computation, Convex decomposition",
+)
+def concave_mesh_is_its_hull(found):
+    import mujoco
+
+    from course import contact
+
+    plates = _angle()
+    corners = np.hstack([plate.corners + at[:3, None] for plate, at in plates])
+    faces = np.reshape([0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6, 0, 1, 5, 0, 5, 4,
+                        2, 6, 7, 2, 7, 3, 0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5], (12, 3))  # fmt: skip
+    vertex, face = (" ".join(map(str, np.ravel(x))) for x in (corners.T, [faces, faces + 8]))
+    # In MuJoCo a mesh stands at its centre of mass, unless its frame is asked for.
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><asset><mesh name="angle" vertex="{vertex}" face="{face}" inertia="legacy"/>'
+        '</asset><worldbody><geom type="mesh" mesh="angle"/><body pos="0.15 0 0.1"><freejoint/>'
+        '<geom size="0.02"/></body></worldbody></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    ball, place = contact.sphere(0.02), _still(0.15, 0.0, 0.1)
+    free = min(float(contact.distance(plate, at, ball, place).distance) for plate, at in plates)
+    hull = contact.distance(contact.points(corners), _still(), ball, place).distance
+    depth = -data.contact.dist.min() if data.ncon else 0.0
+    found.figure("free_mm", 1000 * free)
+    found.figure("depth_mm", 1000 * depth, 1e-3)
+    found.statement = (
+        f"MuJoCo's contact is {1000 * depth:.2f} mm deep, the hull's {-1000 * hull:.2f}."
+    )
+    found.heard(data.ncon == 0)
+    found.corrected(free > 0.05, depth > 0.0, abs(depth + hull) < 1e-6)
+
+
+@claim(
+    "Replace meshes by their convex hulls to make collisions fast: a mug of 5,000 triangles has a "
+    "hull of about 20 faces.",
+    "The hull of a round mug of {triangles:.0f} triangles keeps both rims, {faces:.0f} "
+    "triangles. In an engine that collides hulls anyway, such as MuJoCo, nothing gets faster: "
+    "mesh and hull touch a ball equally deep. What the hull takes is the inside of the mug: a "
+    "ball that hangs free in it is {depth_mm:.0f} mm deep.",
+)
+def mug_and_its_hull(found):
+    import mujoco
+    from scipy.spatial import ConvexHull
+
+    from course import contact
+
+    # Two triangles for each square of its 25 bands, and a fan at each of both ends.
+    around, rings = found.given("triangles", 5200) // 52, 13
+    angle = 2 * np.pi * np.arange(around) / around
+    # Outside from the bottom up, over the rim, inside down again; closed by two middles.
+    profile = [(0.04, z) for z in np.linspace(0.0, 0.1, rings)]
+    profile += [(0.035, z) for z in np.linspace(0.1, 0.005, rings)]
+    vertices = np.hstack(
+        [[r * np.cos(angle), r * np.sin(angle), z + 0 * angle] for r, z in profile]
+    )
+    hull = ConvexHull(vertices.T)
+    faces = found.figure("faces", len(hull.simplices))
+
+    def depth(points):
+        text = " ".join(map(str, points.T.ravel()))
+        model = mujoco.MjModel.from_xml_string(
+            f'<mujoco><asset><mesh name="mug" vertex="{text}"/></asset><worldbody>'
+            '<geom type="mesh" mesh="mug"/><body pos="0.01 0.003 0.05"><freejoint/>'
+            '<geom size="0.02"/></body></worldbody></mujoco>'
+        )
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        return -data.contact.dist.min() if data.ncon else 0.0
+
+    whole, reduced = depth(vertices), depth(vertices[:, hull.vertices])
+    inside = contact.distance(contact.points(vertices), _still(), contact.sphere(0.02),
+                              _still(0.01, 0.003, 0.05)).distance  # fmt: skip
+    found.figure("depth_mm", -1000 * inside, 1e-3)
+    found.statement = (
+        f"MuJoCo: {1000 * whole:.3f} mm deep in the mesh, {1000 * reduced:.3f} in its hull."
+    )
+    found.heard(faces < 40)
+    found.corrected(faces > 100, abs(whole - reduced) < 1e-6, whole > 0.0, inside < -0.02)
