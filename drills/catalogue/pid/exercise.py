@@ -455,6 +455,11 @@ def _refusals(attempt: Attempt) -> None:
         )
     if attempt.failed:
         return
+    # Controllers that share a state differ without any refusal.
+    apart = [Controller(attempt, good) for _ in range(2)]
+    for one in apart:
+        one.run(1.0, [0.2, 0.3])
+    alike = np.array_equal(*(one.run(0.9, [0.4, 0.5]) for one in apart))
     _same(
         attempt,
         "a refused update leaves no trace",
@@ -462,7 +467,7 @@ def _refusals(attempt: Attempt) -> None:
         twin.run(0.9, [0.4, 0.5]),
         "After a refused update the commands are others than without it.",
         controller,
-        "changed_before_refusal",
+        "changed_before_refusal" if alike else "",
     )
 
 
