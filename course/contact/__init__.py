@@ -54,9 +54,10 @@ __all__ = [
 
 def warm() -> None:
     """Compile, or load from the cache, everything in this chapter that is compiled."""
-    from course.contact import broad, features, models, narrow
+    from course.contact import broad, features, models, narrow, scenes
 
     broad.warm()
     narrow.warm()
     features.warm()
     models.warm()
+    scenes.warm()

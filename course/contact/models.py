@@ -169,9 +169,15 @@ def pgs_sweep(A, g, w, d, associated):
     return largest
 
 
-def _pgs(A: Array, b: Array, g: Array, d: int, associated: bool, most: int, small: float) -> int:
+@register_jitable
+def sweep_until(
+    A: Array, b: Array, g: Array, d: int, associated: bool, most: int, small: float
+) -> int:
     """Sweeps until the correction is small; returns how many, changes g in place."""
-    w = A @ g + b
+    w = b.copy()
+    for i in range(g.size):
+        for j in range(g.size):
+            w[i] += A[i, j] * g[j]
     for sweep in range(most):
         if pgs_sweep(A, g, w, d, associated) <= small:
             return sweep + 1
@@ -194,7 +200,7 @@ def gauss_seidel(
     Returns:
         How many sweeps it took.
     """
-    return int(compiled(_pgs, _PGS)(A, b, g, d, associated, sweeps, tolerance))
+    return int(compiled(sweep_until, _PGS)(A, b, g, d, associated, sweeps, tolerance))
 
 
 def pgs(

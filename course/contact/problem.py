@@ -6,11 +6,22 @@ import functools
 from dataclasses import dataclass
 
 import numpy as np
+from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import finite, positive, refused, vector
 
 Array = NDArray[np.float64]
+
+
+@register_jitable
+def least_speed(gap, free, before, dt, restitution, recovery):
+    """Speed apart that a contact must have after the step [m/s], from its gap and its normal
+    velocities without contact and before: an open gap may just close, what closes bounces."""
+    wanted = -gap / dt if gap > 0.0 else -recovery * gap / dt
+    if gap + dt * free <= 0.0 and restitution * before < 0.0:
+        wanted = max(wanted, -restitution * before)
+    return wanted
 
 
 @dataclass(frozen=True)
@@ -103,12 +114,12 @@ class Problem:
 
     @property
     def wanted(self) -> Array:
-        """Least normal velocity after the step, shape (n,) [m/s]: an open gap may just close, what
-        would close within the step bounces."""
-        wanted = np.where(self.gap > 0.0, -1.0, -self.recovery) * self.gap / self.dt
-        closes = self.gap + self.dt * (self.jacobian[:, 0] @ self.free) <= 0.0
-        bounce = -self.restitution * (self.jacobian[:, 0] @ self.velocity)
-        return np.where(closes & (bounce > 0.0), np.maximum(wanted, bounce), wanted)
+        """Least normal velocity after the step, shape (n,) [m/s]."""
+        free, before = self.jacobian[:, 0] @ self.free, self.jacobian[:, 0] @ self.velocity
+        rows = zip(self.gap, free, before, strict=True)
+        return np.array(
+            [least_speed(*row, self.dt, self.restitution, self.recovery) for row in rows]
+        )
 
     @property
     def offset(self) -> Array:

@@ -12,12 +12,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from course.check import POSITIVE, count, finite, positive, vector
-from course.contact.models import solve
-from course.contact.problem import Problem, Solution
+from course.compiled import MATRIX, VECTOR, compiled
+from course.contact.models import solve, sweep_until
+from course.contact.problem import Problem, Solution, least_speed
 
 Array = NDArray[np.float64]
 GRAVITY = 9.81  # m/s^2
@@ -112,6 +114,65 @@ def run(scene: Scene, model: str, dt: float, steps: int, **options: Any) -> Run:
         sum(not s.converged for s in found),
         max(s.residual for s in found),
     )
+
+
+def march(
+    scene: Scene, dt: float, steps: int, *, sweeps: int = 1000, tolerance: float = 1e-10
+) -> tuple[Array, Array, int]:
+    """`run` with "pgs" as one compiled loop, started each step from the last one's impulses.
+
+    Args:
+        scene, dt, steps: as for `run`.
+        sweeps: at most, a step.
+        tolerance: of a sweep's largest correction [m/s].
+
+    Returns:
+        (q, v) at the end, and the sweeps of all steps.
+    """
+    count("steps", steps, 1)
+    count("sweeps", sweeps, 1)
+    positive("tolerance", tolerance, unit="m/s")
+    first = scene.problem(dt)
+    q, v = scene.q.copy(), scene.v.copy()
+    bounds = np.array([dt, scene.restitution, first.recovery, tolerance])
+    taken = compiled(_march, _MARCH)(
+        first.scaled, first.scale, first.rows, np.ascontiguousarray(first.response),
+        scene.distance, scene._acceleration, q, v, first.jacobian.shape[1], steps, sweeps, bounds,
+    )  # fmt: skip
+    return q, v, int(taken)
+
+
+def _march(A, scale, rows, response, distance, acceleration, q, v, d, steps, sweeps, bounds):
+    """The loop of `march`; changes q and v in place."""
+    dt, restitution, recovery, tolerance = bounds
+    m, nv = rows.shape
+    g, b, free = np.zeros(m), np.zeros(m), np.zeros(nv)
+    taken = 0
+    for _ in range(steps):
+        for j in range(nv):
+            free[j] = v[j] + dt * acceleration[j]
+        for i in range(m):
+            b[i] = 0.0
+            before, gap = 0.0, distance[i // d]
+            for j in range(nv):
+                b[i] += scale[i] * rows[i, j] * free[j]
+                before += rows[i, j] * v[j]
+                gap += rows[i, j] * q[j]
+            if i % d == 0:
+                b[i] -= least_speed(gap, b[i], before, dt, restitution, recovery)
+        taken += sweep_until(A, b, g, d, False, sweeps, tolerance)
+        for j in range(nv):
+            v[j] = free[j]
+            for i in range(m):
+                v[j] += response[j, i] * scale[i] * g[i]
+            q[j] += dt * v[j]
+    return taken
+
+
+_MARCH = numba.int64(
+    MATRIX, VECTOR, MATRIX, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR,
+    numba.int64, numba.int64, numba.int64, VECTOR,
+)  # fmt: skip
 
 
 # --- the scenes -----------------------------------------------------------------------------------
@@ -257,3 +318,8 @@ def rod(angle: float, friction: float, speed: float = 1.0, spin: float = 0.0) ->
 def with_friction(scene: Scene, friction: float) -> Scene:
     """The same scene with another coefficient everywhere."""
     return replace(scene, friction=np.full_like(scene.friction, finite("friction", friction, 0.0)))
+
+
+def warm() -> None:
+    """Compile, or load from the cache, what is compiled here."""
+    march(block(), 1e-3, 1)

@@ -77,6 +77,7 @@ KEYS: dict[str, tuple[str, str]] = {
     "sweeps, true cone": (GREEN, "D"),
     "sweeps, true cone (10)": (LIME, "d"),
     "sweeps, true cone (1000)": (GREEN, "D"),
+    "sweeps, compiled loop": ("black", "D"),
     "true cone (Newton)": (BLUE, "o"),
     "convex cone": (AMBER, "P"),
     "MuJoCo's soft model, ours": (PINK, "v"),

@@ -12,8 +12,10 @@ from course.contact import Problem, residuals, solve
 from course.contact.models import defect, duality_gap, gauss_seidel, lemke
 from course.contact.scenes import (
     GRAVITY,
+    Scene,
     ball_drop,
     block,
+    march,
     pinch,
     rod,
     run,
@@ -288,6 +290,21 @@ def test_fingers_hold_a_glass_from_the_right_friction_on(model: str) -> None:
 def test_a_ball_comes_back_to_the_height_of_its_restitution(model: str) -> None:
     fall = run(ball_drop(0.1, restitution=0.8), model, 1e-3, 350)
     assert np.max(fall.q[0, 200:]) == pytest.approx(0.64 * 0.1, rel=0.03)
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        block(0.3, 0.5, (1.0, 0.5)), tower([1.0, 3.0, 2.0]), pinch(5.0, 0.25),
+        ball_drop(0.1, restitution=0.6), spinning_disc(),
+    ],
+)  # fmt: skip
+def test_the_compiled_march_is_the_same_motion(scene: Scene) -> None:
+    slow = run(scene, "pgs", 2e-3, 120, tolerance=1e-11)
+    q, v, taken = march(scene, 2e-3, 120, tolerance=1e-13)
+    assert np.allclose(q, slow.q[:, -1], rtol=0.0, atol=1e-9)
+    assert np.allclose(v, slow.v[:, -1], rtol=0.0, atol=1e-8)
+    assert 0 < taken
 
 
 # --- no solution, no claim ------------------------------------------------------------------------
