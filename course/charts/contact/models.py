@@ -192,7 +192,7 @@ def work_precision(
     )
 
 
-@chart(columns=2, size=(16.0, 20.0))
+@chart
 def contact_models(
     steps: Sequence[float] = STEPS, repeats: int = 3, names: Sequence[str] = tuple(QUESTIONS)
 ) -> Iterator[Panel]:
@@ -329,7 +329,7 @@ def measured_limit(zeta: float, scheme: str) -> float:
     return limit(stable, 1e-4, 8.0, rel=1e-8)
 
 
-@chart(columns=2)
+@chart
 def contact_penalty_limit(size: int = 60) -> Iterator[Panel]:
     """Largest step of penalty contact: growth per step over step and damping, theory on it.
 
@@ -409,7 +409,7 @@ def sweeps_needed(masses: Sequence[float], tolerance: float = 1e-6, most: int = 
     return high
 
 
-@chart(columns=2)
+@chart
 def contact_sweeps(
     ratios: Sequence[float] = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0),
     heights: Sequence[int] = (3, 5, 10, 20, 40),
@@ -484,7 +484,7 @@ def stopped(
     return way, math.degrees(math.atan2(end[1], end[0]))
 
 
-@chart(columns=2)
+@chart
 def contact_steering(
     degrees: Sequence[float] = (0.0, 10.0, 22.5, 35.0, 45.0, 60.0, 75.0, 90.0), dt: float = 1e-3
 ) -> Iterator[Panel]:
@@ -584,7 +584,7 @@ def smoothed_slope(
     return float(np.mean(values))
 
 
-@chart(columns=2)
+@chart
 def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
     """Gradients through contact: nothing before touch, a kink, and a sign that is wrong.
 
