@@ -49,7 +49,7 @@ def mujoco_growth(
 # --- delay, the hold, and what a simulator makes of it --------------------------------------------
 
 
-@chart(size=(12.0, 4.8))
+@chart
 def delay_limit(
     delays: int = 40, steps: tuple[int, ...] = (1, 2, 5, 10, 20, 50)
 ) -> Iterator[Panel]:
@@ -101,7 +101,7 @@ def delay_limit(
     yield panel
 
 
-@chart(size=(12.0, 4.8))
+@chart
 def pd_triangles(points: int = 60) -> Iterator[Panel]:
     """Where PD on a free inertia is stable: three loops, and MuJoCo's position servo.
 
@@ -252,7 +252,7 @@ def saturation_region(points: int = 81, share: float = 0.5) -> Iterator[Panel]:
 # --- quantisation and friction --------------------------------------------------------------------
 
 
-@chart(size=(12.0, 4.8))
+@chart
 def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
     """What an encoder's line and dry friction leave at rest.
 
@@ -286,7 +286,7 @@ def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
     ]  # fmt: skip
     yield panel
 
-    panel = Panel("Static above Coulomb friction makes an integral hunt",
+    panel = Panel("Static friction makes an integral hunt",
                   "static over Coulomb friction", "swing about the target [mrad]")  # fmt: skip
     ratios = np.linspace(1.0, 3.0, points)
 

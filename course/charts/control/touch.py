@@ -89,7 +89,7 @@ def lightest(wall: float, delay: float = 0.0) -> float:
     return 1.0 / largest(grown, 1e-3, 1e7)
 
 
-@chart(size=(15.0, 4.8))
+@chart
 def touching(points: int = 13) -> Iterator[Panel]:
     """What holds at a wall, over its stiffness: a force loop, impedance, admittance.
 
