@@ -39,8 +39,9 @@ def test_every_method_finds_the_same_pairs(boxes, random):
     assert np.array_equal(pairs, expected)
     for method in ("sweep", "grid", "brute_force"):
         assert np.array_equal(contact.overlapping_pairs(boxes, method), expected)
-    cell = 0.3 * max(1e-3, float((boxes[1] - boxes[0]).max(initial=0.0)))
-    assert np.array_equal(contact.uniform_grid(boxes, 4 * cell)[0], expected)
+    longest = float((boxes[1] - boxes[0]).max(initial=0.0))
+    cell = max(0.3 * longest, 0.05 * float(np.ptp(boxes) if n else 0.0)) or 1.0
+    assert np.array_equal(contact.uniform_grid(boxes, cell)[0], expected)
     # The order of one scene is the start for any other of the same size.
     sweep = contact.SweepAndPrune(axis=random.randrange(boxes.shape[1]))
     for _ in range(3):
