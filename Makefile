@@ -21,8 +21,8 @@ LOG := build/setup.log
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 unexport PYTHONPATH PYTHONHOME
 # The compiler's one-line announcements and a learner's progress are for a person, not for an output
-# that is compared.
-QUIET := COURSE_QUIET=1 DRILLS_PROGRESS=none
+# that is compared. Small matrices are slower with threads, and two workers share the cores.
+QUIET := COURSE_QUIET=1 DRILLS_PROGRESS=none OPENBLAS_NUM_THREADS=1
 
 .NOTPARALLEL:
 .PHONY: help setup lab check test prove lint types pytest nbval warm charts notebooks clean
@@ -128,7 +128,7 @@ warm: setup ## compile and keep every hot loop of the chapters
 	@$(BIN)/python -m tools.warm
 
 charts: setup ## rebuild every chart of the README, and the data behind it
-	$(BIN)/python -m course.charts
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m course.charts
 	$(BIN)/python -m tools.gallery
 
 notebooks: setup ## run the notebooks from their sources and write them with their outputs
