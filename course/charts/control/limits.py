@@ -232,7 +232,6 @@ def saturation_region(points: int = 81, share: float = 0.5) -> Iterator[Panel]:
     good = caught(theta[None, :], speed[:, None], share)
     panel = Panel(
         "Where a weak motor catches a pendulum", "angle [rad]", "speed [sqrt(g/l)]",
-        legend="upper right",
         grid=stability.Map(theta, speed, np.where(good, 0.5, 2.0), quantity="not caught"),
     )  # fmt: skip
     edge, flat = edge_of_rest(share), edge_of_rest(share, linear=True)

@@ -459,7 +459,7 @@ def _refusals(attempt: Attempt) -> None:
     apart = [Controller(attempt, good) for _ in range(2)]
     for one in apart:
         one.run(1.0, [0.2, 0.3])
-    alike = np.array_equal(*(one.run(0.9, [0.4, 0.5]) for one in apart))
+    alike = np.array_equal(apart[0].run(0.9, [0.4, 0.5]), apart[1].run(0.9, [0.4, 0.5]))
     _same(
         attempt,
         "a refused update leaves no trace",
