@@ -192,19 +192,22 @@ def work_precision(
     )
 
 
-@chart
-def contact_models(
-    steps: Sequence[float] = STEPS, repeats: int = 3, names: Sequence[str] = tuple(QUESTIONS)
-) -> Iterator[Panel]:
-    """Every model on four scenes, steps of 0.1 to 20 ms, beside MuJoCo.
+_ALSO = (
+    "sweeps, compiled loop", "true cone (Newton)", "convex cone",
+    *(f"MuJoCo {s}, {c}" for s, c, _ in SOLVERS),
+)  # fmt: skip
 
-    Args:
-        steps: [s].
-        repeats: timed rounds.
-        names: of the questions.
-    """
-    for name in names:
+
+def _chart_of(name: str) -> None:
+    def contact_scene(steps: Sequence[float] = STEPS, repeats: int = 3) -> Iterator[Panel]:
+        """Every model on one scene, steps of 0.1 to 20 ms, beside MuJoCo."""
         yield from work_precision(name, steps, repeats).panels()
+
+    chart(contact_scene, name=f"contact_{name}", also=_ALSO)
+
+
+for _name in QUESTIONS:
+    _chart_of(_name)
 
 
 Rows = list[tuple[str, str, float, float, float, str]]  # scene, model, error, cost, count, verdict
