@@ -23,7 +23,9 @@ class UnknownExercise(ValueError):
 
     def __init__(self, name: str, known: list[str]) -> None:
         self.name = name
-        self.nearest = difflib.get_close_matches(name.lower(), known, n=3, cutoff=0.5)
+        near = difflib.get_close_matches(name.lower(), known, n=3, cutoff=0.5)
+        whole = [one for one in known if all(word in name.lower() for word in one.split("_"))]
+        self.nearest = list(dict.fromkeys(whole + near))[:3]
         meant = f"; did you mean {' or '.join(self.nearest)}?" if self.nearest else ""
         super().__init__(f"no exercise is called {name!r}{meant}")
 
