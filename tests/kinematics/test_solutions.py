@@ -3,11 +3,11 @@
 import ast
 import math
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
-import pinocchio
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,6 +15,8 @@ from hypothesis.extra.numpy import arrays
 
 from course import kinematics
 from course.drills import fk3
+from course.oracles.mujoco import chain as mujoco_chain
+from course.oracles.pinocchio import Arm
 from course.rigid_body.quaternion import angle_between, from_euler_zyx, to_matrix
 from drills import cards
 from drills import exercise as exercises
@@ -44,14 +46,11 @@ def rngs():
 
 def test_the_answers_stand_alone():
     tree = ast.parse(Path(solutions.__file__).read_text(encoding="utf-8"))
+    nodes = list(ast.walk(tree))
     imported = {
-        name
-        for node in ast.walk(tree)
-        if isinstance(node, ast.Import | ast.ImportFrom)
-        for name in (
-            [alias.name for alias in node.names] if isinstance(node, ast.Import) else [node.module]
-        )
+        alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names
     }
+    imported |= {node.module for node in nodes if isinstance(node, ast.ImportFrom)}
     assert imported == {"__future__", "math", "numpy", "numpy.typing"}
 
 
@@ -111,44 +110,24 @@ def test_targets_out_of_reach_are_refused_and_the_slack_is_not(lengths, angle):
 # --- the Jacobian ---------------------------------------------------------------------------------
 
 
-def pinocchio_arm(placements, tool):
-    """The same arm in Pinocchio, and its tool's frame."""
-    model, joint = pinocchio.Model(), 0
-    for i, placement in enumerate(placements):
-        place = pinocchio.SE3(placement[:3, :3].copy(), placement[:3, 3].copy())
-        joint = model.addJoint(joint, pinocchio.JointModelRZ(), place, f"joint {i}")
-    place = pinocchio.SE3(np.eye(3), np.array(tool, dtype=float))
-    return model, model.addFrame(
-        pinocchio.Frame("tool", joint, place, pinocchio.FrameType.OP_FRAME)
-    )
+def rows_of(arm):
+    """The placements of an arm as the answer takes them, (n, 4, 4)."""
+    rows = np.tile(np.eye(4), (arm.n, 1, 1))
+    rows[:, :3, 3] = arm.placement[:3].T
+    rows[:, :3, :3] = np.moveaxis(to_matrix(arm.placement[3:]), 2, 0)
+    return rows
 
 
 @examples(60)
 @given(rngs(), st.integers(1, 9))
-def test_the_jacobian_is_pinocchios(rng, n):
-    placements = np.tile(np.eye(4), (n, 1, 1))
-    placements[:, :3, 3] = rng.normal(size=(n, 3))
-    for placement in placements:
-        q = rng.normal(size=4)
-        placement[:3, :3] = to_matrix(q / np.linalg.norm(q))
-    q, tool = rng.uniform(-9.0, 9.0, n), rng.normal(size=3)
-    model, frame = pinocchio_arm(placements, tool)
-    data = model.createData()
-    expected = pinocchio.computeFrameJacobian(
-        model, data, q, frame, pinocchio.ReferenceFrame.LOCAL_WORLD_ALIGNED
+def test_the_jacobian_is_pinocchios_and_the_chapters(rng, n):
+    arm = replace(
+        kinematics.random_chain(n, rng), slides=False, tool=[*rng.normal(size=3), 1, 0, 0, 0]
     )
-    found = solutions.geometric_jacobian(placements, q, tool)
-    np.testing.assert_allclose(found, expected.reshape(6, n), rtol=0, atol=1e-12 * (1.0 + n))
-
-
-def test_the_jacobian_of_the_panda_is_the_chapters():
-    arm, rng = kinematics.panda(), np.random.default_rng(8)
-    placements = np.tile(np.eye(4), (arm.n, 1, 1))
-    placements[:, :3, 3] = arm.placement[:3].T
-    placements[:, :3, :3] = np.moveaxis(to_matrix(arm.placement[3:]), 2, 0)
-    for q in rng.uniform(arm.lower, arm.upper, (20, 7)):
-        found = solutions.geometric_jacobian(placements, q, arm.tool[:3])
-        np.testing.assert_allclose(found, kinematics.jacobian(arm, q), rtol=0, atol=1e-14)
+    q = rng.uniform(-9.0, 9.0, n)
+    found = solutions.geometric_jacobian(rows_of(arm), q, arm.tool[:3])
+    for truth in (Arm(arm).jacobians(q, 0 * q)[0], kinematics.jacobian(arm, q)):
+        np.testing.assert_allclose(found, truth, rtol=0, atol=1e-12 * (1.0 + n))
 
 
 # --- damped and redundant steps -------------------------------------------------------------------
@@ -214,48 +193,23 @@ def test_a_null_space_step_leaves_the_tip_of_the_panda_to_second_order():
 # --- inverse dynamics -----------------------------------------------------------------------------
 
 
-def mujoco_torques(lengths, masses, q, v, a, gravity):
-    """The same arm in MuJoCo, asked by mj_inverse."""
-    spec = mujoco.MjSpec()
-    spec.option.gravity = [0.0, -gravity, 0.0]
-    spec.compiler.degree = False
-    body, offset = spec.worldbody, 0.0
-    for length, mass in zip(lengths, masses, strict=True):
-        across = mass * length**2 / 12.0
-        body = body.add_body(pos=[offset, 0, 0], mass=mass, ipos=[0.5 * length, 0, 0],
-                             inertia=[across, across, across], explicitinertial=True)  # fmt: skip
-        body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1])
-        offset = length
-    model = spec.compile()
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
-    mujoco.mj_inverse(model, data)
-    return data.qfrc_inverse.copy()
-
-
 @examples(25)
 @given(rngs(), st.integers(1, 8), st.sampled_from([0.0, 9.81]))
 def test_torques_are_those_of_pinocchio_and_mujoco(rng, n, gravity):
     lengths, masses = rng.uniform(0.1, 1.0, n), rng.uniform(0.2, 3.0, n)
     q, v, a = rng.uniform(-4, 4, n), 3.0 * rng.normal(size=n), 5.0 * rng.normal(size=n)
     found = solutions.rnea_planar(lengths, masses, q, v, a, gravity)
-    model, joint, place = pinocchio.Model(), 0, pinocchio.SE3.Identity()
-    model.gravity.linear = np.array([0.0, -gravity, 0.0])
-    for i, (length, mass) in enumerate(zip(lengths, masses, strict=True)):
-        joint = model.addJoint(joint, pinocchio.JointModelRZ(), place, f"joint {i}")
-        across = mass * length**2 / 12.0
-        rod = pinocchio.Inertia(mass, np.array([0.5 * length, 0, 0]), across * np.eye(3))
-        model.appendBodyToJoint(joint, rod, pinocchio.SE3.Identity())
-        place = pinocchio.SE3(np.eye(3), np.array([length, 0.0, 0.0]))
-    expected = pinocchio.rnea(model, model.createData(), q, v, a)
-    scale = 1.0 + np.abs(expected).max()
-    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * scale)
-    theirs = mujoco_torques(lengths, masses, q, v, a, gravity)
-    np.testing.assert_allclose(found, theirs, rtol=0, atol=1e-10 * scale)
-    course = kinematics.inverse_dynamics(
-        kinematics.planar(lengths, masses), q, v, a, gravity=(0.0, -gravity, 0.0)
-    )
-    np.testing.assert_allclose(found, course, rtol=0, atol=1e-12 * scale)
+    arm, down = kinematics.planar(lengths, masses), (0.0, -gravity, 0.0)
+    model = mujoco_chain.model(arm, down)
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.qacc[:] = q, v, a
+    mujoco.mj_inverse(model, data)
+    for truth, digits in (
+        (Arm(arm, down).inverse_dynamics(q, v, a), 1e-12),
+        (data.qfrc_inverse, 1e-10),
+        (kinematics.inverse_dynamics(arm, q, v, a, gravity=down), 1e-12),
+    ):
+        np.testing.assert_allclose(found, truth, rtol=0, atol=digits * (1.0 + np.abs(truth).max()))
 
 
 @examples(60)
