@@ -212,29 +212,6 @@ def test_torques_are_those_of_pinocchio_and_mujoco(rng, n, gravity):
         np.testing.assert_allclose(found, truth, rtol=0, atol=digits * (1.0 + np.abs(truth).max()))
 
 
-@examples(60)
-@given(rngs(), st.integers(1, 6))
-def test_the_torques_power_is_the_rate_of_the_energy(rng, n):
-    """tau . v = dE/dt, by complex-free central differences along the motion."""
-    lengths, masses = rng.uniform(0.2, 1.0, n), rng.uniform(0.2, 3.0, n)
-    q, v, a = rng.normal(size=(3, n))
-    gravity = 9.81
-
-    def energy(t):
-        angle, rate = np.cumsum(q + v * t + 0.5 * a * t * t), np.cumsum(v + a * t)
-        links = lengths * np.exp(1j * angle)
-        speeds = 1j * rate * links
-        middle = np.cumsum(links) - 0.5 * links
-        velocity = np.cumsum(speeds) - 0.5 * speeds
-        kinetic = 0.5 * masses @ (np.abs(velocity) ** 2 + lengths**2 / 12.0 * rate**2)
-        return kinetic + gravity * masses @ middle.imag
-
-    power = solutions.rnea_planar(lengths, masses, q, v, a, gravity) @ v
-    h = 1e-4
-    rate = (energy(h) - energy(-h)) / (2.0 * h)
-    assert power == pytest.approx(rate, abs=1e-5 * (1.0 + np.abs(power) + energy(0.0) ** 2))
-
-
 # --- the wrist ------------------------------------------------------------------------------------
 
 
