@@ -84,6 +84,7 @@ CHAPTERS = (
         "Kinematics and dynamics of a chain",
         "Where is the hand, and which joint motion brings it somewhere else?",
         "A two-link arm that follows the pointer",
+        there=True,
     ),
     Chapter(
         5,

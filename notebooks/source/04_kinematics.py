@@ -4,8 +4,6 @@
 # *Two links follow a target, one small step after the other. Answer first; then run the cells, press* Play *and click
 # anywhere in the picture.* {open minutes} minutes to read and move, {folded minutes} minutes more for what is folded
 # away, {exercise minutes} minutes of exercises.
-#
-# ![Two links follow a target](attachment:kinematics.arm.png)
 
 # %%
 from course.cards import predict
@@ -13,21 +11,26 @@ from course.simulations.kinematics import simulation
 
 predict("inward_from_stretched")
 
+# %% [markdown]
+# ![Two links follow a target](attachment:kinematics.arm.png)
+#
+# *Here the arm is bent, and reaches its target. The question is about an arm that is not bent at all.*
+
 # %%
 simulation()
 
 # %% [markdown]
-# **You will be able to** say where the hand is and how fast it moves for any chain of joints; choose a step of inverse
-# kinematics by what it does near a singularity; tell an unreachable target from a bad start; use a joint to spare; and
-# compute the torques behind a motion, in one pass out and one back. **Know first:** vectors, matrices, derivatives;
+# **You will be able to** say where the hand is and how fast it moves for any chain of joints; choose a step towards a
+# target by what it does where the arm is stretched; tell an unreachable target from a bad start; use a joint to spare;
+# and compute the torques behind a motion, in one pass out and one back. **Know first:** vectors, matrices, derivatives;
 # chapter 1 for quaternions and integrators.
 #
 # ## How this chapter works
 #
-# It is made of scenes. Most begin with a card: you answer before anything is shown. Then you move something, learn its
-# name, and see one number. Derivations are folded away. A number in the text comes from the cell above it, or from a
-# check that `python -m course.derivations 4` runs again in front of you. The code is `course.kinematics`: plain
-# functions over arrays, for one posture or a hundred thousand. These exercises wait in section 7:
+# Most scenes begin with a card: answer first; a click tells whether you are right. (What holds only under a condition
+# is false as it stands.) Then you move something, learn its name, and see one number. A number in the text comes from
+# the cell above it, or from a check that `python -m course.derivations 4` runs again. The code is `course.kinematics`.
+# These exercises wait in section 7:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import badges, card, check, checkpoint
@@ -36,6 +39,7 @@ badges(4)
 
 # %%
 import inspect
+import math
 import textwrap
 from dataclasses import replace
 
@@ -56,6 +60,11 @@ def source(*functions):
     return Markdown(f"```python\n{text}```")
 
 
+def listed(numbers):
+    """Numbers to two places in one line."""
+    return " ".join(f"{number + 0.0:.2f}" for number in np.round(numbers, 2))
+
+
 def said(chart, *rows):
     """Print the lines of a chart's key figures that begin so, no wider than a page."""
     for line in read(chart).splitlines():
@@ -68,17 +77,17 @@ def said(chart, *rows):
 # ## 1 · Concept: from angles to the hand, and back
 #
 # ### Where is the hand?
+#
+# An arm is a chain of links and joints. What one wants to place is the hand, the tool, the tip: the **end effector**.
+# There are two ways to say where the arm is. In **joint space** a point $q$ is a list of joint angles. In
+# **task space** a point is what the task asks for: a position of the tip, or a pose, which is position and
+# orientation. **Forward kinematics** goes from the first to the second.
 
 # %%
 show("fk_is_a_product")
 
 # %% [markdown]
-# An arm is a chain of links and joints. What one wants to place is the hand, the tool, the tip: the **end effector**.
-# There are two ways to say where the arm is. In **joint space** a point $q$ is a list of joint angles. In **task
-# space** a point is what the task asks for: a position of the tip, or a pose, which is position and orientation.
-#
-# **Forward kinematics** goes from the first to the second. Each joint has a frame; it sits at a fixed place in the
-# frame before it, and turns about its own $z$:
+# Each joint has a frame; it sits at a fixed place in the frame before it, and turns about its own $z$:
 #
 # $$T_{\text{hand}} = A_1\,R_z(q_1)\;A_2\,R_z(q_2)\cdots A_n\,R_z(q_n)\;T_{\text{tool}} .$$
 #
@@ -115,14 +124,15 @@ print("the product is the function's, to rounding:", np.abs(hand - tip(arm, q)).
 # </details>
 #
 # ### How does the hand move?
-
-# %%
-show("two_link_jacobian")
-
-# %% [markdown]
-# The **Jacobian** $J$ is the matrix of partial derivatives: tip velocity $= J(q)\,\dot q$. Its column $i$ is what joint
-# $i$ does alone. You can draw it without a derivative: a turning joint moves the tip across the line from the joint to
-# the tip, as fast as that line is long.
+#
+# The **Jacobian** $J$ is the matrix of partial derivatives: tip velocity $= J(q)\,\dot q$. For two links, with $s_{12}$
+# short for $\sin(q_1+q_2)$,
+#
+# $$J = \frac{\partial(x, y)}{\partial(q_1, q_2)} =
+# \begin{pmatrix} -l_1s_1-l_2s_{12} & -l_2s_{12} \\ l_1c_1+l_2c_{12} & l_2c_{12} \end{pmatrix} .$$
+#
+# Its column $i$ is what joint $i$ does alone. You can draw it without a derivative: a turning joint moves the tip
+# across the line from the joint to the tip, as fast as that line is long.
 
 # %%
 lengths, posture = (1.0, 0.7), np.array([0.4, 1.1])
@@ -178,28 +188,23 @@ for h in (1e-2, 1e-3):
 pull = np.array([0.0, 0.0, -20.0, 0.0, 0.0, 0.0])
 free = kinematics.inverse_dynamics(arm, q, still, still)
 pulled = kinematics.inverse_dynamics(arm, q, still, still, pull)
-print("20 N down at the hand ask for [N m]:", (pulled - free).round(2) + 0.0)
+print("20 N down at the hand ask for [N m]:", listed(pulled - free))
 print("which is -J^T F:", np.allclose(pulled - free, -J.T @ pull, atol=1e-12))
-
-# %%
-show("euler_jacobian_locks")
 
 # %% [markdown]
 # ### The way back
 #
 # **Inverse kinematics**, IK, asks for the joint angles that put the tip at a target. Nobody promises that there are
-# any, or only one.
+# any, or only one. Two links reach a point inside their range with the elbow on either side: **elbow up** or elbow
+# down, as one says where gravity gives a meaning to up. The points that the tip can reach at all are its
+# **workspace**; for two links whose joints turn all the way round it is an **annulus**, a ring between two circles:
+#
+# $$\lvert l_1-l_2\rvert \;\le\; r \;\le\; l_1+l_2 .$$
 
 # %%
 show("number_of_solutions")
 
 # %% [markdown]
-# Two links reach a point inside their range with the elbow on either side: **elbow up** or elbow down, as one says
-# where gravity gives a meaning to up. The points that the tip can reach at all are its **workspace**; for two links
-# whose joints turn all the way round it is an **annulus**, a ring between two circles:
-#
-# $$\lvert l_1-l_2\rvert \;\le\; r \;\le\; l_1+l_2 .$$
-#
 # Click into the hole of the ring on the first screen, and outside of it. The dashed ghosts are the two exact answers.
 # The closed form needs only the triangle of base, elbow and tip. Its two usual faults are an arccosine that loses half
 # the digits at the edges, and a clamp that turns *no answer* into a wrong one.
@@ -214,8 +219,8 @@ for name, r in (
     exact = two_link_ik(lengths, (r, 0.0))
     (a, b), (c, d) = exact.q.round(3).T + 0.0
     print(
-        f"{name:<12} r = {r:.3f} m: reached {exact.reached!s:<5} by ({a:6.3f}, {b:6.3f}) and "
-        f"({c:6.3f}, {d:6.3f}), off by {exact.distance:.4f} m"
+        f"{name:<12} r = {r:.3f} m: {'reached' if exact.reached else 'not':<7} by "
+        f"({a:6.3f}, {b:6.3f}) and ({c:6.3f}, {d:6.3f}), off by {exact.distance:.3f} m"
     )
 
 # %% [markdown]
@@ -227,17 +232,19 @@ for name, r in (
 # </div>
 #
 # ### Where a direction is lost
+#
+# Ask how far the tip can go for joint rates of length one. The answers form an ellipse: the green one in the
+# simulation. Its half axes are the **singular values** $s_1\ge s_2\ge\dots$ of $J$, and $1/s$ is how much joint motion
+# a unit of tip motion costs along that axis. A posture where the smallest is zero is a **singularity**: the ellipse is
+# flat, $J$ has lost rank, and one direction of the hand is out of reach for the moment.
+
+# %%
+show("two_link_jacobian")
 
 # %%
 show("singular_stretched_or_folded")
 
 # %% [markdown]
-# Ask how far the tip can go for joint rates of length one. The answers form an ellipse: the green one in the
-# simulation. Its half axes are the **singular values** $s_1\ge s_2\ge\dots$ of $J$, and $1/s$ is how much joint motion
-# a unit of tip motion costs along that axis. A posture where the smallest is zero is a **singularity**: the ellipse is
-# flat, $J$ has lost rank, and one direction of the hand is out of reach for the moment. For two links $\det J =
-# l_1l_2\sin q_2$: stretched or folded.
-#
 # Two numbers are quoted for the distance from there. The **manipulability** $\sqrt{\det JJ^\mathsf{T}}$ (Yoshikawa
 # 1985) is the product of the singular values. The **condition number** $s_1/s_{\min}$ is the ratio of the largest to
 # the smallest.
@@ -261,6 +268,9 @@ print(f"without rotation            : {np.linalg.cond(J[:3]):7.1f}")
 
 # %%
 show("condition_above_hundred")
+
+# %%
+show("euler_jacobian_locks")
 
 # %% [markdown]
 # ### A step towards the target
@@ -293,9 +303,9 @@ show("damped_gain")
 # Minimise $\lvert J\,\Delta q - e\rvert^2 + \lambda^2\lvert\Delta q\rvert^2$: the error that is left, and a price for
 # motion. Setting the gradient to zero gives $(J^\mathsf{T}J+\lambda^2 1)\,\Delta q = J^\mathsf{T}e$. Multiply
 # $J^\mathsf{T}(JJ^\mathsf{T}+\lambda^21) = (J^\mathsf{T}J+\lambda^21)J^\mathsf{T}$ from both sides with the inverses,
-# and the form of the table comes out, whose matrix is as small as the task. With $J = U\,\mathrm{diag}(s)\,V^\mathsf{T}$
-# each singular direction stands alone: gain $s/(s^2+\lambda^2)$, greatest where its derivative
-# $(\lambda^2-s^2)/(s^2+\lambda^2)^2$ vanishes (Nakamura and Hanafusa 1986; Wampler 1986).
+# and the form of the table comes out, whose matrix is as small as the task. With $J =
+# U\,\mathrm{diag}(s)\,V^\mathsf{T}$ each singular direction stands alone: gain $s/(s^2+\lambda^2)$, greatest where
+# its derivative $(\lambda^2-s^2)/(s^2+\lambda^2)^2$ vanishes (Nakamura and Hanafusa 1986; Wampler 1986).
 #
 # The damping has the unit of $s$, metres per radian where the task is a position. A $\lambda$ without a unit is a
 # number from somebody else's arm.
@@ -314,16 +324,15 @@ show("damping_is_free")
 # </div>
 #
 # ### A joint to spare
-
-# %%
-show("one_joint_to_spare")
-
-# %% [markdown]
+#
 # With more joints than the task has numbers there is **redundancy**, and the answers of IK form curves. The joint rates
 # that the tip does not feel, $J\,\dot q = 0$, are the **null space** of $J$. Any wish $z$ for the joints is cut down to
 # it by the **projector**
 #
 # $$N = 1 - J^+J, \qquad \Delta q = J^+e + N z .$$
+
+# %%
+show("one_joint_to_spare")
 
 # %%
 predict("tip_in_the_null_space")
@@ -364,16 +373,10 @@ for name, posture_ in (("one IK after each", moved), ("never put back", plain)):
     off = np.linalg.norm(kinematics.pose_error(target, tip(arm, posture_))[:3])
     gap = kinematics.disc_distance(arm, posture_, pillar, radius)[0]
     print(
-        f"{name:<18}: gap {1e3 * gaps[0]:.0f} -> {1e3 * gap:.0f} mm, the hand is off by "
-        f"{'less than 0.001' if off < 1e-6 else format(1e3 * off, '.1f')} mm, "
-        f"within the limits: {kinematics.within(arm, posture_)}"
+        f"{name:<17}: gap {1e3 * gaps[0]:.0f} -> {1e3 * gap:.0f} mm, hand off by "
+        f"{'under 0.001' if off < 1e-6 else format(1e3 * off, '.1f')} mm, "
+        f"within limits: {kinematics.within(arm, posture_)}"
     )
-
-# %%
-show("second_task")
-
-# %%
-show("projector_of_the_null_space")
 
 # %% [markdown]
 # ### What the motors must do
@@ -414,11 +417,11 @@ v, a = np.array([0.5, -0.8, 0.3, 1.0, -0.6, 0.9, -1.2]), np.linspace(-1.0, 1.0, 
 tau = kinematics.inverse_dynamics(free, q, v, a)
 M, h = kinematics.mass_matrix(free, q), kinematics.bias(free, q, v)
 back = kinematics.forward_dynamics(free, q, v, tau)
-print("torques of the motion [N m]:", tau.round(2))
+print("torques of the motion [N m]:", listed(tau))
 print("RNEA = CRBA's M times a + bias:", np.allclose(tau, M @ a + h, atol=1e-12))
 print("ABA gives the accelerations back:", np.allclose(back, a, atol=1e-11))
 held = kinematics.inverse_dynamics(free, q, still, still)
-print("torques that only hold the arm up:", held.round(2) + 0.0)
+print("torques that only hold the arm up:", listed(held))
 
 # %% [markdown]
 # The joints of an arm that is let go feel no motor: what it had, it keeps. Energy, by chapter 1's integrators on
@@ -473,8 +476,8 @@ print(f"noise 0.05 N m; fresh torques predicted to {rms:.3f} N m of {truth.std()
 print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]:.2f} kg")
 
 # %% [markdown]
-# The fit predicts every torque and knows not even the first mass. The combinations that show are the **base
-# parameters** (Khalil and Dombre 2002); chapters 6 and 8 fit those.
+# The fit predicts every torque and knows not even the first mass. The combinations that show are the
+# **base parameters** (Khalil and Dombre 2002); chapters 6 and 8 fit those.
 #
 # ## 2 · Design: three levels, three rates
 #
@@ -516,9 +519,9 @@ wanted = tip(arm, q) + np.array([0.0, 0.1, -0.05, 0.0, 0.0, 0.0, 0.0])
 found = ik(arm, wanted, q)
 asked = 100.0 * (found.q - q)  # rad/s^2: a spring of 100 1/s^2, from rest
 torques = kinematics.inverse_dynamics(arm, q, still, asked)
-print("task space:     hand to", wanted[:3].round(3), "m")
-print(f"joint space:    {found.q.round(3)} rad ({found.reason} in {found.iterations} steps)")
-print("actuator space:", torques.round(1), "N m")
+print("task space:     hand to", listed(wanted[:3]), "m")
+print(f"joint space:    {listed(found.q)} rad ({found.reason} in {found.iterations} steps)")
+print("actuator space:", listed(torques), "N m")
 
 # %% [markdown]
 # Where IK sits is a choice. Solved *once*, for the goal, it gives a planner of joint space its end point. Solved at
@@ -779,9 +782,13 @@ for name, chain, r in (
 said("null_space_step", "c =", "exact", "damped")
 
 # %% [markdown]
-# Second order for the exact projector, fourth after one step of IK, first for a damped one: a projector made with the
-# damped inverse leaks. Project exactly, damp the task.
-#
+# Second order for the exact projector, fourth after one step of IK, first for a damped one. Project exactly, damp the
+# task.
+
+# %%
+show("projector_of_the_null_space")
+
+# %% [markdown]
 # ### Debugging table
 #
 # Say the cause before you open the answer.
@@ -797,12 +804,11 @@ said("null_space_step", "c =", "exact", "damped")
 # They raise the damping first. Damping makes a step shorter, so near an edge it makes convergence *slower*: the card
 # of the listing in section 3 has the shares. And they read a condition number in millimetres.
 #
-# If the error stalls far away from the target with $J$ of full rank and no joint at its limit, the target is out of
-# reach: the error is then at right angles to all that the tip can do.
-#
 # </details>
 #
 # </div>
+
+# %% [markdown]
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The hand arrives, the elbow is in an awkward place.* A 7-R arm has a curve of answers, and yours
@@ -819,6 +825,11 @@ said("null_space_step", "c =", "exact", "damped")
 # </details>
 #
 # </div>
+
+# %%
+show("second_task")
+
+# %% [markdown]
 # <table>
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
 # <tr><td>joints jump by radians for a millimetre</td> <td>pseudo-inverse beside a singularity</td> <td>print
@@ -829,6 +840,14 @@ said("null_space_step", "c =", "exact", "damped")
 # logarithmic axis: a line that bends upwards</td> <td>Levenberg-Marquardt; adaptive damping</td></tr>
 # <tr><td>it converges, but slowly everywhere, and FK is right</td> <td>$J$ is wrong (tool offset, frame of the
 # angular rows)</td> <td>$J$ against central differences</td> <td>one point and one frame for $J$ and error</td></tr>
+# </table>
+
+# %%
+predict("error_that_stays")
+
+# %% [markdown]
+# <table>
+# <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
 # <tr><td>the robot stops at a limit although IK converged</td> <td>limits not held, or off by a full turn</td>
 # <td>`within(chain, q)`</td> <td>limits in every step; restarts</td></tr>
 # <tr><td>the wrist turns the long way</td> <td>$q$ and $-q$ of the quaternion's error</td> <td>norm of the rotation
@@ -999,7 +1018,7 @@ check(rnea_planar)
 # A first one, to see what it looks like: this loop takes the Jacobian at the flange, although the tool sticks out.
 
 # %%
-longer = replace(arm, tool=(0.0, 0.12, 0.107 + 0.25, 1.0, 0.0, 0.0, 0.0))
+longer = replace(arm, tool=(0.0, 0.25, 0.107 + 0.25, 1.0, 0.0, 0.0, 0.0))
 flange = np.array([0.0, 0.0, 0.107])
 goals = tip(longer, q[:, None] + np.random.default_rng(2).uniform(-0.3, 0.3, (7, 200)))
 for name, point in (("at the tool", longer.tool[:3]), ("at the flange", flange)):
@@ -1026,9 +1045,6 @@ card("wrist_ik")
 
 
 # %%
-import math
-
-
 def wrist_ik(q, target, damping, steps):
     """Joint angles that turn a wrist of three joints to a target orientation.
 
@@ -1043,12 +1059,20 @@ def wrist_ik(q, target, damping, steps):
     """
 
     def product(p, r):
+        (w, x, y, z), (a, b, c, d) = p, r
         return np.array(
-            [p[0] * r[0] - p[1:] @ r[1:], *(p[0] * r[1:] + r[0] * p[1:] + np.cross(p[1:], r[1:]))]
+            [
+                w * a - x * b - y * c - z * d,
+                w * b + x * a + y * d - z * c,
+                w * c - x * d + y * a + z * b,
+                w * d + x * c - y * b + z * a,
+            ]
         )
 
     def about(axis, angle):
-        return np.array([math.cos(angle / 2), *(math.sin(angle / 2) * np.eye(3)[axis])])
+        turn = [math.cos(angle / 2), 0.0, 0.0, 0.0]
+        turn[1 + axis] = math.sin(angle / 2)
+        return turn
 
     q = np.array(q, dtype=float)
     for _ in range(steps):
@@ -1063,7 +1087,7 @@ def wrist_ik(q, target, damping, steps):
                 [1.0, 0.0, -math.sin(q[1])],
             ]
         )
-        q = q + 0.2 * J.T @ np.linalg.solve(J @ J.T + damping**2 * np.eye(3), error)
+        q = q + 0.3 * J.T @ np.linalg.solve(J @ J.T + damping**2 * np.eye(3), error)
     return q
 
 
@@ -1099,19 +1123,19 @@ predict("what_a_learned_start_must_beat")
 #
 # <table>
 # <tr><th>work</th> <th>year</th> <th>what it does</th></tr>
-# <tr><td>TRAC-IK (Beeson and Ames, Humanoids)</td> <td>2015</td> <td>two classical solvers with restarts in parallel: the
-# baseline that a learned one has to beat</td></tr>
-# <tr><td>IKFlow (Ames, Morgan and Konidaris, IEEE RA-L 7)</td> <td>2022</td> <td>a conditional flow for one arm; its samples
-# are near, and are refined by a classical solver</td></tr>
-# <tr><td>Neural Inverse Kinematics (Bensadoun and others, ICML)</td> <td>2022</td> <td>joint after joint, each drawn given
-# those before</td></tr>
+# <tr><td>TRAC-IK (Beeson and Ames, Humanoids)</td> <td>2015</td> <td>two classical solvers with restarts in parallel:
+# the baseline that a learned one has to beat</td></tr>
+# <tr><td>IKFlow (Ames, Morgan and Konidaris, IEEE RA-L 7)</td> <td>2022</td> <td>a conditional flow for one arm; its
+# samples are near, and are refined by a classical solver</td></tr>
+# <tr><td>Neural Inverse Kinematics (Bensadoun and others, ICML)</td> <td>2022</td> <td>joint after joint, each drawn
+# given those before</td></tr>
 # <tr><td>GGIK (Limoyo and others, arXiv 2209.08812)</td> <td>2022</td> <td>one graph network for many arms</td></tr>
-# <tr><td>cuRobo (Sundaralingam and others, ICRA)</td> <td>2023</td> <td>not learned: thousands of starts optimised at once on
-# a GPU, with collisions</td></tr>
+# <tr><td>cuRobo (Sundaralingam and others, ICRA)</td> <td>2023</td> <td>not learned: thousands of starts optimised at
+# once on a GPU, with collisions</td></tr>
 # <tr><td>IK-Geo (Elias and Wen)</td> <td>2022</td> <td>not learned: all answers of a six-joint arm by geometric
 # subproblems</td></tr>
-# <tr><td>PyRoki (Kim, Yi and others, arXiv 2505.03728)</td> <td>2025</td> <td>not learned: differentiable kinematics and
-# least squares on CPU and GPU</td></tr>
+# <tr><td>PyRoki (Kim, Yi and others, arXiv 2505.03728)</td> <td>2025</td> <td>not learned: differentiable kinematics
+# and least squares on CPU and GPU</td></tr>
 # </table>
 
 # %%
