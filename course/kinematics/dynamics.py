@@ -33,11 +33,24 @@ from course.kinematics.chain import (
     WIDTH,
     Chain,
 )
-from course.kinematics.motion import CUBE, ROW, ROWS, batch, cross3, frames, place, turned
+from course.kinematics.motion import (
+    CUBE,
+    ROW,
+    ROWS,
+    add3,
+    batch,
+    cross3,
+    frames,
+    place,
+    scaled,
+    three,
+    turned,
+)
 from course.rigid_body.quaternion import rotate
 from course.rigid_body.spatial import DOWNWARDS
 
 Array = NDArray[np.float64]
+_SQUARE = (0, 1, 2, 1, 3, 4, 2, 4, 5)  # of six numbers, those that a symmetric matrix consists of
 
 # --- compiled: the parts of a step from link to link ----------------------------------------------
 
@@ -62,34 +75,36 @@ def _link(table, q, k, E):
                 E[i, 9 + r] = row[PLACE + r]
 
 
+# E[i, :9], row by row, turns a triple outwards, from the frame of link i into its parent's.
+
+
 @register_jitable
-def _inwards(E, i, v):
-    """A triple from the frame of the parent into that of link i."""
+def _times(A, i, c, v):
+    """The matrix whose rows begin at A[i, c], times a triple."""
     return (
-        E[i, 0] * v[0] + E[i, 3] * v[1] + E[i, 6] * v[2],
-        E[i, 1] * v[0] + E[i, 4] * v[1] + E[i, 7] * v[2],
-        E[i, 2] * v[0] + E[i, 5] * v[1] + E[i, 8] * v[2],
+        A[i, c] * v[0] + A[i, c + 1] * v[1] + A[i, c + 2] * v[2],
+        A[i, c + 3] * v[0] + A[i, c + 4] * v[1] + A[i, c + 5] * v[2],
+        A[i, c + 6] * v[0] + A[i, c + 7] * v[1] + A[i, c + 8] * v[2],
+    )
+
+
+@register_jitable
+def _transposed_times(A, i, c, v):
+    return (
+        A[i, c] * v[0] + A[i, c + 3] * v[1] + A[i, c + 6] * v[2],
+        A[i, c + 1] * v[0] + A[i, c + 4] * v[1] + A[i, c + 7] * v[2],
+        A[i, c + 2] * v[0] + A[i, c + 5] * v[1] + A[i, c + 8] * v[2],
     )
 
 
 @register_jitable
 def _outwards(E, i, v):
-    """A triple from the frame of link i into that of its parent."""
-    return (
-        E[i, 0] * v[0] + E[i, 1] * v[1] + E[i, 2] * v[2],
-        E[i, 3] * v[0] + E[i, 4] * v[1] + E[i, 5] * v[2],
-        E[i, 6] * v[0] + E[i, 7] * v[1] + E[i, 8] * v[2],
-    )
+    return _times(E, i, 0, v)
 
 
 @register_jitable
-def _add(a, b):
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
-
-
-@register_jitable
-def _three(array, i, c):
-    return array[i, c], array[i, c + 1], array[i, c + 2]
+def _inwards(E, i, v):
+    return _transposed_times(E, i, 0, v)
 
 
 @register_jitable
@@ -107,15 +122,11 @@ def _pull(table, q, k, pose, wrench):
     """The wrench at the tip as force and moment on the last link, in its frame, at its origin."""
     last = table.shape[0] - 2
     place(table, q, k, pose)
-    w, x, y, z = pose[last, 3], -pose[last, 4], -pose[last, 5], -pose[last, 6]
+    back = -pose[last, 3], pose[last, 4], pose[last, 5], pose[last, 6]
     force = wrench[0, k], wrench[1, k], wrench[2, k]
-    arm = (
-        pose[last + 1, 0] - pose[last, 0],
-        pose[last + 1, 1] - pose[last, 1],
-        pose[last + 1, 2] - pose[last, 2],
-    )
-    moment = _add((wrench[3, k], wrench[4, k], wrench[5, k]), cross3(arm, force))
-    return turned(w, x, y, z, force), turned(w, x, y, z, moment)
+    arm = scaled(three(pose, last + 1, 0), three(pose, last, 0), -1.0)
+    moment = add3((wrench[3, k], wrench[4, k], wrench[5, k]), cross3(arm, force))
+    return turned(back, force), turned(back, moment)
 
 
 # --- compiled: the three algorithms ---------------------------------------------------------------
@@ -131,17 +142,14 @@ def _rnea(table, q, v, a, wrench, gravity):
         _link(table, q, k, E)
         for i in range(n):
             row = table[i]
-            parent, shift = int(row[PARENT]), _three(E, i, 9)
+            parent, shift = int(row[PARENT]), three(E, i, 9)
             # The base accelerates upwards instead of every link being pulled down.
             w, alpha = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
             acc = (-gravity[0], -gravity[1], -gravity[2])
             if parent >= 0:
-                w, alpha, acc = (
-                    _three(move, parent, 0),
-                    _three(move, parent, 3),
-                    _three(move, parent, 6),
-                )
-                acc = _add(acc, _add(cross3(alpha, shift), cross3(w, cross3(w, shift))))
+                w, alpha = three(move, parent, 0), three(move, parent, 3)
+                swing = add3(cross3(alpha, shift), cross3(w, cross3(w, shift)))
+                acc = add3(three(move, parent, 6), swing)
             w, alpha, acc = _inwards(E, i, w), _inwards(E, i, alpha), _inwards(E, i, acc)
             if row[SLIDES] != 0.0:
                 fast = 2.0 * v[i, k]
@@ -152,13 +160,11 @@ def _rnea(table, q, v, a, wrench, gravity):
             move[i, 0], move[i, 1], move[i, 2] = w
             move[i, 3], move[i, 4], move[i, 5] = alpha
             move[i, 6], move[i, 7], move[i, 8] = acc
-            m, h = row[TEN], (row[TEN + 1], row[TEN + 2], row[TEN + 3])
-            force = _add(cross3(alpha, h), cross3(w, cross3(w, h)))
-            load[i, 0] = force[0] + m * acc[0]
-            load[i, 1] = force[1] + m * acc[1]
-            load[i, 2] = force[2] + m * acc[2]
+            h = three(table, i, TEN + 1)
+            force = add3(cross3(alpha, h), cross3(w, cross3(w, h)))
+            load[i, 0], load[i, 1], load[i, 2] = scaled(force, acc, row[TEN])
             turning = cross3(w, _symmetric(row, TEN + 4, w))
-            turning = _add(turning, _add(_symmetric(row, TEN + 4, alpha), cross3(h, acc)))
+            turning = add3(turning, add3(_symmetric(row, TEN + 4, alpha), cross3(h, acc)))
             load[i, 3], load[i, 4], load[i, 5] = turning
         if wrench.shape[1] > 0:
             force, moment = _pull(table, q, k, pose, wrench)
@@ -172,8 +178,8 @@ def _rnea(table, q, v, a, wrench, gravity):
             tau[i, k] = felt + row[ARMATURE] * a[i, k] + row[DAMPING] * v[i, k]
             parent = int(row[PARENT])
             if parent >= 0:
-                force = _outwards(E, i, _three(load, i, 0))
-                moment = _add(_outwards(E, i, _three(load, i, 3)), cross3(_three(E, i, 9), force))
+                force = _outwards(E, i, three(load, i, 0))
+                moment = add3(_outwards(E, i, three(load, i, 3)), cross3(three(E, i, 9), force))
                 for c in range(3):
                     load[parent, c] += force[c]
                     load[parent, 3 + c] += moment[c]
@@ -191,7 +197,7 @@ def _crba(table, q):
                 body[i, c] = table[i, TEN + c]
         for back in range(n):
             i = n - 1 - back
-            m, h = body[i, 0], _three(body, i, 1)
+            m, h = body[i, 0], three(body, i, 1)
             if table[i, SLIDES] != 0.0:
                 force, moment = (0.0, 0.0, m), (h[1], -h[0], 0.0)
                 M[i, i, k] = m + table[i, ARMATURE]
@@ -202,7 +208,7 @@ def _crba(table, q):
             j, parent = i, int(table[i, PARENT])
             while parent >= 0:
                 force = _outwards(E, j, force)
-                moment = _add(_outwards(E, j, moment), cross3(_three(E, j, 9), force))
+                moment = add3(_outwards(E, j, moment), cross3(three(E, j, 9), force))
                 felt = force[2] if table[parent, SLIDES] != 0.0 else moment[2]
                 M[i, parent, k] = felt
                 M[parent, i, k] = felt
@@ -216,8 +222,8 @@ def _crba(table, q):
 @register_jitable
 def _merge(body, E, i, parent):
     """Add the rigid body i, seen from its parent's frame, to that of the parent."""
-    p, m = _three(E, i, 9), body[i, 0]
-    h = _outwards(E, i, _three(body, i, 1))
+    p, m = three(E, i, 9), body[i, 0]
+    h = _outwards(E, i, three(body, i, 1))
     # E I E^T: the columns of I outwards, then the rows of what comes out.
     x = _outwards(E, i, (body[i, 4], body[i, 5], body[i, 6]))
     y = _outwards(E, i, (body[i, 5], body[i, 7], body[i, 8]))
@@ -240,57 +246,33 @@ def _merge(body, E, i, parent):
 
 
 @register_jitable
-def _times(X, i, b, v):
-    """Block b of articulated inertia i times a triple."""
-    return (
-        X[i, b, 0, 0] * v[0] + X[i, b, 0, 1] * v[1] + X[i, b, 0, 2] * v[2],
-        X[i, b, 1, 0] * v[0] + X[i, b, 1, 1] * v[1] + X[i, b, 1, 2] * v[2],
-        X[i, b, 2, 0] * v[0] + X[i, b, 2, 1] * v[1] + X[i, b, 2, 2] * v[2],
-    )
-
-
-@register_jitable
-def _transposed_times(X, i, b, v):
-    return (
-        X[i, b, 0, 0] * v[0] + X[i, b, 1, 0] * v[1] + X[i, b, 2, 0] * v[2],
-        X[i, b, 0, 1] * v[0] + X[i, b, 1, 1] * v[1] + X[i, b, 2, 1] * v[2],
-        X[i, b, 0, 2] * v[0] + X[i, b, 1, 2] * v[1] + X[i, b, 2, 2] * v[2],
-    )
-
-
-@register_jitable
 def _articulate(X, E, i, parent, Y):
     """Add the articulated inertia i, seen from its parent's frame, to that of the parent.
 
-    The blocks are I, H, M with moment = I alpha + H acc and force = H^T alpha + M acc; Y is room
-    for three of them.
+    Its blocks I, H, M (9 numbers each) say moment = I alpha + H acc, force = H^T alpha + M acc;
+    Y (3, 9) is room for them.
     """
     for b in range(3):
         for c in range(3):
-            column = _outwards(E, i, (X[i, b, 0, c], X[i, b, 1, c], X[i, b, 2, c]))
-            Y[b, 0, c], Y[b, 1, c], Y[b, 2, c] = column
-        for r in range(3):
-            Y[b, r, 0], Y[b, r, 1], Y[b, r, 2] = _outwards(
-                E, i, (Y[b, r, 0], Y[b, r, 1], Y[b, r, 2])
-            )
-    p = _three(E, i, 9)
+            column = X[i, 9 * b + c], X[i, 9 * b + 3 + c], X[i, 9 * b + 6 + c]
+            Y[b, c], Y[b, 3 + c], Y[b, 6 + c] = _outwards(E, i, column)
+        for r in range(0, 9, 3):
+            Y[b, r], Y[b, r + 1], Y[b, r + 2] = _outwards(E, i, three(Y, b, r))
+    p = three(E, i, 9)
     # H [p], with the row r of H: row x p. Then H + [p] M, and I - H [p] + [p] (H + [p] M)^T.
-    for r in range(3):
-        row = cross3((Y[1, r, 0], Y[1, r, 1], Y[1, r, 2]), p)
-        for c in range(3):
-            Y[0, r, c] -= row[c]
+    for r in range(0, 9, 3):
+        Y[0, r], Y[0, r + 1], Y[0, r + 2] = scaled(three(Y, 0, r), cross3(three(Y, 1, r), p), -1.0)
     for c in range(3):
-        column = cross3(p, (Y[2, 0, c], Y[2, 1, c], Y[2, 2, c]))
+        column = cross3(p, (Y[2, c], Y[2, 3 + c], Y[2, 6 + c]))
         for r in range(3):
-            Y[1, r, c] += column[r]
+            Y[1, 3 * r + c] += column[r]
     for c in range(3):
-        column = cross3(p, (Y[1, c, 0], Y[1, c, 1], Y[1, c, 2]))
+        column = cross3(p, three(Y, 1, 3 * c))
         for r in range(3):
-            Y[0, r, c] += column[r]
+            Y[0, 3 * r + c] += column[r]
     for b in range(3):
-        for r in range(3):
-            for c in range(3):
-                X[parent, b, r, c] += Y[b, r, c]
+        for c in range(9):
+            X[parent, 9 * b + c] += Y[b, c]
 
 
 @register_jitable
@@ -298,7 +280,7 @@ def _aba(table, q, v, tau, wrench, gravity):
     """Accelerations (n, N); `tau` is (n, N) or (n, 1), `wrench` (6, N), or (6, 0) for none."""
     n, count = q.shape
     result, E, pose = np.empty((n, count)), np.empty((n, 12)), np.empty((n + 1, 7))
-    X, Y = np.empty((n, 3, 3, 3)), np.empty((3, 3, 3))
+    X, Y = np.empty((n, 27)), np.empty((3, 9))
     move = np.empty((n, 6))  # spin and velocity, later their rates
     extra, load = np.empty((n, 6)), np.empty((n, 6))  # accelerations by speed; moment and force
     U, D, u = np.empty((n, 6)), np.empty(n), np.empty(n)
@@ -309,35 +291,29 @@ def _aba(table, q, v, tau, wrench, gravity):
             parent = int(row[PARENT])
             w, s = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
             if parent >= 0:
-                w = _three(move, parent, 0)
-                s = _inwards(E, i, _add(_three(move, parent, 3), cross3(w, _three(E, i, 9))))
+                w = three(move, parent, 0)
+                s = _inwards(E, i, add3(three(move, parent, 3), cross3(w, three(E, i, 9))))
                 w = _inwards(E, i, w)
+            extra[i] = 0.0
             if row[SLIDES] != 0.0:
                 s = s[0], s[1], s[2] + rate
-                extra[i, 0], extra[i, 1], extra[i, 2] = 0.0, 0.0, 0.0
-                extra[i, 3], extra[i, 4], extra[i, 5] = rate * w[1], -rate * w[0], 0.0
+                extra[i, 3], extra[i, 4] = rate * w[1], -rate * w[0]
             else:
                 w = w[0], w[1], w[2] + rate
-                extra[i, 0], extra[i, 1], extra[i, 2] = rate * w[1], -rate * w[0], 0.0
-                extra[i, 3], extra[i, 4], extra[i, 5] = rate * s[1], -rate * s[0], 0.0
+                extra[i, 0], extra[i, 1] = rate * w[1], -rate * w[0]
+                extra[i, 3], extra[i, 4] = rate * s[1], -rate * s[0]
             move[i, 0], move[i, 1], move[i, 2] = w
             move[i, 3], move[i, 4], move[i, 5] = s
-            m, h = row[TEN], (row[TEN + 1], row[TEN + 2], row[TEN + 3])
-            swing = cross3(w, h)
-            momentum = m * s[0] + swing[0], m * s[1] + swing[1], m * s[2] + swing[2]
-            spin = _add(_symmetric(row, TEN + 4, w), cross3(h, s))
-            load[i, 0], load[i, 1], load[i, 2] = _add(cross3(w, spin), cross3(s, momentum))
+            m, h = row[TEN], three(table, i, TEN + 1)
+            momentum = scaled(cross3(w, h), s, m)
+            spin = add3(_symmetric(row, TEN + 4, w), cross3(h, s))
+            load[i, 0], load[i, 1], load[i, 2] = add3(cross3(w, spin), cross3(s, momentum))
             load[i, 3], load[i, 4], load[i, 5] = cross3(w, momentum)
-            J = TEN + 4
-            X[i, 0, 0, 0], X[i, 0, 0, 1], X[i, 0, 0, 2] = row[J], row[J + 1], row[J + 2]
-            X[i, 0, 1, 0], X[i, 0, 1, 1], X[i, 0, 1, 2] = row[J + 1], row[J + 3], row[J + 4]
-            X[i, 0, 2, 0], X[i, 0, 2, 1], X[i, 0, 2, 2] = row[J + 2], row[J + 4], row[J + 5]
-            X[i, 1, 0, 0], X[i, 1, 0, 1], X[i, 1, 0, 2] = 0.0, -h[2], h[1]
-            X[i, 1, 1, 0], X[i, 1, 1, 1], X[i, 1, 1, 2] = h[2], 0.0, -h[0]
-            X[i, 1, 2, 0], X[i, 1, 2, 1], X[i, 1, 2, 2] = -h[1], h[0], 0.0
-            for r in range(3):
-                for c in range(3):
-                    X[i, 2, r, c] = m if r == c else 0.0
+            for c in range(9):
+                X[i, c], X[i, 9 + c] = row[TEN + 4 + _SQUARE[c]], 0.0
+                X[i, 18 + c] = m if c % 4 == 0 else 0.0
+            X[i, 10], X[i, 11], X[i, 12] = -h[2], h[1], h[2]
+            X[i, 14], X[i, 15], X[i, 16] = -h[0], -h[1], h[0]
         if wrench.shape[1] > 0:
             force, moment = _pull(table, q, k, pose, wrench)
             for c in range(3):
@@ -348,8 +324,8 @@ def _aba(table, q, v, tau, wrench, gravity):
             row, parent = table[i], int(table[i, PARENT])
             slides = row[SLIDES] != 0.0
             for c in range(3):
-                U[i, c] = X[i, 1, c, 2] if slides else X[i, 0, c, 2]
-                U[i, 3 + c] = X[i, 2, c, 2] if slides else X[i, 1, 2, c]
+                U[i, c] = X[i, 11 + 3 * c] if slides else X[i, 2 + 3 * c]
+                U[i, 3 + c] = X[i, 20 + 3 * c] if slides else X[i, 15 + c]
             felt = 5 if slides else 2
             D[i] = U[i, felt] + row[ARMATURE]
             push = tau[i, k if tau.shape[1] > 1 else 0]
@@ -358,19 +334,18 @@ def _aba(table, q, v, tau, wrench, gravity):
                 continue
             for r in range(3):
                 for c in range(3):
-                    X[i, 0, r, c] -= U[i, r] * U[i, c] / D[i]
-                    X[i, 1, r, c] -= U[i, r] * U[i, 3 + c] / D[i]
-                    X[i, 2, r, c] -= U[i, 3 + r] * U[i, 3 + c] / D[i]
-            turning, moving = _three(extra, i, 0), _three(extra, i, 3)
-            moment = _add(_times(X, i, 0, turning), _times(X, i, 1, moving))
-            force = _add(_transposed_times(X, i, 1, turning), _times(X, i, 2, moving))
+                    X[i, 3 * r + c] -= U[i, r] * U[i, c] / D[i]
+                    X[i, 9 + 3 * r + c] -= U[i, r] * U[i, 3 + c] / D[i]
+                    X[i, 18 + 3 * r + c] -= U[i, 3 + r] * U[i, 3 + c] / D[i]
+            turning, moving = three(extra, i, 0), three(extra, i, 3)
+            moment = add3(_times(X, i, 0, turning), _times(X, i, 9, moving))
+            force = add3(_transposed_times(X, i, 9, turning), _times(X, i, 18, moving))
             held = u[i] / D[i]
             for c in range(6):
                 load[i, c] += U[i, c] * held
-            moment = _add(moment, _three(load, i, 0))
-            force = _add(force, _three(load, i, 3))
-            force = _outwards(E, i, force)
-            moment = _add(_outwards(E, i, moment), cross3(_three(E, i, 9), force))
+            force = _outwards(E, i, add3(force, three(load, i, 3)))
+            moment = _outwards(E, i, add3(moment, three(load, i, 0)))
+            moment = add3(moment, cross3(three(E, i, 9), force))
             for c in range(3):
                 load[parent, c] += moment[c]
                 load[parent, 3 + c] += force[c]
@@ -379,10 +354,10 @@ def _aba(table, q, v, tau, wrench, gravity):
             parent = int(table[i, PARENT])
             alpha, acc = (0.0, 0.0, 0.0), (-gravity[0], -gravity[1], -gravity[2])
             if parent >= 0:
-                alpha = _three(move, parent, 0)
-                acc = _add(_three(move, parent, 3), cross3(alpha, _three(E, i, 9)))
-            alpha = _add(_inwards(E, i, alpha), _three(extra, i, 0))
-            acc = _add(_inwards(E, i, acc), _three(extra, i, 3))
+                alpha = three(move, parent, 0)
+                acc = add3(three(move, parent, 3), cross3(alpha, three(E, i, 9)))
+            alpha = add3(_inwards(E, i, alpha), three(extra, i, 0))
+            acc = add3(_inwards(E, i, acc), three(extra, i, 3))
             rate = u[i]
             for c in range(3):
                 rate -= U[i, c] * alpha[c] + U[i, 3 + c] * acc[c]

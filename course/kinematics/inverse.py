@@ -38,6 +38,7 @@ from course.kinematics.motion import (
     null_space,
     place,
     point_of,
+    product4,
     tip,
 )
 from course.rigid_body.quaternion import conjugate, log, product, rotate, unit_quaternion
@@ -208,14 +209,8 @@ def _miss(table, q, target, k, pose, e):
     distance = np.sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2])
     if e.size == 3:
         return distance, 0.0
-    a, b, c, d = target[3, k], target[4, k], target[5, k], target[6, k]
-    w, x, y, z = pose[n, 3], -pose[n, 4], -pose[n, 5], -pose[n, 6]
-    real = a * w - b * x - c * y - d * z
-    x, y, z = (
-        a * x + b * w + c * z - d * y,
-        a * y - b * z + c * w + d * x,
-        a * z + b * y - c * x + d * w,
-    )
+    goal = target[3, k], target[4, k], target[5, k], target[6, k]
+    real, x, y, z = product4(goal, (pose[n, 3], -pose[n, 4], -pose[n, 5], -pose[n, 6]))
     sine = np.sqrt(x * x + y * y + z * z)
     angle = 2.0 * np.arctan2(sine, abs(real))
     # Past half a turn the short way round is the other way.

@@ -45,17 +45,65 @@ def cross3(a, b):
 
 
 @register_jitable
-def turned(w, x, y, z, v):
-    """A triple turned by a unit quaternion, as `quaternion.rotate`."""
-    t = (2.0 * (y * v[2] - z * v[1]), 2.0 * (z * v[0] - x * v[2]), 2.0 * (x * v[1] - y * v[0]))
+def add3(a, b):
+    """a + b of two triples."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@register_jitable
+def scaled(a, b, factor):
+    """a + factor b of two triples."""
+    return a[0] + factor * b[0], a[1] + factor * b[1], a[2] + factor * b[2]
+
+
+@register_jitable
+def three(array, i, c):
+    """The three numbers of row i from column c on."""
+    return array[i, c], array[i, c + 1], array[i, c + 2]
+
+
+@register_jitable
+def four(array, i, c):
+    """The four numbers of row i from column c on: of a pose, from 3 on, its quaternion."""
+    return array[i, c], array[i, c + 1], array[i, c + 2], array[i, c + 3]
+
+
+@register_jitable
+def product4(p, r):
+    """The product of two quaternions, as `quaternion.product`."""
+    w, x, y, z = p
+    a, b, c, d = r
     return (
-        v[0] + w * t[0] + (y * t[2] - z * t[1]),
-        v[1] + w * t[1] + (z * t[0] - x * t[2]),
-        v[2] + w * t[2] + (x * t[1] - y * t[0]),
+        w * a - x * b - y * c - z * d,
+        w * b + x * a + y * d - z * c,
+        w * c - x * d + y * a + z * b,
+        w * d + x * c - y * b + z * a,
     )
 
 
+@register_jitable
+def turned(quat, v):
+    """A triple turned by a unit quaternion, as `quaternion.rotate`."""
+    axis = quat[1], quat[2], quat[3]
+    t = cross3(axis, v)
+    return scaled(scaled(v, t, 2.0 * quat[0]), cross3(axis, t), 2.0)
+
+
 # --- compiled -------------------------------------------------------------------------------------
+
+
+@register_jitable
+def axis_of(pose, i):
+    """The z axis of frame i in the world, a triple."""
+    w, x, y, z = four(pose, i, 3)
+    return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
+
+
+@register_jitable
+def point_of(pose, i, point):
+    """A point given in frame i, in the world, a triple."""
+    turn = turned(four(pose, i, 3), (point[0], point[1], point[2]))
+    return add3(three(pose, i, 0), turn)
 
 
 @register_jitable
@@ -66,49 +114,23 @@ def place(table, q, k, pose):
     """
     n = table.shape[0] - 1
     for i in range(n + 1):
-        row = table[i]
-        parent = int(row[PARENT])
-        x, y, z = row[PLACE], row[PLACE + 1], row[PLACE + 2]
-        a, b, c, d = row[QUAT], row[QUAT + 1], row[QUAT + 2], row[QUAT + 3]
+        parent = int(table[i, PARENT])
+        spot, turn = three(table, i, PLACE), four(table, i, QUAT)
         if parent >= 0:
-            w0, x0, y0, z0 = pose[parent, 3], pose[parent, 4], pose[parent, 5], pose[parent, 6]
-            offset = turned(w0, x0, y0, z0, (x, y, z))
-            x = pose[parent, 0] + offset[0]
-            y = pose[parent, 1] + offset[1]
-            z = pose[parent, 2] + offset[2]
-            a, b, c, d = (
-                w0 * a - x0 * b - y0 * c - z0 * d,
-                w0 * b + x0 * a + y0 * d - z0 * c,
-                w0 * c - x0 * d + y0 * a + z0 * b,
-                w0 * d + x0 * c - y0 * b + z0 * a,
-            )
-        if i < n and row[SLIDES] != 0.0:
-            along = turned(a, b, c, d, (0.0, 0.0, q[i, k]))
-            x, y, z = x + along[0], y + along[1], z + along[2]
+            spot, turn = point_of(pose, parent, spot), product4(four(pose, parent, 3), turn)
+        if i < n and table[i, SLIDES] != 0.0:
+            spot = add3(spot, turned(turn, (0.0, 0.0, q[i, k])))
         elif i < n:
             cosine, sine = np.cos(0.5 * q[i, k]), np.sin(0.5 * q[i, k])
-            a, b, c, d = (
+            a, b, c, d = turn
+            turn = (
                 a * cosine - d * sine,
                 b * cosine + c * sine,
                 c * cosine - b * sine,
                 d * cosine + a * sine,
             )
-        pose[i, 0], pose[i, 1], pose[i, 2] = x, y, z
-        pose[i, 3], pose[i, 4], pose[i, 5], pose[i, 6] = a, b, c, d
-
-
-@register_jitable
-def axis_of(pose, i):
-    """The z axis of frame i in the world, a triple."""
-    w, x, y, z = pose[i, 3], pose[i, 4], pose[i, 5], pose[i, 6]
-    return 2.0 * (x * z + w * y), 2.0 * (y * z - w * x), 1.0 - 2.0 * (x * x + y * y)
-
-
-@register_jitable
-def point_of(pose, i, point):
-    """A point given in frame i, in the world, a triple."""
-    offset = turned(pose[i, 3], pose[i, 4], pose[i, 5], pose[i, 6], (point[0], point[1], point[2]))
-    return pose[i, 0] + offset[0], pose[i, 1] + offset[1], pose[i, 2] + offset[2]
+        pose[i, 0], pose[i, 1], pose[i, 2] = spot
+        pose[i, 3], pose[i, 4], pose[i, 5], pose[i, 6] = turn
 
 
 @register_jitable
@@ -120,8 +142,7 @@ def columns(table, pose, frame, tip, J, k):
         if table[i, SLIDES] != 0.0:
             J[0, i, k], J[1, i, k], J[2, i, k] = z
         else:
-            arm = tip[0] - pose[i, 0], tip[1] - pose[i, 1], tip[2] - pose[i, 2]
-            J[0, i, k], J[1, i, k], J[2, i, k] = cross3(z, arm)
+            J[0, i, k], J[1, i, k], J[2, i, k] = cross3(z, scaled(tip, three(pose, i, 0), -1.0))
             J[3, i, k], J[4, i, k], J[5, i, k] = z
         i = int(table[i, PARENT])
 
@@ -157,54 +178,39 @@ def _jacobian_rate(table, q, v, frame, point):
     for k in range(batch):
         place(table, q, k, pose)
         for i in range(n):
-            parent = int(table[i, PARENT])
+            parent, z = int(table[i, PARENT]), axis_of(pose, i)
             w, u = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
             if parent >= 0:
-                w = spin[parent, 0], spin[parent, 1], spin[parent, 2]
-                away = (
-                    pose[i, 0] - pose[parent, 0],
-                    pose[i, 1] - pose[parent, 1],
-                    pose[i, 2] - pose[parent, 2],
-                )
-                carried = cross3(w, away)
-                u = (
-                    speed[parent, 0] + carried[0],
-                    speed[parent, 1] + carried[1],
-                    speed[parent, 2] + carried[2],
-                )
-            z, joint = axis_of(pose, i), v[i, k]
+                w = three(spin, parent, 0)
+                u = _velocity(pose, spin, speed, parent, three(pose, i, 0))
             if table[i, SLIDES] != 0.0:
-                u = u[0] + z[0] * joint, u[1] + z[1] * joint, u[2] + z[2] * joint
+                u = scaled(u, z, v[i, k])
             else:
-                w = w[0] + z[0] * joint, w[1] + z[1] * joint, w[2] + z[2] * joint
+                w = scaled(w, z, v[i, k])
             spin[i, 0], spin[i, 1], spin[i, 2] = w
             speed[i, 0], speed[i, 1], speed[i, 2] = u
-        tip = point_of(pose, frame, point)
-        away = tip[0] - pose[last, 0], tip[1] - pose[last, 1], tip[2] - pose[last, 2]
-        carried = cross3((spin[last, 0], spin[last, 1], spin[last, 2]), away)
-        flown = (
-            speed[last, 0] + carried[0],
-            speed[last, 1] + carried[1],
-            speed[last, 2] + carried[2],
-        )
-        i = last
+        i, tip = last, point_of(pose, frame, point)
+        flown = _velocity(pose, spin, speed, last, tip)
         while i >= 0:
             z = axis_of(pose, i)
-            turning = cross3((spin[i, 0], spin[i, 1], spin[i, 2]), z)
+            turning = cross3(three(spin, i, 0), z)
             if table[i, SLIDES] != 0.0:
                 rate[0, i, k], rate[1, i, k], rate[2, i, k] = turning
             else:
-                arm = tip[0] - pose[i, 0], tip[1] - pose[i, 1], tip[2] - pose[i, 2]
-                first = cross3(turning, arm)
-                second = cross3(
-                    z, (flown[0] - speed[i, 0], flown[1] - speed[i, 1], flown[2] - speed[i, 2])
-                )
-                rate[0, i, k] = first[0] + second[0]
-                rate[1, i, k] = first[1] + second[1]
-                rate[2, i, k] = first[2] + second[2]
+                arm = scaled(tip, three(pose, i, 0), -1.0)
+                past = scaled(flown, three(speed, i, 0), -1.0)
+                swing = add3(cross3(turning, arm), cross3(z, past))
+                rate[0, i, k], rate[1, i, k], rate[2, i, k] = swing
                 rate[3, i, k], rate[4, i, k], rate[5, i, k] = turning
             i = int(table[i, PARENT])
     return rate
+
+
+@register_jitable
+def _velocity(pose, spin, speed, i, point):
+    """Of a point of the world that link i carries along, a triple."""
+    arm = scaled(point, three(pose, i, 0), -1.0)
+    return add3(three(speed, i, 0), cross3(three(spin, i, 0), arm))
 
 
 @functools.cache
