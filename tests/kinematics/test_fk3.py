@@ -40,32 +40,6 @@ def test_it_agrees_with_pinocchio(lengths, thetas) -> None:
     assert np.abs(fk3(lengths, thetas) - PlanarChain(lengths).positions(thetas)).max() <= allowed
 
 
-@given(lengths, angles)
-def test_links_keep_their_length_and_joints_their_angle(lengths, thetas) -> None:
-    points = fk3(lengths, thetas)
-    links = np.diff(points, axis=0)
-    assert points.shape == (4, 2) and not points[0].any()
-    np.testing.assert_allclose(np.hypot(*links.T), lengths, rtol=0, atol=1e-13)
-    if lengths.min() > 1e-3:
-        directions = np.unwrap(np.arctan2(links[:, 1], links[:, 0]))
-        turned = np.diff(directions, prepend=0.0) - thetas
-        np.testing.assert_allclose(np.exp(1j * turned), 1.0, atol=1e-10)
-
-
-@pytest.mark.parametrize(
-    ("thetas", "expected"),
-    [
-        ([0.0, 0.0, 0.0], [[0, 0], [1, 0], [3, 0], [6, 0]]),
-        ([math.pi / 2, 0.0, 0.0], [[0, 0], [0, 1], [0, 3], [0, 6]]),
-        ([math.pi / 2, -math.pi / 2, math.pi / 2], [[0, 0], [0, 1], [2, 1], [2, 4]]),
-        ([0.0, math.pi, 0.0], [[0, 0], [1, 0], [-1, 0], [-4, 0]]),
-        ([0.0, 0.0, -math.pi / 2], [[0, 0], [1, 0], [3, 0], [3, -3]]),
-    ],
-)
-def test_poses_one_knows(thetas, expected) -> None:
-    np.testing.assert_allclose(fk3([1.0, 2.0, 3.0], thetas), expected, atol=1e-14)
-
-
 @pytest.mark.parametrize(
     ("lengths", "thetas", "named"),
     [
