@@ -70,14 +70,16 @@ def test_a_part_that_is_right_in_every_case_is_told() -> None:
     assert report.slip == "one_part_right" and "column 1. Wrong: column 0" in report.diagnosis
 
 
+# A slip whose values can be drawn; of other exercises the first one is.
 DRAWN = {"fk3": "clockwise", "bounce": "rest_time_halved", "rrt": "vertices_only",
          "tumble": "bug_still_there", "orientation": "scalar_last",
-         "pid": "integral_not_stopped"}  # fmt: skip
+         "pid": "integral_not_stopped", "circle_contact": "from_b_to_a"}  # fmt: skip
 
 
-@pytest.mark.parametrize("name", DRAWN)
+@pytest.mark.parametrize("name", [n for n in catalogue.names() if exercises.of(n).picture])
 def test_a_case_that_failed_is_drawn(name: str) -> None:
-    slip = next(slip for slip in exercises.of(name).slips if slip.name == DRAWN[name])
+    first, *others = exercises.of(name).slips
+    slip = next((slip for slip in others if slip.name == DRAWN.get(name)), first)
     card = catalogue.card(name)
     report = grade_here(name, slip.text(card.solution_text()), seed=5)
     figure = picture.figure_of(report)
@@ -85,10 +87,6 @@ def test_a_case_that_failed_is_drawn(name: str) -> None:
     assert figure.get_suptitle().startswith(name)
     passed = grade_here(name, card.solution_text(), seed=5)
     assert picture.figure_of(passed) is None
-
-
-def test_every_picture_is_tried() -> None:
-    assert {n for n in catalogue.names() if exercises.of(n).picture} == set(DRAWN)
 
 
 def test_the_picture_of_a_body_says_how_far_apart_the_two_are() -> None:
