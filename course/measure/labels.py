@@ -9,6 +9,7 @@ called once the layout is known.
 
 from __future__ import annotations
 
+import itertools
 import math
 import textwrap
 from collections.abc import Sequence
@@ -91,20 +92,26 @@ def free_place(
         boxes: what it must not meet, rows of (x0, y0, x1, y1), shape (m, 4).
         room: (x0, y0, x1, y1) in which it has to be.
     """
-    half = 0.5 * np.asarray(size)
+    half, anchor = 0.5 * np.asarray(size), np.asarray(anchor)
+    around = [
+        anchor + (half + away) * (np.cos(turn), np.sin(turn)) for away in _AWAY for turn in _TURNS
+    ]
+    # Where nothing near is free: anywhere in the room, the nearest first.
+    first, last = np.asarray(room[:2]) + half, np.asarray(room[2:]) - half
+    across, up = np.meshgrid(*np.linspace(first, last, 25).T)
+    anywhere = np.column_stack((across.ravel(), up.ravel()))
+    order = np.argsort(np.hypot(*(anywhere - anchor).T), kind="stable")
     best, least = (0.0, 0.0), np.inf
-    for away in _AWAY:
-        for turn in _TURNS:
-            centre = np.asarray(anchor) + (half + away) * (np.cos(turn), np.sin(turn))
-            low, high = centre - half, centre + half
-            if np.any(low < room[:2]) or np.any(high > room[2:]):
-                continue
-            covered = np.sum(np.all((points > low) & (points < high), axis=1))
-            met = np.sum(np.all((boxes[:, :2] < high) & (boxes[:, 2:] > low), axis=1))
-            if covered + 9 * met < least:
-                best, least = (float(centre[0]), float(centre[1])), covered + 9 * met
-            if least == 0:
-                return best
+    for centre in itertools.chain(around, anywhere[order]):
+        low, high = centre - half, centre + half
+        if np.any(low < room[:2]) or np.any(high > room[2:]):
+            continue
+        covered = np.sum(np.all((points > low) & (points < high), axis=1))
+        met = np.sum(np.all((boxes[:, :2] < high) & (boxes[:, 2:] > low), axis=1))
+        if covered + 9 * met < least:
+            best, least = (float(centre[0]), float(centre[1])), covered + 9 * met
+        if least == 0:
+            return best
     return best
 
 
