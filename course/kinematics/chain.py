@@ -53,10 +53,10 @@ def invert(a: Array) -> Array:
 
 def turn_to(axis: ArrayLike) -> Array:
     """The shortest rotation that takes z to a direction, shape (4,); about x where that is -z."""
-    x, y, z = vector("axis", axis, (3,))
-    length = float(np.sqrt(x * x + y * y + z * z))
-    if not length:
-        raise refused("axis", np.array([x, y, z]), "a direction, not zero")
+    direction = vector("axis", axis, (3,))
+    if not direction.any():
+        raise refused("axis", direction, "a direction, not zero")
+    x, y, z = direction / np.abs(direction).max()
     across = float(np.hypot(x, y))
     angle = np.arctan2(across, z)
     if not across:
@@ -111,19 +111,20 @@ class Chain:
         found: dict[str, Any] = {
             "parent": parent.astype(np.int64),
             "placement": _poses("placement", self.placement, (7, n)),
-            "slides": np.array(np.broadcast_to(self.slides, (n,)), dtype=bool),
             "mass": vector("mass", self.mass, (n,), low=POSITIVE, unit="kg"),
             "centre": vector("centre", self.centre, (3, n), unit="m"),
             "inertia": vector("inertia", self.inertia, (3, 3, n), unit="kg m^2"),
             "tool": _poses("tool", self.tool, (7,)),
         }
-        for name in ("armature", "damping"):
-            value = np.broadcast_to(vector(name, getattr(self, name), (), (n,), low=0.0), (n,))
-            found[name] = value
+        for name, most in (("slides", 1.0), ("armature", np.inf), ("damping", np.inf)):
+            value = vector(name, getattr(self, name), (), (n,), low=0.0, high=most)
+            found[name] = np.broadcast_to(value, (n,))
+        found["slides"] = found["slides"] > 0.0
         for name, default in (("lower", -np.inf), ("upper", np.inf)):
-            value = np.array(np.broadcast_to(np.asarray(getattr(self, name), dtype=float), (n,)))
-            vector(name, np.where(value == default, 0.0, value), (n,), unit="rad or m")
-            found[name] = value
+            free = np.asarray(getattr(self, name)) == default
+            value = np.where(free, np.array(0.0, dtype=object), getattr(self, name))
+            value = vector(name, value, (), (n,), unit="rad or m")
+            found[name] = np.broadcast_to(np.where(free, default, value), (n,))
         for i in np.flatnonzero(found["lower"] > found["upper"]).tolist():
             low, high = float(found["lower"][i]), float(found["upper"][i])
             raise refused(f"(lower[{i}], upper[{i}])", (low, high), "limits that do not cross")
@@ -132,7 +133,7 @@ class Chain:
         )
         for name, value in found.items():
             object.__setattr__(self, name, _frozen(value))
-        object.__setattr__(self, "table", _table(self))
+        object.__setattr__(self, "table", _frozen(_table(self)))
 
     @property
     def n(self) -> int:

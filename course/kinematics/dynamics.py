@@ -20,7 +20,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import vector
+from course.check import positive, vector
 from course.compiled import MATRIX, compiled
 from course.kinematics.chain import (
     ARMATURE,
@@ -515,7 +515,7 @@ def inertial_parameters(chain: Chain) -> Array:
     Mass, first moment (x, y, z) and second moment (xx, xy, xz, yy, yz, zz) about the joint's
     origin, in the joint's frame [kg, kg m, kg m^2].
     """
-    return chain.table[:-1, TEN:ARMATURE].ravel()
+    return chain.table[:-1, TEN:ARMATURE].flatten()
 
 
 def regressor(
@@ -572,7 +572,7 @@ def linearise(
     """
     n = chain.n
     point = np.concatenate([vector(s, x, (n,)) for s, x in (("q", q), ("v", v), ("tau", tau))])
-    moves = step * np.eye(3 * n)
+    moves = positive("step", step) * np.eye(3 * n)
     ahead, behind = point[:, None] + moves, point[:, None] - moves
     both = np.concatenate([ahead, behind], axis=1)
     a = forward_dynamics(chain, both[:n], both[n : 2 * n], both[2 * n :], gravity=gravity)

@@ -66,7 +66,8 @@ def pose_error(target: ArrayLike, pose: ArrayLike) -> Array:
         Shape (6,) or (6, N) [m, rad].
     """
     t, p = (vector(s, x, (7,), (7, None)) for s, x in (("target", target), ("pose", pose)))
-    return np.concatenate([t[:3] - p[:3], log(product(t[3:], conjugate(p[3:])))])
+    turns = unit_quaternion(t[3:], "target[3:]"), unit_quaternion(p[3:], "pose[3:]")
+    return np.concatenate([t[:3] - p[:3], log(product(turns[0], conjugate(turns[1])))])
 
 
 # --- compiled -------------------------------------------------------------------------------------
@@ -329,7 +330,7 @@ def _solve(table, target, starts, method, damping, near, turn, most, rank):
                         kept += 1 if _length(A, i) > _NEAR * largest else 0
                     if kept < rank:
                         reason = _SINGULAR
-            if cost < best or reason == _SOLVED:
+            if begun == 1 or cost < best or reason == _SOLVED:
                 best = cost
                 for c in range(n):
                     result[c, k] = q[c, 0]
@@ -361,8 +362,8 @@ class IKResult:
     Attributes:
         q: the best posture found, within the limits, (n,) or (n, N).
         success: whether the tip is there, by forward kinematics at q.
-        reason: "solved"; "unreachable": the target is farther than the arm's bounds, or, from every
-            start, where the error cannot shrink although the Jacobian has its full rank;
+        reason: "solved"; "unreachable": the target is outside the arm's bounds, or no step helps
+            though the Jacobian has its full rank, which after few starts may be a local minimum;
             "singularity": no step helps and the Jacobian has lost rank; "limit": no step helps and
             a joint is held at its limit; "iterations": they ran out. That of the best posture.
         distance, angle: from the tip at q to the target [m, rad].
@@ -496,14 +497,14 @@ def ik(
     elif start is not None:
         given = np.asarray(vector("start", start, (chain.n,), (chain.n, None)).T)
         given = np.atleast_2d(given)
-    if start is None and not restarts:
+    if not (isinstance(start, Samples) or len(given) or restarts):
         raise refused("(start, restarts)", (start, restarts), "a start, or restarts from 1 on")
     rank, parts = _rank(chain, 6 if len(goal) == 7 else 3), []
-    for first in range(0, goal.shape[1], _CHUNK):
+    for first in range(0, max(1, goal.shape[1]), _CHUNK):
         part = np.ascontiguousarray(goal[:, first : first + _CHUNK])
         size = part.shape[1]
         if isinstance(start, Samples):
-            begin = start.nearest(part, min(nearest, start.q.shape[1]))
+            begin = start.nearest(part, min(count("nearest", nearest, 1), start.q.shape[1]))
         else:
             begin = np.broadcast_to(given, (size, *given.shape))
         drawn = begin[:, :0]
@@ -517,7 +518,7 @@ def ik(
     q, told = (np.concatenate(each, axis=1) for each in zip(*parts, strict=True))
     reason = told[0].astype(np.int64)
     low, far = chain.reach
-    away = np.linalg.norm(goal[:3] - chain.placement[:3, chain.path()[:1]], axis=0)
+    away = np.hypot.reduce(goal[:3] - chain.placement[:3, chain.path()[:1]], axis=0)
     outside = (away > far + near) | (away < low - near)
     reason[outside & (reason != _SOLVED)] = _UNREACHABLE
     names = np.array(REASONS)[reason]
@@ -533,19 +534,20 @@ def ik(
 
 def elbow_height(chain: Chain, q: ArrayLike, joint: int = 3) -> tuple[float, Array]:
     """Height of a joint's frame [m], and its gradient by the joints, shape (n,)."""
-    return float(frames(chain, q)[2, joint]), jacobian(chain, q, joint=joint)[2]
+    slope = jacobian(chain, vector("q", q, (chain.n,)), joint=joint)[2]
+    return float(frames(chain, q)[2, joint]), slope
 
 
 def mid_range(chain: Chain, q: ArrayLike) -> tuple[float, Array]:
     """Minus half the sum of squared distances from the middle, in half ranges; and its gradient.
 
-    Joints without limits do not count.
+    Joints without limits, or without a range, do not count.
     """
     (q,) = (vector("q", q, (chain.n,)),)
-    bounded = np.isfinite(chain.lower) & np.isfinite(chain.upper)
-    half = np.where(bounded, 0.5 * (chain.upper - chain.lower), np.inf)
-    middle = np.where(bounded, 0.5 * (chain.upper + chain.lower), 0.0)
-    share = (q - middle) / half
+    ranges = chain.upper - chain.lower
+    counts = np.isfinite(ranges) & (ranges > 0.0)
+    half = np.where(counts, 0.5 * ranges, np.inf)
+    share = np.where(counts, (q - np.nan_to_num(chain.lower)) / half - 1.0, 0.0)
     return float(-0.5 * share @ share), -share / half
 
 
@@ -560,7 +562,7 @@ def disc_distance(
     """
     middle = vector("centre", centre, (2,), unit="m")
     finite("radius", radius, 0.0, unit="m")
-    joints, pose = chain.path(), frames(chain, q)
+    joints, pose = chain.path(), frames(chain, vector("q", q, (chain.n,)))
     points = np.column_stack([pose[:3, joints], tip(chain, q)[:3]])
     lines = np.diff(points, axis=1)
     square = np.maximum(np.sum(lines[:2] ** 2, axis=0), 1e-300)

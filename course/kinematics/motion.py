@@ -347,10 +347,11 @@ def singular_values(J: ArrayLike) -> Array:
 
 
 def manipulability(J: ArrayLike) -> Any:
-    """sqrt(det(J J^T)), the product of the singular values (Yoshikawa, 1985): 0 at a singularity.
+    """The product of the singular values (Yoshikawa, 1985): 0 at a singularity.
 
     Args:
         J: the rows that the task has, shape (m, n) or (m, n, N): those of a planar arm are J[:2].
+            It is sqrt(det(J J^T)) for m <= n and sqrt(det(J^T J)) for more rows than joints.
     """
     return np.prod(singular_values(J), axis=0)[()]
 

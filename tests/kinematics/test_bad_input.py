@@ -42,6 +42,11 @@ POSE = np.array([0.4, 0, 0.4, 1, 0, 0, 0])
         (lambda: changed(parent=[-1.0, 0.0]), "allowed is a row of whole numbers"),
         (lambda: changed(lower=[1.0, 0.0], upper=[0.5, 1.0]), r"\(lower\[0\], upper\[0\]\) is"),
         (lambda: changed(lower=[NAN, 0.0]), r"lower\[0\] is nan"),
+        (
+            lambda: changed(upper=[1.0, 2.0, 3.0]),
+            r"upper.shape is \(3,\), allowed is \(\) or \(2,\)",
+        ),
+        (lambda: changed(slides="x"), "slides is 'x'"),
         (lambda: changed(**with_one("placement", (3, 1), 1.1)), r"placement\[3:\]\[:, 1\] is"),
         (lambda: changed(**with_one("placement", (0, 1), NAN)), r"placement\[0, 1\] is nan"),
         (lambda: changed(placement=np.zeros((6, 2))), "placement.shape is"),
@@ -68,6 +73,10 @@ POSE = np.array([0.4, 0, 0.4, 1, 0, 0, 0])
         (lambda: kinematics.forward_dynamics(ARM, Q, Q, np.zeros(6)), "tau.shape"),
         (lambda: kinematics.pack(ARM, [1.0, 2.0]), "tau.shape"),
         (lambda: kinematics.linearise(ARM, Q, Q, np.zeros(3)), "tau.shape"),
+        (
+            lambda: kinematics.linearise(ARM, Q, Q, Q, step=0.0),
+            "step is 0.0, allowed is a positive",
+        ),
         # Inverse kinematics.
         (lambda: ik(ARM, np.zeros(6)), r"target.shape is \(6,\)"),
         (lambda: ik(ARM, np.zeros(7)), r"target\[3:\]\[:, 0\] is .*normalise it"),
@@ -75,6 +84,10 @@ POSE = np.array([0.4, 0, 0.4, 1, 0, 0, 0])
         (lambda: ik(ARM, POSE, np.zeros(6)), r"start.shape is \(6,\)"),
         (lambda: ik(ARM, POSE, kinematics.Samples(panda(), 5, 0)), "samples of this chain"),
         (lambda: ik(ARM, POSE, restarts=0), r"\(start, restarts\) is \(None, 0\)"),
+        (lambda: ik(ARM, POSE, np.empty((7, 0)), restarts=0), r"\(start, restarts\) is"),
+        (lambda: ik(ARM, POSE, kinematics.Samples(ARM, 5, 0), nearest=0), "nearest is 0"),
+        (lambda: kinematics.elbow_height(ARM, Q, 7), "joint is 7"),
+        (lambda: kinematics.pose_error(POSE, np.zeros(7)), r"pose\[3:\] is .*normalise it"),
         (lambda: ik(ARM, POSE, method="newton"), "method is 'newton', allowed is one of"),
         (lambda: ik(ARM, POSE, damping=0.0), "damping is 0.0"),
         (lambda: ik(ARM, POSE, tolerance=(1e-6, -1.0)), r"tolerance\[1\] is -1.0"),
@@ -102,3 +115,6 @@ def test_a_chain_does_not_change_after_its_checks() -> None:
         arm.mass[0] = -1.0
     with pytest.raises(AttributeError):
         arm.mass = np.ones(7)
+    one = planar([1.0])
+    kinematics.inertial_parameters(one)[0] = -1.0
+    assert kinematics.inertial_parameters(one)[0] == one.mass[0]

@@ -1,5 +1,6 @@
 """Inverse kinematics: what is solved, what is told of the rest, and where each step fails."""
 
+import dataclasses
 import functools
 from dataclasses import replace
 
@@ -124,6 +125,9 @@ def test_every_reason_is_told_where_it_is_true() -> None:
     assert 0.0 <= beyond.distance - (np.hypot(3.0, 0.5) - 1.7) < 0.05
     hole = once(arm, [0.1, 0.1, 0.0], [0.3, 2.0])
     assert (hole.success, hole.reason) == (False, "unreachable")
+    far = ik(panda(), [1e200, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], restarts=2)  # its square is infinite
+    assert (far.success, far.reason) == (False, "unreachable") and far.distance > 1e100
+    assert ik(panda(), np.empty((7, 0))).success.shape == (0,)
     assert once(arm, [0.9, 0.0, 0.0], [0.0, 0.0]).reason == "singularity"
     short = once(arm, [0.5, 1.0, 0.0], [0.3, 0.4], iterations=1)
     assert (short.reason, short.iterations) == ("iterations", 1)
@@ -252,6 +256,8 @@ def test_objectives_have_the_gradients_they_say(seed) -> None:
         moved = [objective(q + h * e)[0] - objective(q - h * e)[0] for e in np.eye(who.n)]
         if abs(value + 0.1) > 1e-3:  # on a line the distance has a kink
             np.testing.assert_allclose(slope, np.array(moved) / (2 * h), atol=1e-4)
+    pinned = dataclasses.replace(chain, lower=chain.upper)  # no joint has a range left
+    assert kinematics.mid_range(pinned, chain.upper)[0] == 0.0
 
 
 # --- two links ------------------------------------------------------------------------------------
