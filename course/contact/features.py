@@ -194,8 +194,8 @@ def _box_contacts(halves, near, qa, qb, numbers, out):
             continue
         first = found
         x, y, z = near[1, i], near[2, i], near[3, i]
-        rotation(qa[3, i], qa[4, i], qa[5, i], qa[6, i], axes[0], 0)
-        rotation(qb[3, i], qb[4, i], qb[5, i], qb[6, i], axes[1], 0)
+        rotation((qa[3, i], qa[4, i], qa[5, i], qa[6, i]), axes[0], 0)
+        rotation((qb[3, i], qb[4, i], qb[5, i], qb[6, i]), axes[1], 0)
         (f, of_a), (g, of_b) = _facing(axes[0], x, y, z), _facing(axes[1], x, y, z)
         if max(abs(of_a), abs(of_b)) >= _FACE:
             # The face that the normal belongs to, a's where both do, and the other's that meets it.
