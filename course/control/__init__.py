@@ -12,6 +12,18 @@ from course.control.joint import (
     run_joint,
     step_metrics,
 )
+from course.control.laws import (
+    Adaptive,
+    admittance,
+    computed_torque,
+    feedforward,
+    friction_compensation,
+    hybrid,
+    impedance,
+    operational_space,
+    pd,
+    pd_gravity,
+)
 from course.control.pid import Controller, Gains
 from course.control.sampled import (
     Margins,
@@ -24,30 +36,43 @@ from course.control.sampled import (
     ultimate_gain,
 )
 from course.control.touch import Probe, TouchLaw, run_touch
+from course.control.tracking import JointLaw, track
 from course.drills import PID, closed_loop
 
 __all__ = [
     "PID",
     "Actuator",
+    "Adaptive",
     "Controller",
     "Encoder",
     "Gains",
     "Joint",
+    "JointLaw",
     "Margins",
     "Probe",
     "Record",
     "StepMetrics",
     "TouchLaw",
+    "admittance",
     "closed_loop",
+    "computed_torque",
+    "feedforward",
+    "friction_compensation",
     "growth",
     "held",
+    "hybrid",
+    "impedance",
     "joint_system",
     "loop_matrix",
     "margins",
+    "operational_space",
+    "pd",
+    "pd_gravity",
     "pid_law",
     "run_joint",
     "run_touch",
     "step_metrics",
+    "track",
     "ultimate_gain",
     "warm",
 ]
@@ -55,6 +80,12 @@ __all__ = [
 
 def warm() -> None:
     """Compile, or load from the cache, everything in this chapter that is compiled."""
+    import numpy as np
+
+    from course.kinematics import TwoLink
+
     Controller(Gains(1.0), 1e-3).update(0.0, 0.0)
     run_joint(Joint(1.0), Actuator(), Encoder(), Gains(1.0), 1.0, 1e-3, 1e-2)
     run_touch(Probe(), TouchLaw(), 0.0, 1e-3, 1e-2)
+    arm = TwoLink()
+    track(arm, JointLaw("pd", arm, 1.0, 1.0), lambda t: np.zeros((3, 2, t.size)), 1e-3, 1e-3)
