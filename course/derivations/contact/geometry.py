@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from course import contact
+from course.contact import broad
 from course.derivations import Ask, Symbol, claim
 
 SYMBOLS = {"n": Symbol("number of bodies", 2, 1000)}
@@ -12,9 +14,43 @@ def _still(x=0.0, y=0.0, z=0.0):
     return np.array([x, y, z, 1.0, 0.0, 0.0, 0.0])
 
 
-def _posed(rng, n, spread):
+def _bodies(rng, n, spread=1.0):
+    """Random poses in a cube."""
     q = rng.normal(size=(4, n))
     return np.vstack((rng.uniform(-spread, spread, (3, n)), q / np.linalg.norm(q, axis=0)))
+
+
+def _row(rng, n):
+    """n boxes along x, one on each metre."""
+    middle = rng.uniform(0.0, 0.3, (3, n))
+    middle[0] = rng.uniform(0.0, float(n), n)
+    half = rng.uniform(0.25, 0.5, (3, n))
+    return np.stack((middle - half, middle + half))
+
+
+def _angle():
+    """Two plates that stand at right angles, where they are, and all of their corners."""
+    plates = [(contact.box([0.5, 0.5, 0.05]), _still(0.45, 0.0, -0.05)),
+              (contact.box([0.05, 0.5, 0.45]), _still(0.0, 0.0, 0.45))]  # fmt: skip
+    return plates, np.hstack([plate.corners + place[:3, None] for plate, place in plates])
+
+
+def _text(values):
+    return " ".join(map(str, np.ravel(values)))
+
+
+def _depth_in_mesh(mesh, place):
+    """How deep a ball of 20 mm is in a mesh of MuJoCo's, 0 without contact [m]."""
+    import mujoco
+
+    model = mujoco.MjModel.from_xml_string(
+        f'<mujoco><asset><mesh name="mesh" {mesh}/></asset><worldbody><geom type="mesh" '
+        f'mesh="mesh"/><body pos="{_text(place)}"><freejoint/><geom size="0.02"/></body>'
+        "</worldbody></mujoco>"
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return -data.contact.dist.min() if data.ncon else 0.0
 
 
 @claim(
@@ -23,16 +59,14 @@ def _posed(rng, n, spread):
     "as long as wide whose boxes overlap, {apart_percent:.0f} % are apart.",
 )
 def aabb_all_axes(found):
-    from course import contact
-
     rod = contact.capsule(0.1, 0.3)
-    boxes = contact.bounds(rod, _posed(found.rng, 400, 1.0))
+    boxes = contact.bounds(rod, _bodies(found.rng, 400))
     i, j = contact.overlapping_pairs(boxes)
     # A point that both hold: the middle of the common interval, on every axis.
     low = np.maximum(boxes[0][:, i], boxes[0][:, j])
     high = np.minimum(boxes[1][:, i], boxes[1][:, j])
     missed = contact.brute_force(boxes)[0].shape[1] - i.size
-    poses = _posed(found.rng, 400, 1.0)
+    poses = _bodies(found.rng, 400)
     i, j = contact.overlapping_pairs(contact.bounds(rod, poses))
     apart = contact.distance(rod, poses[:, i], rod, poses[:, j]).distance > 0.0
     found.figure("apart_percent", 100.0 * apart.mean(), 0.02)
@@ -41,25 +75,15 @@ def aabb_all_axes(found):
     found.corrected(missed == 0, bool(apart.any()), bool((low <= high).all()))
 
 
-class _Counted(float):
-    """A number that counts how often it is compared."""
-
-    compared = 0
-
-    def __gt__(self, other):
-        _Counted.compared += 1
-        return float(self) > float(other)
-
-
 class _Watched:
-    """Boxes that note which of their numbers are read."""
+    """Boxes that note which of their numbers are read; two are compared at a time."""
 
     def __init__(self, boxes):
-        self._boxes, self.shape, self.read = boxes, boxes.shape, set()
+        self._boxes, self.shape, self.read = boxes, boxes.shape, []
 
     def __getitem__(self, place):
-        self.read.add(place)
-        return _Counted(self._boxes[place])
+        self.read.append(place)
+        return self._boxes[place]
 
 
 @claim(
@@ -69,23 +93,16 @@ class _Watched:
     "as the first axis that separates them ends the test.",
 )
 def aabb_six_numbers(found):
-    from course.contact import broad
-
-    def cost(boxes):
-        watched, _Counted.compared = _Watched(boxes), 0
+    def cost(low, edge):
+        watched = _Watched(np.stack((low, low + edge)))
         overlap = broad.aabb_overlap(watched, 0, 1)
-        return overlap, len(watched.read), _Counted.compared
+        return overlap, len(set(watched.read)), len(watched.read) // 2
 
-    overlapping = np.array([[[0.0, 0.5]] * 3, [[1.0, 1.5]] * 3])
-    overlap, numbers, comparisons = cost(overlapping)
+    overlap, numbers, comparisons = cost(np.array([[0.0, 0.5]] * 3), 1.0)
     found.figure("numbers", numbers)
     found.figure("comparisons", comparisons)
-    counts = []
-    for _ in range(300):
-        low = found.rng.uniform(0.0, 5.0, (3, 2))
-        apart, _, took = cost(np.stack((low, low + 1.0)))
-        if not apart:
-            counts.append(took)
+    draws = [cost(found.rng.uniform(0.0, 5.0, (3, 2)), 1.0) for _ in range(300)]
+    counts = [took for together, _, took in draws if not together]
     mean = found.figure("mean_comparisons", np.mean(counts), 0.02)
     found.statement = f"The course's own test, counted; {len(counts)} random boxes that are apart."
     found.heard(numbers == 6)
@@ -99,8 +116,6 @@ def aabb_six_numbers(found):
     "along z.",
 )
 def aabb_listing_two_axes(found):
-    from course import contact
-
     def listing(a_min, a_max, b_min, b_max):
         return (
             a_min[0] <= b_max[0] and a_max[0] >= b_min[0]
@@ -133,8 +148,6 @@ def aabb_listing_two_axes(found):
 def brute_force_pairs(found):
     import sympy
 
-    from course import contact
-
     n = sympy.symbols("n", positive=True)
     found.formula = sympy.factor(sympy.summation(n - 1 - sympy.symbols("i"),
                                                  (sympy.symbols("i"), 0, n - 1)))  # fmt: skip
@@ -149,14 +162,10 @@ def brute_force_pairs(found):
 
 def _exponent(crowd, sizes=(500, 4000)):
     """Growth of the overlap tests with the number of boxes, sweeping along x."""
-    from course import contact
-
-    tests = []
-    for n in sizes:
-        sweep = contact.SweepAndPrune(axis=0)
+    sweeps = [contact.SweepAndPrune(axis=0) for _ in sizes]
+    for sweep, n in zip(sweeps, sizes, strict=True):
         sweep.pairs(crowd(n))
-        tests.append(sweep.tests)
-    return float(np.diff(np.log(tests))[0] / np.diff(np.log(sizes))[0])
+    return float(np.polyfit(np.log(sizes), np.log([sweep.tests for sweep in sweeps]), 1)[0])
 
 
 @claim(
@@ -167,19 +176,11 @@ def _exponent(crowd, sizes=(500, 4000)):
     "N^{row:.2f}.",
 )
 def sweep_and_prune_n_log_n(found):
-    from course.contact import broad
-
-    def row(n):
-        middle = found.rng.uniform(0.0, 0.3, (3, n))
-        middle[0] = found.rng.uniform(0.0, float(n), n)
-        half = found.rng.uniform(0.25, 0.5, (3, n))
-        return np.stack((middle - half, middle + half))
-
     crowds = {
         kind: _exponent(lambda n, kind=kind: broad.crowd(kind, n, found.rng))
         for kind in broad.CROWDS
     }
-    rows = [_exponent(row) for _ in range(8)]
+    rows = [_exponent(lambda n: _row(found.rng, n)) for _ in range(8)]
     spread = [_exponent(lambda n: broad.crowd("spread", n, found.rng)) for _ in range(8)]
     for kind, exponent in crowds.items():
         found.figure(kind, exponent, 0.03)
@@ -202,8 +203,6 @@ def sweep_and_prune_n_log_n(found):
 def _pile(geom, width, shape, count, seed=1):
     """Pairs of overlapping boxes, and pairs that touch, after so many bodies settled in a bin."""
     import mujoco
-
-    from course import contact
 
     rng = np.random.default_rng(seed)
     walls = "".join(
@@ -238,8 +237,6 @@ def _pile(geom, width, shape, count, seed=1):
     "{balls_touch:.0f}, {cubes_touch:.0f} and {rods_touch:.0f} touch.",
 )
 def pile_of_a_hundred(found):
-    from course import contact
-
     scenes = {
         "balls": ('<geom size="0.04"/>', contact.sphere(0.04)),
         "cubes": ('<geom type="box" size="0.035 0.035 0.035"/>', contact.box([0.035] * 3)),
@@ -273,8 +270,6 @@ def pile_of_a_hundred(found):
 def gjk_minkowski(found):
     from scipy.spatial import ConvexHull
 
-    from course import contact
-
     clouds = found.rng.normal(size=(2, 60, 3, 8)) * 0.5
     offsets = found.rng.uniform(-1.0, 1.0, (60, 3))
     agree, inside = [], []
@@ -284,8 +279,7 @@ def gjk_minkowski(found):
         apart = contact.distance(contact.points(a), _still(), contact.points(b), _still(*offset))
         agree.append(bool((apart.distance <= 0.0) == holds))
         inside.append(holds)
-    plates = _angle()
-    corners = np.hstack([plate.corners + place[:3, None] for plate, place in plates])
+    plates, corners = _angle()
     ball, place = contact.sphere(0.02), np.tile(_still()[:, None], 200)
     place[:3] = found.rng.uniform((0.0, -0.4, 0.05), (0.3, 0.4, 0.3), (200, 3)).T
     clear = np.min([contact.distance(p, at, ball, place).distance for p, at in plates], 0) > 0.0
@@ -298,14 +292,6 @@ def gjk_minkowski(found):
     found.corrected(all(agree), wrong > 20.0, bool((seen | ~clear).all()), 0 < np.mean(inside) < 1)
 
 
-def _angle():
-    """Two plates that stand at right angles, and where they are."""
-    from course import contact
-
-    return [(contact.box([0.5, 0.5, 0.05]), _still(0.45, 0.0, -0.05)),
-            (contact.box([0.05, 0.5, 0.45]), _still(0.0, 0.0, 0.45))]  # fmt: skip
-
-
 @claim(
     "When shapes overlap, EPA gives the depth and the normal of the contact.",
     "It gives the shortest way out. That is the way in only while a ball of {ball_mm:.0f} mm "
@@ -314,8 +300,6 @@ def _angle():
     "contact is a polygon, {corners:.0f} corners for a cube on a cube.",
 )
 def epa_gives_the_contact(found):
-    from course import contact
-
     radius, wall = found.given("ball_mm", 20.0) / 1000, found.given("wall_mm", 10.0) / 1000
     middle = radius + wall / 2
     ball, slab = contact.sphere(radius), contact.box([1.0, 1.0, wall / 2])
@@ -349,8 +333,6 @@ def epa_gives_the_contact(found):
     "normal then, and one has to be chosen.",
 )
 def circle_test_concentric(found):
-    from course import contact
-
     def listing(p1, r1, p2, r2):
         diff = p2 - p1
         dist = np.linalg.norm(diff)
@@ -383,8 +365,6 @@ def circle_test_concentric(found):
     "{missed_percent:.0f} % of random flights went unseen. The time of impact finds all.",
 )
 def circles_once_a_step(found):
-    from course import contact
-
     a, b = contact.sphere(0.3, 2), contact.sphere(0.5, 2)
 
     def flights(low, high, n=40):
@@ -422,7 +402,6 @@ def circles_once_a_step(found):
     "step: {smallest_m_per_s:.2f} to {largest_m_per_s:.2f} m/s measured at three of them.",
 )
 def soft_wall(found):
-    from course import contact
     from course.oracles.mujoco import shapes
 
     radius, wall = found.given("ball_mm", 20.0) / 1000, found.given("wall_mm", 10.0) / 1000
@@ -471,33 +450,21 @@ def soft_wall(found):
     source="MuJoCo 4 documentation, Computation, Convex decomposition",
 )
 def concave_mesh_is_its_hull(found):
-    import mujoco
-
-    from course import contact
-
-    plates = _angle()
-    corners = np.hstack([plate.corners + at[:3, None] for plate, at in plates])
+    plates, corners = _angle()
     faces = np.reshape([0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6, 0, 1, 5, 0, 5, 4,
                         2, 6, 7, 2, 7, 3, 0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5], (12, 3))  # fmt: skip
-    vertex, face = (" ".join(map(str, np.ravel(x))) for x in (corners.T, [faces, faces + 8]))
-    # In MuJoCo a mesh stands at its centre of mass, unless its frame is asked for.
-    model = mujoco.MjModel.from_xml_string(
-        f'<mujoco><asset><mesh name="angle" vertex="{vertex}" face="{face}" inertia="legacy"/>'
-        '</asset><worldbody><geom type="mesh" mesh="angle"/><body pos="0.15 0 0.1"><freejoint/>'
-        '<geom size="0.02"/></body></worldbody></mujoco>'
-    )
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
     ball, place = contact.sphere(0.02), _still(0.15, 0.0, 0.1)
+    # In MuJoCo a mesh stands at its centre of mass, unless its frame is asked for.
+    mesh = f'vertex="{_text(corners.T)}" face="{_text([faces, faces + 8])}" inertia="legacy"'
+    depth = _depth_in_mesh(mesh, place[:3])
     free = min(float(contact.distance(plate, at, ball, place).distance) for plate, at in plates)
     hull = contact.distance(contact.points(corners), _still(), ball, place).distance
-    depth = -data.contact.dist.min() if data.ncon else 0.0
     found.figure("free_mm", 1000 * free)
     found.figure("depth_mm", 1000 * depth, 1e-3)
     found.statement = (
         f"MuJoCo's contact is {1000 * depth:.2f} mm deep, the hull's {-1000 * hull:.2f}."
     )
-    found.heard(data.ncon == 0)
+    found.heard(depth == 0.0)
     found.corrected(free > 0.05, depth > 0.0, abs(depth + hull) < 1e-6)
 
 
@@ -510,10 +477,7 @@ def concave_mesh_is_its_hull(found):
     "ball that hangs free in it is {depth_mm:.0f} mm deep.",
 )
 def mug_and_its_hull(found):
-    import mujoco
     from scipy.spatial import ConvexHull
-
-    from course import contact
 
     # Two triangles for each square of its 25 bands, and a fan at each of both ends.
     around, rings = found.given("triangles", 5200) // 52, 13
@@ -527,20 +491,14 @@ def mug_and_its_hull(found):
     hull = ConvexHull(vertices.T)
     faces = found.figure("faces", len(hull.simplices))
 
-    def depth(points):
-        text = " ".join(map(str, points.T.ravel()))
-        model = mujoco.MjModel.from_xml_string(
-            f'<mujoco><asset><mesh name="mug" vertex="{text}"/></asset><worldbody>'
-            '<geom type="mesh" mesh="mug"/><body pos="0.01 0.003 0.05"><freejoint/>'
-            '<geom size="0.02"/></body></worldbody></mujoco>'
-        )
-        data = mujoco.MjData(model)
-        mujoco.mj_forward(model, data)
-        return -data.contact.dist.min() if data.ncon else 0.0
-
-    whole, reduced = depth(vertices), depth(vertices[:, hull.vertices])
-    inside = contact.distance(contact.points(vertices), _still(), contact.sphere(0.02),
-                              _still(0.01, 0.003, 0.05)).distance  # fmt: skip
+    place = _still(0.01, 0.003, 0.05)
+    whole, reduced = (
+        _depth_in_mesh(f'vertex="{_text(some.T)}"', place[:3])
+        for some in (vertices, vertices[:, hull.vertices])
+    )
+    inside = contact.distance(
+        contact.points(vertices), _still(), contact.sphere(0.02), place
+    ).distance
     found.figure("depth_mm", -1000 * inside, 1e-3)
     found.statement = (
         f"MuJoCo: {1000 * whole:.3f} mm deep in the mesh, {1000 * reduced:.3f} in its hull."
