@@ -159,8 +159,7 @@ class Chain:
         """Bounds on the distance from the first joint's frame to the tip [m].
 
         The farthest is the sum of all offsets on the way and of the longest strokes. The nearest is
-        what the longest offset has over all others, or 0. No posture is outside; whether one is at
-        every distance between is another question.
+        what the longest offset has over all others, or 0. No posture is outside.
         """
         joints = self.path()
         offsets = np.linalg.norm(self.placement[:3, joints[1:]], axis=0)
@@ -282,12 +281,9 @@ def panda() -> Chain:
 
 
 def random_chain(n: int, rng: np.random.Generator, tree: bool = False) -> Chain:
-    """Any arm: joints of both kinds in any direction, inertias that bodies have.
+    """Any arm of n joints of both kinds in any direction, with inertias that bodies have.
 
-    Args:
-        n: how many joints, at least 1.
-        rng: who draws.
-        tree: whether a joint hangs on any earlier one, instead of on the one before.
+    In a tree a joint hangs on any earlier one, instead of on the one before.
     """
     count("n", n, 1)
 

@@ -108,6 +108,14 @@ def _inwards(E, i, v):
 
 
 @register_jitable
+def _add(load, i, first, second, factor):
+    """Add `factor` times two triples to the six numbers of row i."""
+    for c in range(3):
+        load[i, c] += factor * first[c]
+        load[i, 3 + c] += factor * second[c]
+
+
+@register_jitable
 def _symmetric(row, c, v):
     """A symmetric matrix, six numbers from column c on, times a triple."""
     return (
@@ -168,9 +176,7 @@ def _rnea(table, q, v, a, wrench, gravity):
             load[i, 3], load[i, 4], load[i, 5] = turning
         if wrench.shape[1] > 0:
             force, moment = _pull(table, q, k, pose, wrench)
-            for c in range(3):
-                load[n - 1, c] -= force[c]
-                load[n - 1, 3 + c] -= moment[c]
+            _add(load, n - 1, force, moment, -1.0)
         for back in range(n):
             i = n - 1 - back
             row = table[i]
@@ -180,9 +186,7 @@ def _rnea(table, q, v, a, wrench, gravity):
             if parent >= 0:
                 force = _outwards(E, i, three(load, i, 0))
                 moment = add3(_outwards(E, i, three(load, i, 3)), cross3(three(E, i, 9), force))
-                for c in range(3):
-                    load[parent, c] += force[c]
-                    load[parent, 3 + c] += moment[c]
+                _add(load, parent, force, moment, 1.0)
     return tau
 
 
@@ -316,9 +320,7 @@ def _aba(table, q, v, tau, wrench, gravity):
             X[i, 14], X[i, 15], X[i, 16] = -h[0], -h[1], h[0]
         if wrench.shape[1] > 0:
             force, moment = _pull(table, q, k, pose, wrench)
-            for c in range(3):
-                load[n - 1, c] -= moment[c]
-                load[n - 1, 3 + c] -= force[c]
+            _add(load, n - 1, moment, force, -1.0)
         for back in range(n):
             i = n - 1 - back
             row, parent = table[i], int(table[i, PARENT])
@@ -346,9 +348,7 @@ def _aba(table, q, v, tau, wrench, gravity):
             force = _outwards(E, i, add3(force, three(load, i, 3)))
             moment = _outwards(E, i, add3(moment, three(load, i, 0)))
             moment = add3(moment, cross3(three(E, i, 9), force))
-            for c in range(3):
-                load[parent, c] += moment[c]
-                load[parent, 3 + c] += force[c]
+            _add(load, parent, moment, force, 1.0)
             _articulate(X, E, i, parent, Y)
         for i in range(n):
             parent = int(table[i, PARENT])
@@ -361,25 +361,19 @@ def _aba(table, q, v, tau, wrench, gravity):
             rate = u[i]
             for c in range(3):
                 rate -= U[i, c] * alpha[c] + U[i, 3 + c] * acc[c]
-            rate /= D[i]
-            result[i, k] = rate
-            slides = table[i, SLIDES] != 0.0
-            move[i, 0], move[i, 1] = alpha[0], alpha[1]
-            move[i, 3], move[i, 4] = acc[0], acc[1]
-            move[i, 2] = alpha[2] if slides else alpha[2] + rate
-            move[i, 5] = acc[2] + rate if slides else acc[2]
+            result[i, k] = rate / D[i]
+            move[i, 0], move[i, 1], move[i, 2] = alpha
+            move[i, 3], move[i, 4], move[i, 5] = acc
+            move[i, 5 if table[i, SLIDES] != 0.0 else 2] += result[i, k]
     return result
 
 
 def acceleration(q, v, params):
-    """Joint accelerations, for the integrators of chapter 1.
+    """Joint accelerations, for the integrators of chapter 1; shape of v [rad/s^2 or m/s^2].
 
     Args:
         q, v: joint positions and rates, shape (n,) or (n, N).
         params: what `pack` returns.
-
-    Returns:
-        Shape of v [rad/s^2 or m/s^2].
     """
     n = q.shape[0]
     table = params[3 + n :].reshape(n + 1, WIDTH)
@@ -428,8 +422,7 @@ def inverse_dynamics(
     Args:
         chain: the arm.
         q, v, a: joint positions, rates and accelerations, shape (n,) or (n, N).
-        wrench: what pulls at the tip, force over torque in world axes, shape (6,) or (6, N)
-            [N, N m].
+        wrench: what pulls at the tip, force over torque in world axes, (6,) or (6, N) [N, N m].
         gravity: in the world, shape (3,) [m/s^2].
 
     Returns:
@@ -478,13 +471,7 @@ def forward_dynamics(
 
 
 def pack(chain: Chain, tau: ArrayLike = 0.0, gravity: ArrayLike = DOWNWARDS) -> Array:
-    """What `acceleration` reads: gravity (3), constant torques (n) and the chain's table.
-
-    Args:
-        chain: the arm.
-        tau: constant torques, a number or shape (n,) [N m or N].
-        gravity: in the world, shape (3,) [m/s^2].
-    """
+    """What `acceleration` reads: gravity (3,), constant torques, one or (n,), the chain's table."""
     torques = np.broadcast_to(vector("tau", tau, (), (chain.n,)), (chain.n,))
     down = vector("gravity", gravity, (3,), unit="m/s^2")
     return np.concatenate([down, torques, chain.table.ravel()])
@@ -493,11 +480,7 @@ def pack(chain: Chain, tau: ArrayLike = 0.0, gravity: ArrayLike = DOWNWARDS) -> 
 def energy(
     chain: Chain, q: ArrayLike, v: ArrayLike, *, gravity: ArrayLike = DOWNWARDS
 ) -> tuple[Any, Any, Any]:
-    """Kinetic energy, potential energy (zero at the world's origin) and their sum [J].
-
-    Returns:
-        Three numbers, or three arrays (N,).
-    """
+    """Kinetic energy, potential energy (0 at the world's origin) and their sum [J], each (N,)."""
     single, (q, v) = batch(chain, q=q, v=v)
     down = vector("gravity", gravity, (3,), unit="m/s^2")
     pose = frames(chain, q).reshape(7, -1)
@@ -510,10 +493,9 @@ def energy(
 
 
 def inertial_parameters(chain: Chain) -> Array:
-    """The ten numbers of each link one after the other, shape (10 n,).
+    """The ten numbers of each link one after the other, shape (10 n,) [kg, kg m, kg m^2].
 
-    Mass, first moment (x, y, z) and second moment (xx, xy, xz, yy, yz, zz) about the joint's
-    origin, in the joint's frame [kg, kg m, kg m^2].
+    Mass, first moment and inertia (xx, xy, xz, yy, yz, zz) about the joint's origin, in its frame.
     """
     return chain.table[:-1, TEN:ARMATURE].flatten()
 
@@ -524,15 +506,8 @@ def regressor(
     """Y with torque = Y @ inertial_parameters(chain) + armature a + damping v.
 
     Newton-Euler is linear in the ten numbers, so the column of one of them is the torque of a chain
-    that has a 1 there and zeros elsewhere.
-
-    Args:
-        chain: the arm; its inertias do not enter.
-        q, v, a: joint positions, rates and accelerations, shape (n,) or (n, N).
-        gravity: in the world, shape (3,) [m/s^2].
-
-    Returns:
-        Shape (n, 10 n) or (n, 10 n, N).
+    that has a 1 there and zeros elsewhere: the chain's own do not enter. Shape (n, 10 n) or
+    (n, 10 n, N); arguments as for `inverse_dynamics`.
     """
     single, (q, v, a) = batch(chain, q=q, v=v, a=a)
     outside = _outside(None, gravity, q.shape[1])
@@ -558,17 +533,9 @@ def linearise(
 ) -> tuple[Array, Array]:
     """A and B of the small motion about a state: d/dt (dq, dv) = A (dq, dv) + B dtau.
 
-    Central differences of `forward_dynamics`, all in one batch. The default step, the cube root of
-    the rounding unit, leaves about 1e-10 of the largest entry.
-
-    Args:
-        chain: the arm.
-        q, v, tau: the state and the torques, shape (n,).
-        gravity: in the world, shape (3,) [m/s^2].
-        step: of the differences [rad, m, rad/s, ..., N m].
-
-    Returns:
-        A, shape (2 n, 2 n), and B, shape (2 n, n).
+    Central differences of `forward_dynamics` at q, v, tau, shape (n,), all in one batch. The
+    default step [rad, m, rad/s, ..., N m], the cube root of the rounding unit, leaves about 1e-10
+    of the largest entry. A is (2 n, 2 n), B is (2 n, n).
     """
     n = chain.n
     point = np.concatenate([vector(s, x, (n,)) for s, x in (("q", q), ("v", v), ("tau", tau))])

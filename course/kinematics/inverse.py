@@ -57,13 +57,9 @@ _PATIENCE = 6  # steps of Levenberg-Marquardt that each win less than a tenth, u
 
 
 def pose_error(target: ArrayLike, pose: ArrayLike) -> Array:
-    """What is left to go: position, and the shortest turn as a rotation vector, in world axes.
+    """What is left to go from a pose to a target, (7,) or (7, N), in world axes, (6,) or (6, N).
 
-    Args:
-        target, pose: shape (7,) or (7, N) each.
-
-    Returns:
-        Shape (6,) or (6, N) [m, rad].
+    Position [m] over the shortest turn as a rotation vector [rad].
     """
     t, p = (vector(s, x, (7,), (7, None)) for s, x in (("target", target), ("pose", pose)))
     turns = unit_quaternion(t[3:], "target[3:]"), unit_quaternion(p[3:], "pose[3:]")
@@ -124,13 +120,9 @@ def gain(s, method, damping):
 
 @register_jitable
 def step(J, e, method, damping, A, U, dq):
-    """One step of every method but Levenberg-Marquardt into dq (n,).
+    """One step of a method (its number in METHODS) but Levenberg-Marquardt into dq (n,).
 
-    Args:
-        J, e: Jacobian (m, n) and error (m,).
-        method: number in METHODS.
-        damping: lambda.
-        A, U: room, (m, n) and (m, m).
+    J (m, n) is the Jacobian, e (m,) the error; A (m, n) and U (m, m) are room.
     """
     m, n = J.shape
     dq[:] = 0.0
@@ -240,14 +232,10 @@ def _held(table, J, e, q, held):
 
 
 def _solve(table, target, starts, method, damping, near, turn, most, rank):
-    """Run every start until one succeeds, for N targets.
+    """Run every start (N, S, n) until one succeeds, for N targets (7, N) or (3, N).
 
     Args:
-        table: the arm's.
-        target: shape (7, N), or (3, N) for the position alone.
-        starts: shape (N, S, n).
-        method: number in METHODS.
-        damping: lambda, and the first one of Levenberg-Marquardt.
+        table, method, damping: the arm's, a number in METHODS, lambda.
         near, turn: tolerances [m, rad].
         most: steps from each start.
         rank: of the arm's Jacobian where it is not singular.
@@ -381,13 +369,9 @@ class IKResult:
 
 
 class Samples:
-    """A table of postures and their poses, to start from the nearest ones.
+    """A table of postures `q` (n, M) of a `chain` and their poses, to start from the nearest ones.
 
     Near is a distance in metres, where a radian counts as a quarter of the arm's reach.
-
-    Attributes:
-        chain: the arm.
-        q: postures within the limits, (n, M).
     """
 
     def __init__(self, chain: Chain, size: int, rng: np.random.Generator | int) -> None:
@@ -554,11 +538,9 @@ def mid_range(chain: Chain, q: ArrayLike) -> tuple[float, Array]:
 def disc_distance(
     chain: Chain, q: ArrayLike, centre: ArrayLike, radius: float
 ) -> tuple[float, Array]:
-    """How far the arm, as lines from joint to joint to tip, keeps off a disc in the x-y plane.
+    """How far the arm, as lines from joint to joint to tip, keeps off a disc in the x-y plane [m].
 
-    Returns:
-        The smallest distance [m], negative where a line cuts the disc, and its gradient (n,); the
-        gradient jumps where another line becomes the nearest.
+    Negative where a line cuts it. The gradient (n,) jumps where another line becomes the nearest.
     """
     middle = vector("centre", centre, (2,), unit="m")
     finite("radius", radius, 0.0, unit="m")
@@ -586,14 +568,11 @@ def null_space_step(
     takes it back.
 
     Args:
-        chain: the arm.
-        q: joint positions, shape (n,).
+        chain, q: the arm and its posture, shape (n,).
         gradient: of an objective, shape (n,).
-        length: of the step, Euclidean [rad]; negative to go down.
+        length: of the step, Euclidean [rad]; negative to go down. None is made where the gradient
+            has no part in the null space.
         rows: that the task has, 6, or 3 for the position alone.
-
-    Returns:
-        Shape (n,); q itself where the gradient has no part in the null space.
     """
     (q,) = (vector("q", q, (chain.n,)),)
     count("rows", rows, 1, 6)

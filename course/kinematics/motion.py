@@ -229,9 +229,7 @@ def kernels() -> tuple[Any, Any, Any]:
 def batch(chain: Chain, **states: Any) -> tuple[bool, list[Array]]:
     """Whether the states of an arm are single, and all of them as checked batches (n, N).
 
-    Args:
-        chain: the arm.
-        **states: by name, each of shape (n,) or (n, N); all of one shape.
+    The states come by name, each of shape (n,) or (n, N), all of one shape.
     """
     n, found, first = len(chain.table) - 1, [], None
     for name, value in states.items():
@@ -255,17 +253,10 @@ def _spot(chain: Chain, point: ArrayLike | None, joint: int | None) -> tuple[int
 
 
 def frames(chain: Chain, q: ArrayLike) -> Array:
-    """World poses of the joints' frames, which are those of the links.
-
-    Args:
-        chain: the arm.
-        q: joint positions, shape (n,) or (n, N) [rad or m].
-
-    Returns:
-        Shape (7, n) or (7, n, N).
+    """World poses of the joints' frames, which are those of the links, (7, n) or (7, n, N).
 
     Raises:
-        ValueError: for another shape, or numbers that are not finite.
+        ValueError: for a q of another shape than (n,) or (n, N) [rad or m], or that is not finite.
     """
     single, (q,) = batch(chain, q=q)
     result = kernels()[0](chain.table, q)[:, :-1]
@@ -282,17 +273,12 @@ def tip(chain: Chain, q: ArrayLike) -> Array:
 def jacobian(
     chain: Chain, q: ArrayLike, point: ArrayLike | None = None, *, joint: int | None = None
 ) -> Array:
-    """The geometric Jacobian: the twist of a point is J v.
+    """The geometric Jacobian, (6, n) or (6, n, N): the twist of a point is J v.
 
     Args:
-        chain: the arm.
-        q: joint positions, shape (n,) or (n, N) [rad or m].
+        chain, q: the arm and its joint positions, shape (n,) or (n, N) [rad or m].
         point: given in the frame that it is fixed to, shape (3,) [m]; default: its origin.
-        joint: whose link it is fixed to; default: the tool.
-
-    Returns:
-        Shape (6, n) or (6, n, N), velocity over angular velocity in world axes; a joint that does
-        not move the point has zeros.
+        joint: whose link it is fixed to; default: the tool. Joints that do not move it have zeros.
 
     Raises:
         ValueError: for another shape, a joint that is not there, or numbers that are not finite.
@@ -310,21 +296,16 @@ def jacobian_rate(
     *,
     joint: int | None = None,
 ) -> Array:
-    """dJ/dt at rates v, shape of q; the rest as for `jacobian`. The tip's acceleration is J a +
-    (dJ/dt) v."""
+    """dJ/dt at rates v, as for `jacobian`: the point's acceleration is J a + (dJ/dt) v."""
     single, (q, v) = batch(chain, q=q, v=v)
     result = kernels()[2](chain.table, q, v, *_spot(chain, point, joint))
     return result[:, :, 0] if single else result
 
 
 def analytic_jacobian(chain: Chain, q: ArrayLike) -> Array:
-    """Rates of the tip's position and of its yaw, pitch and roll (z, y, x) by joint.
+    """Rates of the tip's position and of its yaw, pitch and roll (z, y, x), (6, n) or (6, n, N).
 
-    At a pitch of +-90 degrees these rates grow without bound although the arm does not: the lock
-    is one of the angles, not of the arm. Compare `condition_number` of both.
-
-    Returns:
-        Shape (6, n) or (6, n, N).
+    At a pitch of +-90 degrees they grow without bound: the angles lock there, not the arm.
     """
     single, (q,) = batch(chain, q=q)
     J, pose = kernels()[1](chain.table, q, chain.n, np.zeros(3)), tip(chain, q)
@@ -349,25 +330,17 @@ def singular_values(J: ArrayLike) -> Array:
 def manipulability(J: ArrayLike) -> Any:
     """The product of the singular values (Yoshikawa, 1985): 0 at a singularity.
 
-    Args:
-        J: the rows that the task has, shape (m, n) or (m, n, N): those of a planar arm are J[:2].
-            It is sqrt(det(J J^T)) for m <= n and sqrt(det(J^T J)) for more rows than joints.
+    J has the rows of the task, (m, n) or (m, n, N): J[:2] for a planar arm. It is
+    sqrt(det(J J^T)) for m <= n, and sqrt(det(J^T J)) for more rows than joints.
     """
     return np.prod(singular_values(J), axis=0)[()]
 
 
 def condition_number(J: ArrayLike, length: float) -> Any:
-    """Largest over smallest singular value, the rows of velocity divided by a length.
+    """Largest over smallest singular value of a whole Jacobian, (6, n) or (6, n, N); may be inf.
 
-    Metres and radians have no common scale: without a stated length the number has no meaning. In
-    millimetres (length = 0.001) the same arm has another one.
-
-    Args:
-        J: a whole Jacobian, shape (6, n) or (6, n, N).
-        length: by which velocities are divided, positive [m].
-
-    Returns:
-        From 1 on; infinite where the smallest is 0.
+    Metres and radians have no common scale: without the length [m] by which the rows of velocity
+    are divided it has no meaning. In millimetres (0.001) the same arm has another one.
     """
     J = np.array(vector("J", J, (6, None), (6, None, None)))
     J[:3] /= positive("length", length, unit="m")
@@ -379,14 +352,9 @@ def condition_number(J: ArrayLike, length: float) -> Any:
 def null_space(J: ArrayLike) -> Array:
     """The projector I - J^+ J onto the joint rates that leave the task still.
 
-    Singular values below 1e-10 of the largest count as zero, so at a singularity the null space has
-    grown by the direction that the tip has lost.
-
-    Args:
-        J: the rows that the task has, shape (m, n) or (m, n, N).
-
-    Returns:
-        Shape (n, n) or (n, n, N), symmetric, its own square.
+    Singular values below 1e-10 of the largest count as zero: at a singularity the null space has
+    grown by the direction that the tip has lost. From the task's rows, (m, n) or (m, n, N), comes
+    a symmetric matrix that is its own square, (n, n) or (n, n, N).
     """
     J = vector("J", J, (None, None), (None, None, None))
     single = J.ndim == 2

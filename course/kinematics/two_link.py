@@ -39,8 +39,7 @@ class TwoLink:
     """The arm's parameters, each pair for the two links or joints.
 
     Attributes:
-        lengths: of the links [m].
-        masses: of the links, uniform rods [kg].
+        lengths, masses: of the links [m], uniform rods [kg].
         damping: viscous, of the joints [N m s/rad].
         torques: the motors' limits [N m]; who steps the arm applies them.
         payload: a point mass at the tip [kg].
@@ -70,10 +69,8 @@ class TwoLink:
 
     @property
     def parameters(self) -> Array:
-        """What the equations are linear in: a, b, d, c1, c2 [kg m^2, N m s/rad].
-
-        In an upright plane w1 and w2 [kg m] follow: shape (5,), or (7,).
-        """
+        """What the equations are linear in: a, b, d, c1, c2 [kg m^2, N m s/rad], shape (5,); in an
+        upright plane w1 and w2 [kg m] follow, shape (7,)."""
         (m1, m2), (l1, l2), (i1, i2), p = self.masses, self.lengths, self.inertias, self.payload
         d = i2 + 0.25 * m2 * l2**2 + p * l2**2
         a = i1 + 0.25 * m1 * l1**2 + m2 * l1**2 + p * l1**2 + d
@@ -108,31 +105,21 @@ class TwoLink:
     def regressor(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, reference: ArrayLike | None = None
     ) -> Array:
-        """Y with torque = Y @ parameters; only lengths and gravity of this arm enter it, not even
-        its masses, so it may be asked of an arm whose masses nobody knows.
+        """Y with torque = Y @ parameters, shape (2, 5) or (2, 5, N), 7 for 5 in an upright plane.
 
-        With a reference velocity w it is that of M a + C(q, v) w + D w + G, where M' - 2 C is
+        The arm's masses do not enter, so it may be asked of one whose masses nobody knows. With a
+        reference velocity w it is that of M a + C(q, v) w + D w + G, where M' - 2 C is
         skew-symmetric: what the adaptive law of Slotine and Li (1987) needs.
 
         Args:
             q, v, a: angles, rates and accelerations, shape (2,) or (2, N).
             reference: w, same shape; default: v, which gives the torque of the motion.
 
-        Returns:
-            Y, shape (2, p) or (2, p, N), with p = 5, or 7 in an upright plane.
-
         Raises:
             ValueError: for shapes that disagree or numbers that are not finite.
         """
-        q, v, a, w = (
-            _pair(name, value, q)
-            for name, value in (
-                ("q", q),
-                ("v", v),
-                ("a", a),
-                ("reference", v if reference is None else reference),
-            )
-        )
+        given = {"q": q, "v": v, "a": a, "reference": v if reference is None else reference}
+        q, v, a, w = (_pair(name, value, q) for name, value in given.items())
         c, s = np.cos(q[1]), np.sin(q[1])
         result = np.zeros((2, 7 if self.gravity else 5) + q.shape[1:])
         result[0, 0] = a[0]
@@ -172,9 +159,7 @@ def _pair(name: str, value: ArrayLike, like: ArrayLike) -> Array:
 def acceleration(q, v, arm):
     """Joint accelerations of N arms, shape (2, N) [rad/s^2]; to be called by compiled loops.
 
-    Args:
-        q, v: angles [rad] and their rates, shape (2, N).
-        arm: columns of `TwoLink.column`, shape (13, N); the last two rows are the torques.
+    q and v, (2, N), are angles [rad] and rates, `arm` (13, N) columns of `TwoLink.column`.
     """
     result = np.empty_like(v)
     for i in range(q.shape[1]):
@@ -228,9 +213,8 @@ class TwoLinkIK(NamedTuple):
 def two_link_ik(lengths: ArrayLike, target: ArrayLike) -> TwoLinkIK:
     """Joint angles that put the tip of two links at a point: both branches.
 
-    q2 comes from the tangent of its half, the ratio of the distances to the two edges of the
-    annulus; the usual arccosine loses half the digits near both. At the centre of an arm with equal
-    links the direction is free; q1 is then the one that belongs to a target at angle 0.
+    By the tangent of half q2, as the usual arccosine loses half the digits near both edges of the
+    annulus. At the centre of an arm with equal links q1 is that of a target at angle 0.
 
     Args:
         lengths: of the links, shape (2,), positive [m].
