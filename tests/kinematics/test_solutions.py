@@ -46,11 +46,12 @@ def rngs():
 
 def test_the_answers_stand_alone():
     tree = ast.parse(Path(solutions.__file__).read_text(encoding="utf-8"))
-    nodes = list(ast.walk(tree))
-    imported = {
-        alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names
-    }
-    imported |= {node.module for node in nodes if isinstance(node, ast.ImportFrom)}
+    imported = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            imported |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            imported.add(node.module)
     assert imported == {"__future__", "math", "numpy", "numpy.typing"}
 
 
