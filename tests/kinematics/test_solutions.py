@@ -46,7 +46,7 @@ def rngs():
 
 def test_the_answers_stand_alone():
     tree = ast.parse(Path(solutions.__file__).read_text(encoding="utf-8"))
-    imported = set()
+    imported: set[str | None] = set()
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
             imported |= {alias.name for alias in node.names}
