@@ -160,8 +160,8 @@ def two_link_jacobian(found):
 
 @claim(
     "An arm is singular when it is stretched or folded.",
-    "For two links yes, and there only: l1 l2 sin q2 = 0. An arm with more joints has other "
-    "singular postures in the middle of its workspace: the 7-R arm with q2 = q5 = 0 and q3 = "
+    "For two links yes, and there only: l1 l2 sin q2 = 0. An arm with more joints may have "
+    "others in the middle of its workspace: the 7-R arm with q2 = q5 = 0 and q3 = "
     "+-{q3_deg:g} degrees, whatever its elbow does, has rank {rank_bent:g} of 6, its hand at "
     "{reach_percent:.0f} % of its reach.",
     source="Siciliano, Sciavicco, Villani and Oriolo, Robotics (2009), sec. 3.3",
@@ -327,9 +327,10 @@ def number_of_solutions(found):
 @claim(
     "A planner gives points of the tip, and IK turns each of them into joint angles.",
     "That asks for the way between the points, too. Of straight lines between points that links "
-    "of {l1_m} m and {l2_m} m reach, {hole_percent:.0f} % cross the hole around the base, and of "
-    "the others one in ten asks for {rate:.0f} rad a metre or more somewhere. A straight line of "
-    "joint angles stays reachable as long as the joints may turn: planners of arms plan there.",
+    "of {l1_m} m and {l2_m} m reach, at distances drawn evenly, {hole_percent:.0f} % cross the "
+    "hole around the base, and of the others one in ten asks for {rate:.0f} rad a metre or more "
+    "somewhere. A straight line of joint angles stays reachable as long as the joints may turn: "
+    "planners of arms plan there.",
 )
 def tip_plans_need_joints(found):
     from course.kinematics import singular_values, two_link_ik
