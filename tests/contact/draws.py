@@ -1,21 +1,24 @@
-"""Shapes and poses for the tests of contact geometry, from a generator."""
+"""Shapes and poses for the tests of contact geometry."""
 
 import numpy as np
 
 from course import contact
-from course.rigid_body.quaternion import exp, product
+from course.rigid_body.quaternion import exp, product, to_matrix
 
+CUBE = contact.box([0.5, 0.5, 0.5])
 CLOUD = np.random.default_rng(7).normal(size=(3, 12)) * 0.4
+# One of each kind, of about the same size.
+SHAPES = {
+    "sphere": contact.sphere(0.4),
+    "capsule": contact.capsule(0.25, 0.5),
+    "box": contact.box([0.3, 0.4, 0.6]),
+    "points": contact.points(CLOUD),
+}
 
 
-def shapes() -> dict[str, contact.Shape]:
-    """One of each kind, of about the same size."""
-    return {
-        "sphere": contact.sphere(0.4),
-        "capsule": contact.capsule(0.25, 0.5),
-        "box": contact.box([0.3, 0.4, 0.6]),
-        "points": contact.points(CLOUD),
-    }
+def at(x=0.0, y=0.0, z=0.0, turn=(0.0, 0.0, 0.0)) -> np.ndarray:
+    """A pose by its place and rotation vector."""
+    return np.array([x, y, z, *exp(np.array(turn, dtype=float))])
 
 
 def poses(rng: np.random.Generator, n: int, spread: float = 1.0) -> np.ndarray:
@@ -28,3 +31,8 @@ def turned(rng: np.random.Generator, pose: np.ndarray, angle: float) -> np.ndarr
     """The poses, turned by about an angle about any axis."""
     u = angle * rng.normal(size=(3, pose.shape[1]))
     return np.vstack((pose[:3], product(exp(u), pose[3:])))
+
+
+def corners(shape: contact.Shape, pose: np.ndarray) -> np.ndarray:
+    """Corners of the core in the world, shape (3, n, N)."""
+    return np.einsum("ijn,jk->ikn", to_matrix(pose[3:]), shape.corners) + pose[:3, None]

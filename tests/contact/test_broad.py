@@ -8,7 +8,6 @@ from hypothesis.extra import numpy as hnp
 
 from course import contact
 from course.contact import broad
-from course.rigid_body.quaternion import to_matrix
 from tests.budget import examples
 from tests.contact import draws
 
@@ -96,13 +95,12 @@ def test_a_plane_meets_everything_and_does_not_choose_the_axis():
         contact.uniform_grid(boxes)
 
 
-@pytest.mark.parametrize("name", ["sphere", "capsule", "box", "points"])
+@pytest.mark.parametrize("name", draws.SHAPES)
 def test_bounds_hold_the_shape_and_touch_it_on_every_side(name):
-    shape, pose = draws.shapes()[name], draws.poses(np.random.default_rng(4), 20)
+    shape, pose = draws.SHAPES[name], draws.poses(np.random.default_rng(4), 20)
     boxes = contact.bounds(shape, pose)
     assert boxes.shape == (2, 3, 20)
-    R = to_matrix(pose[3:])
-    core = np.einsum("ijn,jk->ikn", R, shape.corners) + pose[:3, None]
+    core = draws.corners(shape, pose)
     assert np.abs(core.min(axis=1) - shape.radius - boxes[0]).max() < 1e-12
     assert np.abs(core.max(axis=1) + shape.radius - boxes[1]).max() < 1e-12
 

@@ -8,15 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course import contact
+from course.contact.sweep import moved
 from course.rigid_body.quaternion import exp, rotate
 from tests.budget import examples
 from tests.contact import draws
-
-CUBE = contact.box([0.5, 0.5, 0.5])
-
-
-def at(x=0.0, y=0.0, z=0.0, turn=(0.0, 0.0, 0.0)):
-    return np.array([x, y, z, *exp(np.array(turn, dtype=float))])
+from tests.contact.draws import CUBE, SHAPES, at
 
 
 def scene(*columns):
@@ -82,7 +78,7 @@ def test_in_the_plane_two_faces_meet_in_two_points():
 @pytest.mark.parametrize("margin", [0.0, 0.05])
 def test_a_scene_has_the_contacts_of_its_pairs(margin):
     rng = np.random.default_rng(11)
-    kinds = [*draws.shapes().values(), contact.plane()]
+    kinds = [*SHAPES.values(), contact.plane()]
     shapes = [kinds[k] for k in rng.integers(0, len(kinds), 40)]
     poses = draws.poses(rng, 40, 2.0)
     found = contact.contacts(shapes, poses, margin)
@@ -136,18 +132,16 @@ def test_balls_touch_when_the_closed_form_says():
     assert hit.sum() > 100
     # Where they only graze, the tolerance makes a hit of a near miss.
     graze = np.abs(np.linalg.norm(offset + rate * np.where(hit, exact, 0.0), axis=0) - 0.8) < 1e-9
-    assert np.array_equal(np.isfinite(found.time) & hit, hit)
+    assert np.isfinite(found.time[hit]).all()
     assert graze[hit & (exact > 0)].all()
-    closing = -np.sum(rate * offset, axis=0)[hit]
     assert (np.abs(found.time - np.where(hit, exact, 0.0))[hit] < 1e-8).mean() > 0.99
-    assert closing.size == hit.sum()
     assert found.converged.all()
 
 
 @pytest.mark.parametrize(("first", "second"), [("box", "box"), ("capsule", "points")])
 def test_nothing_touches_before_the_time_of_impact(first, second):
     rng = np.random.default_rng(14)
-    a, b = draws.shapes()[first], draws.shapes()[second]
+    a, b = SHAPES[first], SHAPES[second]
     pose_a, v, pose_b, w = flight(rng, 600)
     near = 1e-8
     found = contact.time_of_impact(a, pose_a, v, b, pose_b, w, 1.0, near)
@@ -158,8 +152,6 @@ def test_nothing_touches_before_the_time_of_impact(first, second):
     assert found.converged.all()
 
     def apart(t):
-        from course.contact.sweep import moved
-
         return contact.distance(a, moved(pose_a, v, t), b, moved(pose_b, w, t)).distance
 
     until = np.where(hit, found.time, 1.0)

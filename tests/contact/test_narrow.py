@@ -13,15 +13,10 @@ from course.oracles import coal
 from course.rigid_body.quaternion import exp
 from tests.budget import examples
 from tests.contact import draws
+from tests.contact.draws import CUBE, SHAPES, at, corners
 
-SHAPES = draws.shapes()
 PAIRS = list(itertools.combinations_with_replacement(SHAPES, 2))
-CUBE = contact.box([0.5, 0.5, 0.5])
 HALF = math.sqrt(0.5)
-
-
-def at(x=0.0, y=0.0, z=0.0, turn=(0.0, 0.0, 0.0)):
-    return np.array([x, y, z, *exp(np.array(turn, dtype=float))])
 
 
 def check_points(a, pose_a, b, pose_b, found):
@@ -32,10 +27,9 @@ def check_points(a, pose_a, b, pose_b, found):
     assert np.abs(np.linalg.norm(found.normal, axis=0) - 1.0).max() < 1e-13
     point = contact.points(np.zeros((a.dim, 1)))
     for shape, pose, place in ((a, pose_a, found.point_a), (b, pose_b, found.point_b)):
-        q = np.zeros((7 if a.dim == 3 else 3, place.shape[1]))
+        still = at() if a.dim == 3 else np.zeros(3)
+        q = np.tile(still[:, None], place.shape[1])
         q[: a.dim] = place
-        if a.dim == 3:
-            q[3] = 1.0
         inside = contact.distance(shape, pose, point, q).distance
         assert np.abs(inside).max() < 1e-12 * size
 
@@ -43,7 +37,7 @@ def check_points(a, pose_a, b, pose_b, found):
 @pytest.mark.parametrize("spread", [0.3, 1.5])
 @pytest.mark.parametrize(("first", "second"), PAIRS)
 def test_agrees_with_coal(first, second, spread):
-    rng = np.random.default_rng(hash_of(first, second))
+    rng = np.random.default_rng([ord(letter) for letter in first + second])
     pose_a, pose_b = draws.poses(rng, 300, spread), draws.poses(rng, 300, spread)
     a, b = SHAPES[first], SHAPES[second]
     found = contact.distance(a, pose_a, b, pose_b)
@@ -55,10 +49,6 @@ def test_agrees_with_coal(first, second, spread):
     # The other way round the same, with the normal turned.
     back = contact.distance(b, pose_b, a, pose_a)
     assert np.abs(back.distance - found.distance).max() < 1e-13
-
-
-def hash_of(*names):
-    return sum(ord(letter) for letter in "".join(names))
 
 
 @pytest.mark.parametrize(
@@ -215,17 +205,13 @@ def test_it_always_ends_and_no_plane_proves_it_wrong(a, b, turn_a, turn_b, where
     assert found.gap <= 1e-12 * size
     # Moved apart by the distance along the normal they touch: no direction is left to separate
     # them less, and along this one they meet in a plane.
-    corners = [_corners(s, q) @ found.normal for s, q in ((a, pose_a), (b, pose_b))]
-    along = corners[1].min() - corners[0].max() - a.radius - b.radius
+    reach_a, reach_b = (
+        found.normal @ corners(s, q[:, None])[:, :, 0] for s, q in ((a, pose_a), (b, pose_b))
+    )
+    along = reach_b.min() - reach_a.max() - a.radius - b.radius
     core = found.distance + a.radius + b.radius
     turned = 1e-15 * size / core if core > 0.0 else 0.0
     assert along == pytest.approx(found.distance, abs=(1e-12 + turned) * size)
-
-
-def _corners(shape, pose):
-    from course.rigid_body.quaternion import to_matrix
-
-    return (to_matrix(pose[3:]) @ shape.corners + pose[:3, None]).T
 
 
 def test_sizes_do_not_change_what_is_found():

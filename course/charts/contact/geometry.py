@@ -1,5 +1,6 @@
 """Chapter 2, geometry: broad phase by size, narrow phase beside Coal, and where walls leak."""
 
+import functools
 import itertools
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -12,7 +13,7 @@ from course.contact import broad
 from course.contact.narrow import measured
 from course.contact.shapes import Array, Shape, poses
 from course.measure.figure import Panel, Series
-from course.measure.timing import batches, calls, interleaved
+from course.measure.timing import Timing, calls, interleaved
 from course.measure.work_precision import machine
 from course.oracles import coal
 from course.oracles.mujoco import shapes as mujoco_shapes
@@ -30,6 +31,11 @@ def _power(x: Sequence[float], y: Sequence[float]) -> float:
 def _law(x: Sequence[float], y: Sequence[float], exponent: float) -> Callable[[float], float]:
     """The power law with that exponent through the last point."""
     return lambda n: y[-1] * (n / x[-1]) ** exponent
+
+
+def _moved(boxes: Array, rng: np.random.Generator) -> Array:
+    """Each box moved by one per cent of an edge, 7.5 mm, in any direction."""
+    return boxes + rng.normal(scale=0.0075, size=boxes.shape[1:])
 
 
 @chart
@@ -52,56 +58,52 @@ def broad_phase(
             sweep = contact.SweepAndPrune(axis=0)
             pairs.append(sweep.pairs(boxes).shape[1])
             tests.append(sweep.tests)
-            # Each box moves by one per cent of an edge, 7.5 mm, in any direction.
-            sweep.pairs(boxes + rng.normal(scale=0.0075, size=(3, size)))
+            sweep.pairs(_moved(boxes, rng))
             swaps.append(sweep.swaps)
-        exponent, grown = _power(n, tests), _power(n, pairs)
+        exponent, grown, swapped = (_power(n, found) for found in (tests, pairs, swaps))
         note = f"{kind:<8} tests N^{exponent:.2f}, theory N^{theory:.2f}; pairs N^{grown:.2f}"
         if kind == "spread":
-            note += f"; swaps after a move of 1 % N^{_power(n, swaps):.2f}"
+            note += f"; swaps after a move of 1 % N^{swapped:.2f}"
         counts.series.append(Series(f"tests, {WORDS[kind]}: $N^{{{exponent:.2f}}}$", n, tests,
                                     theory=_law(n, tests, theory), note=note))  # fmt: skip
         if kind == "spread":
-            counts.series.append(Series(f"pairs, {WORDS[kind]}: $N^{{{grown:.2f}}}$", n, pairs,
-                                        style=":"))  # fmt: skip
-            label = f"swaps after a move of 1 %: $N^{{{_power(n, swaps):.2f}}}$"
-            counts.series.append(Series(label, n, swaps, style="--"))
+            label = f"swaps after a move of 1 %: $N^{{{swapped:.2f}}}$"
+            counts.series += [
+                Series(f"pairs, {WORDS[kind]}: $N^{{{grown:.2f}}}$", n, pairs, style=":"),
+                Series(label, n, swaps, style="--"),
+            ]
     yield counts
     times = Panel("The same pairs, spread in a cube: time of a call", "boxes N", "time [s]",
                   scale="log")  # fmt: skip
-    found: dict[str, list[tuple[int, float, float, float]]] = {}
-    busy = 0.0
+    found: dict[str, list[tuple[int, Timing]]] = {}
     for size in sizes:
         rng = np.random.default_rng(size)
         boxes = broad.crowd("spread", size, rng)
-        moved = boxes + rng.normal(scale=0.0075, size=(3, size))
-        kept = contact.SweepAndPrune(axis=0)
-        ways = itertools.cycle((moved, boxes))
+        kept, ways = contact.SweepAndPrune(axis=0), itertools.cycle((_moved(boxes, rng), boxes))
         methods = {
             "sweep and prune": calls(lambda b=boxes: contact.SweepAndPrune(axis=0).pairs(b)),
             "kept order": calls(lambda k=kept, w=ways: k.pairs(next(w))),
-            "uniform grid": calls(lambda b=boxes: contact.uniform_grid(b)),
+            "uniform grid": calls(contact.uniform_grid, boxes),
         }
         if size <= brute:
-            methods["brute force"] = calls(lambda b=boxes: contact.brute_force(b))
+            methods["brute force"] = calls(contact.brute_force, boxes)
         if size <= mujoco:
             methods["MuJoCo"] = mujoco_shapes.BroadPhase(boxes).seconds
-        for name, timing in zip(
-            methods, interleaved(list(methods.values()), repeats=repeats), strict=True
-        ):
-            found.setdefault(name, []).append((size, timing.median, timing.low, timing.high))
-            busy = max(busy, timing.busy)
+        timings = interleaved(list(methods.values()), repeats=repeats)
+        for name, timing in zip(methods, timings, strict=True):
+            found.setdefault(name, []).append((size, timing))
     for name, rows in found.items():
-        n, median, low, high = (list(column) for column in zip(*rows, strict=True))
+        n, median = [size for size, _ in rows], [timing.median for _, timing in rows]
         # Small sizes measure what a call costs by itself.
-        large = [i for i, size in enumerate(n) if size >= 1000] or list(range(len(n)))
-        slope = _power([n[i] for i in large], [median[i] for i in large]) if len(large) > 1 else 0.0
+        large = [k for k, size in enumerate(n) if size >= 1000] or list(range(len(n)))
+        slope = _power([n[k] for k in large], [median[k] for k in large]) if large[1:] else 0.0
         times.series.append(Series(
-            f"{name}: $N^{{{slope:.2f}}}$" if slope else name, n, median, name, low=low, high=high,
+            f"{name}: $N^{{{slope:.2f}}}$" if slope else name, n, median, name,
+            low=[timing.low for _, timing in rows], high=[timing.high for _, timing in rows],
             note=f"{name:<16} " + ", ".join(f"{a}: {1e3 * b:.3g} ms" for a, b in
                                             zip(n, median, strict=True)),
         ))  # fmt: skip
-    times.footer = machine(busy)
+    times.footer = machine(max(timing.busy for rows in found.values() for _, timing in rows))
     yield times
 
 
@@ -134,38 +136,23 @@ def drawn_pairs(a: Shape, b: Shape, n: int, apart: bool) -> tuple[Array, Array]:
     return np.ascontiguousarray(first), np.ascontiguousarray(second)
 
 
-def _timed(a: Shape, b: Shape, qa: Array, qb: Array, repeats: int) -> tuple[list[float], float]:
-    """Seconds a pair of ours, of Coal's loop, and of Coal's with poses made in it; and busy."""
-    n = qa.shape[1]
-    pair, at_a, at_b = coal.Pair(a, b), coal.transforms(qa), coal.transforms(qb)
-    checked = poses("pose_a", qa, 3), poses("pose_b", qb, 3)
-
-    parts_a, parts_b = coal.parts(qa), coal.parts(qb)
-
-    def whole(times: int) -> None:
-        for _ in range(times):
-            pair.built_in_the_loop(parts_a, parts_b)
-
-    def loop(times: int) -> None:
-        for _ in range(times):
-            pair.loop(at_a, at_b)
-
-    timings = interleaved(
-        [
-            calls(measured, a, checked[0], b, checked[1], clock=time.process_time),
-            batches(loop, time.process_time),
-            batches(whole, time.process_time),
-        ],
-        repeats=repeats, sample=2e-3,
-    )  # fmt: skip
-    return [timing.median / n for timing in timings], max(timing.busy for timing in timings)
+def _timed(a: Shape, b: Shape, qa: Array, qb: Array, repeats: int) -> list[float]:
+    """Seconds a pair of ours, of Coal's loop, and of Coal's with poses made in it."""
+    pair, clock = coal.Pair(a, b), time.process_time
+    in_the_loop = coal.parts(qa), coal.parts(qb)
+    samplers = [
+        calls(measured, a, poses("pose_a", qa, 3), b, poses("pose_b", qb, 3), clock=clock),
+        calls(pair.loop, coal.transforms(qa), coal.transforms(qb), clock=clock),
+        calls(pair.built_in_the_loop, *in_the_loop, clock=clock),
+    ]
+    timings = interleaved(samplers, repeats=repeats, sample=2e-3)
+    return [timing.median / qa.shape[1] for timing in timings]
 
 
 @chart(columns=2)
 def narrow_phase(count: int = 2000, repeats: int = 7, boxes: int = 2000) -> Iterator[Panel]:
     """Ratios, as both took their turns in one process; and error beside time for boxes."""
     shapes = kinds()
-    busy = 0.0
     for apart in (True, False):
         what = "apart: distance" if apart else "in each other: depth"
         panel = Panel(f"Shapes {what}", "time of Coal / time of the course", scale="log x",
@@ -174,12 +161,9 @@ def narrow_phase(count: int = 2000, repeats: int = 7, boxes: int = 2000) -> Iter
         for first, second in itertools.combinations_with_replacement(shapes, 2):
             a, b = shapes[first], shapes[second]
             qa, qb = drawn_pairs(a, b, count, apart)
-            (own, theirs, whole), load = _timed(a, b, qa, qb, repeats)
-            busy = max(busy, load)
-            error = np.abs(
-                contact.distance(a, qa, b, qb).distance - coal.Pair(a, b).distances(qa, qb)
-            )
-            worst = max(worst, float(error.max()) / (a.size + b.size))
+            own, theirs, whole = _timed(a, b, qa, qb, repeats)
+            error = contact.distance(a, qa, b, qb).distance - coal.Pair(a, b).distances(qa, qb)
+            worst = max(worst, float(np.abs(error).max()) / (a.size + b.size))
             names.append(f"{first}, {second}")
             bare.append(theirs / own)
             built.append(whole / own)
@@ -221,23 +205,19 @@ def _box_panel(n: int, repeats: int) -> Panel:
     rows: dict[str, list[tuple[float, float]]] = {}
     scenes = box_scenes(n)
     tight, loose = coal.Pair(box, box), coal.Pair(box, box, None)
-
-    def runs(qa: Array, qb: Array) -> dict[str, Callable[[], object]]:
-        at_a, at_b = coal.transforms(qa), coal.transforms(qb)
-        return {
-            "GJK and EPA": lambda: contact.distance(box, qa, box, qb).distance,
-            "Coal": lambda: tight.loop(at_a, at_b),
-            "Coal, default tolerance": lambda: loose.loop(at_a, at_b),
-            "every feature": lambda: contact.enumerated(box, qa, box, qb),
-        }
-
+    methods: dict[str, Callable[..., object]] = {
+        "GJK and EPA": lambda qa, qb, *_: contact.distance(box, qa, box, qb).distance,
+        "Coal": lambda _, __, *places: tight.loop(*places),
+        "Coal, default tolerance": lambda _, __, *places: loose.loop(*places),
+        "every feature": lambda qa, qb, *_: contact.enumerated(box, qa, box, qb),
+    }
     for qa, qb in scenes.values():
-        truth, methods = contact.enumerated(box, qa, box, qb), runs(qa, qb)
-        timings = interleaved(
-            [calls(run, clock=time.process_time) for run in methods.values()], repeats=repeats
-        )
+        given = qa, qb, coal.transforms(qa), coal.transforms(qb)
+        truth = contact.enumerated(box, qa, box, qb)
+        samplers = [calls(run, *given, clock=time.process_time) for run in methods.values()]
+        timings = interleaved(samplers, repeats=repeats)
         for (name, run), timing in zip(methods.items(), timings, strict=True):
-            off = float(np.abs(np.asarray(run()) - truth).max()) / (2 * box.size)
+            off = float(np.abs(np.asarray(run(*given)) - truth).max()) / (2 * box.size)
             rows.setdefault(name, []).append((timing.median / n, off))
     for name, points in rows.items():
         cost, error = (np.array(column) for column in zip(*points, strict=True))
@@ -255,42 +235,38 @@ def _box_panel(n: int, repeats: int) -> Panel:
 
 
 RADIUS, WALL, TIMECONST, DMAX = 0.02, 0.01, 0.02, 0.95
+REACH, STILL = RADIUS + WALL / 2, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
-def _first(passes: Callable[[float, float], bool], speeds: Array, phases: int) -> float:
-    """The least of the speeds at which some phase of the step comes through; infinite if none."""
-    for speed in speeds:
-        if any(passes(float(speed), (k + 0.5) / phases) for k in range(phases)):
-            return float(speed)
-    return np.inf
+def _ball_and_wall() -> tuple[Shape, Shape]:
+    return contact.sphere(RADIUS), contact.box([WALL / 2, 1.0, 1.0])
 
 
 def checked(dt: float, speed: float, phase: float) -> bool:
     """Whether a ball of 20 mm passes a wall of 10 mm between two tests of their distance."""
-    ball, wall = contact.sphere(RADIUS), contact.box([WALL / 2, 1.0, 1.0])
-    reach = RADIUS + WALL / 2
-    x = (
-        -reach
-        - speed * dt * (1.0 - phase)
-        + speed * dt * np.arange(2 + int(2 * reach / (speed * dt)))
-    )
-    at = np.zeros((7, x.size))
-    at[0], at[3] = x, 1.0
-    return bool((measured(ball, at, wall, at * (np.arange(7) == 3)[:, None])[0] > 0.0).all())
+    ball, wall = _ball_and_wall()
+    step = speed * dt
+    at = np.tile(STILL[:, None], 2 + int(2 * REACH / step))
+    at[0] = -REACH - step * (1.0 - phase) + step * np.arange(at.shape[1])
+    still = np.tile(STILL[:, None], at.shape[1])
+    return bool((measured(ball, at, wall, still)[0] > 0.0).all())
 
 
 def advanced(dt: float, speed: float, phase: float) -> bool:
     """Whether the ball passes if every step is searched for its time of impact."""
-    ball, wall = contact.sphere(RADIUS), contact.box([WALL / 2, 1.0, 1.0])
-    start = np.array([-RADIUS - WALL / 2 - speed * dt * (1.0 - phase), 0, 0, 1, 0, 0, 0])
-    still = np.array([0.0, 0, 0, 1, 0, 0, 0])
-    steps = 2 + int((2 * RADIUS + WALL) / (speed * dt))
-    for _ in range(steps):
-        go = np.array([speed, 0.0, 0, 0, 0, 0])
-        if np.isfinite(contact.time_of_impact(ball, start, go, wall, still, np.zeros(6), dt).time):
+    ball, wall = _ball_and_wall()
+    start, go = STILL.copy(), np.array([speed, 0.0, 0.0, 0.0, 0.0, 0.0])
+    start[0] = -REACH - speed * dt * (1.0 - phase)
+    for _ in range(2 + int(2 * REACH / (speed * dt))):
+        if np.isfinite(contact.time_of_impact(ball, start, go, wall, STILL, 0 * go, dt).time):
             return False
         start[0] += speed * dt
     return True
+
+
+def in_mujoco(dt: float, speed: float, phase: float, speculative: bool = False) -> bool:
+    """Whether the ball passes in MuJoCo."""
+    return mujoco_shapes.passes(speed, dt, 0.01 + phase * speed * dt, speculative=speculative)
 
 
 @chart
@@ -301,32 +277,31 @@ def tunnelling_limit(
 ) -> Iterator[Panel]:
     """The least speed at which a ball comes through a wall, by step: two limits, and two cures."""
     speeds = np.geomspace(1.0, 400.0, grid)
-    reach = RADIUS + WALL / 2
-    soft = np.e * reach / (DMAX * TIMECONST)
+    soft = np.e * REACH / (DMAX * TIMECONST)
     panel = Panel("A ball of 20 mm radius at a wall of 10 mm: the least speed that comes through",
-                  "step [s]", "speed [m/s]", scale="log",
+                  "step [s]", "speed [m/s]", scale="log", theory="geometric limit (2 r + w) / dt",
                   lines=[("y", soft, "soft limit e (r + w/2) / (dmax timeconst)")])  # fmt: skip
-    rows = {
-        "checked once a step": lambda dt: lambda v, p: checked(dt, v, p),
-        "advanced to the impact": lambda dt: lambda v, p: advanced(dt, v, p),
-        "MuJoCo, default": lambda dt: lambda v, p: mujoco_shapes.passes(v, dt, 0.01 + p * v * dt),
-        "MuJoCo, speculative": lambda dt: (
-            lambda v, p: mujoco_shapes.passes(v, dt, 0.01 + p * v * dt, speculative=True)
-        ),
-    }
     ratio = float(speeds[1] / speeds[0])
     panel.notes.append(f"speeds on a grid of {100 * (ratio - 1):.0f} %; soft limit {soft:.2f} m/s")
-    for name, of in rows.items():
-        # A run of MuJoCo takes long; elsewhere many phases find the first that slips through.
-        tried = phases if name.startswith("MuJoCo") else 10 * phases
-        found = [_first(of(dt), speeds, tried) for dt in steps]
-        theory = (lambda dt: (2 * RADIUS + WALL) / dt) if name == "checked once a step" else None
+    # A run of MuJoCo takes long; elsewhere many phases find the first that slips through.
+    rows: dict[str, tuple[Callable[..., bool], int]] = {
+        "checked once a step": (checked, 10 * phases),
+        "advanced to the impact": (advanced, 10 * phases),
+        "MuJoCo, default": (in_mujoco, phases),
+        "MuJoCo, speculative": (functools.partial(in_mujoco, speculative=True), phases),
+    }
+    for name, (passes, tried) in rows.items():
+        shares = (np.arange(tried) + 0.5) / tried
+        found = [
+            next((float(v) for v in speeds if any(passes(dt, v, p) for p in shares)), np.inf)
+            for dt in steps
+        ]
         shown = ", ".join(
             f"{1e3 * dt:g} ms: "
             + (f"{v:.3g}" if np.isfinite(v) else f"none up to {speeds[-1]:.0f}")
             for dt, v in zip(steps, found, strict=True)
         )
+        theory = (lambda dt: 2 * REACH / dt) if passes is checked else None
         panel.series.append(Series(name, list(steps), found, name, theory=theory,
                                    note=f"{name:<24} {shown}"))  # fmt: skip
-    panel.theory = "geometric limit (2 r + w) / dt"
     yield panel

@@ -10,15 +10,14 @@ from course.oracles import coal
 from course.rigid_body.quaternion import exp
 from tests.contact import draws
 
-SHAPES = draws.shapes()
-PAIRS = list(itertools.combinations_with_replacement(SHAPES, 2))
+PAIRS = list(itertools.combinations_with_replacement(draws.SHAPES, 2))
 COUNT = 100_000
 
 
 @pytest.mark.parametrize(("first", "second"), PAIRS)
 def test_agrees_with_coal(first, second):
     rng = np.random.default_rng()
-    a, b = SHAPES[first], SHAPES[second]
+    a, b = draws.SHAPES[first], draws.SHAPES[second]
     size = a.size + b.size
     for spread in (0.4, 1.5):
         pose_a, pose_b = draws.poses(rng, COUNT // 2, spread), draws.poses(rng, COUNT // 2, spread)
