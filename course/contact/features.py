@@ -50,7 +50,8 @@ def separating_axes(
         Separation [m], shape (N,), and the axis, a unit vector from a to b, shape (dim, N).
 
     Raises:
-        ValueError: as for `distance`, for other shapes, and where neither has an edge.
+        ValueError: as for `distance`, for other shapes, and where all edges are parallel or there
+            are none, as of two parallel capsules or two spheres.
     """
     _simple("a", a)
     _simple("b", b)

@@ -314,7 +314,10 @@ def lcp(problem: Problem, *, edges: int = 4, tolerance: float = 1e-9) -> Solutio
             B[i * d + 1 : i * d + d, i * (1 + m) + 1 : (i + 1) * (1 + m)] = faces.T
     size = B.shape[1]
     M = np.zeros((size + n, size + n)) if m else np.zeros((size, size))
-    M[:size, :size] = B.T @ problem.scaled @ B
+    # Impulses times the mean response along normals: all unknowns and residuals are speeds, and
+    # the pivots don't depend on the unit of mass.
+    stiff = float(np.mean(np.diag(problem.scaled)[::d])) or 1.0
+    M[:size, :size] = B.T @ problem.scaled @ B / stiff
     q = np.zeros(M.shape[0])
     q[:size] = B.T @ problem.offset
     for i in range(n if m else 0):
@@ -323,11 +326,8 @@ def lcp(problem: Problem, *, edges: int = 4, tolerance: float = 1e-9) -> Solutio
         M[size + i, shares] = -1.0
         M[size + i, i * (1 + m)] = 1.0
     z, pivots, _ = lemke(M, q)
-    stiff = float(np.max(np.diag(problem.scaled)))
-    unit = np.where(np.arange(q.size) < size, stiff, 1.0)  # the last unknowns are slips already
-    missed = np.minimum(z * unit, (M @ z + q) * stiff / unit)
-    worst = float(np.max(np.abs(missed)))
-    return answer("lcp", problem, B @ z[:size], pivots, worst, tolerance)
+    worst = float(np.max(np.abs(np.minimum(z, M @ z + q))))
+    return answer("lcp", problem, B @ z[:size] / stiff, pivots, worst, tolerance)
 
 
 # --- the round cone: Newton's method on the natural map -------------------------------------------

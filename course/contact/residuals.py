@@ -17,7 +17,10 @@ from course.contact.problem import Problem
 
 @dataclass(frozen=True)
 class Residuals:
-    """All are 0 for Coulomb's rigid contact, but for the energy, which is then not positive.
+    """The first four are 0 for Coulomb's rigid contact that starts without penetration.
+
+    Its energy is then not positive, without restitution: with it, friction can make Newton's rule
+    gain (Kane and Levinson 1985), and taking back a penetration costs energy too.
 
     Attributes:
         penetration: the deepest overlap after the step [m].
@@ -25,7 +28,7 @@ class Residuals:
         cone: by how much friction leaves its cone, in the normal's units [N s].
         dissipation: what friction could take out and leaves, at its normal force [J]; it must act
             straight against the slip, with all the cone gives.
-        energy: kinetic energy that the contacts put in [J]; a passive contact has none to give.
+        energy: kinetic energy that the contacts put in [J]; of a passive contact not positive.
     """
 
     penetration: float

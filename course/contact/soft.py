@@ -20,7 +20,7 @@ from course.check import finite, one_of, positive, refused, vector
 from course.contact.problem import Array, Problem, Solution
 
 _LEAST, _MOST = 1e-4, 0.9999  # mjMINIMP, mjMAXIMP
-_TINY = 1e-15  # mjMINVAL
+_TINY, _SMOOTH = 1e-15, 1e-5  # mjMINVAL, mjMINMU: no contact of friction rows is smoother
 CONES = ("pyramidal", "elliptic")
 
 
@@ -101,7 +101,7 @@ def rows_of(problem: Problem, softness: Softness) -> Rows:
     n, d, nv = problem.jacobian.shape
     touching = np.flatnonzero(problem.gap < softness.margin).astype(np.int64)
     r = (problem.gap - softness.margin)[touching]
-    jacobian, mu = problem.jacobian[touching], problem.friction[touching]
+    jacobian, mu = problem.jacobian[touching], np.maximum(problem.friction[touching], _SMOOTH)
     impedance = softness.impedance(r)
     k, b = softness.stiffness(softness.solref, problem.dt)
     split = softness.cone == "pyramidal" and d > 1

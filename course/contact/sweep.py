@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import finite, positive, refused, vector
+from course.check import POSITIVE, finite, positive, refused, vector
 from course.contact.narrow import measured, paired
 from course.contact.shapes import Array, Shape
 from course.rigid_body.quaternion import exp, product
@@ -48,10 +48,11 @@ def spheres_time_of_impact(offset: ArrayLike, velocity: ArrayLike, reach: ArrayL
         Time [s], 0 where they touch already, infinite where they never do.
 
     Raises:
-        ValueError: for a NaN, or a reach that is not positive.
+        ValueError: for a NaN, a reach that is not positive, or arrays of unequal shapes.
     """
-    p, v = vector("offset", offset, unit="m"), vector("velocity", velocity, unit="m/s")
-    r = vector("reach", reach, low=np.finfo(float).tiny, unit="m")
+    p = vector("offset", offset, (None,), (None, None), unit="m")
+    v = vector("velocity", velocity, p.shape, unit="m/s")
+    r = vector("reach", reach, (), p.shape[1:], low=POSITIVE, unit="m")
     far, b, a = np.linalg.norm(p, axis=0), np.sum(p * v, axis=0), np.sum(v * v, axis=0)
     c = (far - r) * (far + r)
     # The discriminant b^2 - a c from the distance at which they pass: no digits cancel.

@@ -215,6 +215,10 @@ def test_bad_flights_are_named(change, words):
         contact.time_of_impact(**(usual | change))
     with pytest.raises(ValueError, match="reach"):
         contact.spheres_time_of_impact([1.0], [1.0], 0.0)
+    with pytest.raises(ValueError, match=r"velocity\.shape"):  # not broadcast to three flights
+        contact.spheres_time_of_impact([1.0, 2.0, 3.0], np.ones((3, 3)), 0.1)
+    with pytest.raises(ValueError, match=r"reach\.shape"):
+        contact.spheres_time_of_impact(np.ones((3, 2)), np.ones((3, 2)), np.ones(5))
 
 
 def test_turning_is_about_the_origin_of_the_shape():

@@ -1,6 +1,7 @@
 """The contact models: closed forms, each other, chapter 1's impact, what none of them can do."""
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -352,6 +353,18 @@ def test_too_few_sweeps_say_so() -> None:
     assert not found.converged
     assert found.residual == pytest.approx(defect(problem, found.impulses))
     assert found.residual > 1e-6
+
+
+@pytest.mark.parametrize("size", [1e-9, 1e9])
+@pytest.mark.parametrize("model", SOLVED)
+def test_masses_in_other_units_move_alike(model: str, size: float) -> None:
+    problem = drawn(4, 3, 3)
+    other = solve(model, replace(problem, mass=size * problem.mass))
+    assert other.converged
+    assert np.allclose(other.velocity, solve(model, problem).velocity, atol=1e-8)
+    either = rod(1.0, 3.0, spin=6.0).problem(1e-4)  # which has two answers
+    other = solve(model, replace(either, mass=size * either.mass))
+    assert np.allclose(other.velocity, solve(model, either).velocity, atol=1e-8)
 
 
 def test_lemke_ends_on_a_ray_where_there_is_nothing() -> None:

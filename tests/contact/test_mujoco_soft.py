@@ -105,6 +105,18 @@ def test_our_own_block_and_tower_move_as_mujocos_do() -> None:
             assert np.allclose(found.v[:, -1], v, rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
+def test_a_contact_without_friction_still_pushes(cone: str) -> None:
+    """MuJoCo takes a least coefficient; the pyramid's compliance is then 1e-10 of the usual."""
+    options = Options(cone=cone, friction=(0.0, 0.005, 0.0001))
+    runner = mujoco_contact.block(options, 0.2, (1.0, 0.5))
+    weight = runner.model.body_invweight0[:2].sum(axis=0)[None]
+    scene = scenes.block(0.2, 0.0, (1.0, 0.5))
+    found = scenes.run(scene, "soft", options.dt, 300, cone=cone, weight=weight)
+    assert found.unsolved == 0
+    assert np.allclose(found.v[:, -1], runner.run(300)[1], rtol=0.0, atol=1e-7)
+
+
 def own_links(options: Options, steps: int) -> tuple[np.ndarray, np.ndarray]:
     """The arm at the wall, stepped here: MuJoCo tells mass matrix, free acceleration and contacts
     of our state; forces and step are ours."""
