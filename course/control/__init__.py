@@ -24,6 +24,7 @@ from course.control.laws import (
     pd,
     pd_gravity,
 )
+from course.control.optimal import box_qp, horizon, lqr, mpc
 from course.control.pid import Controller, Gains
 from course.control.sampled import (
     Margins,
@@ -54,17 +55,21 @@ __all__ = [
     "StepMetrics",
     "TouchLaw",
     "admittance",
+    "box_qp",
     "closed_loop",
     "computed_torque",
     "feedforward",
     "friction_compensation",
     "growth",
     "held",
+    "horizon",
     "hybrid",
     "impedance",
     "joint_system",
     "loop_matrix",
+    "lqr",
     "margins",
+    "mpc",
     "operational_space",
     "pd",
     "pd_gravity",
@@ -89,3 +94,5 @@ def warm() -> None:
     run_touch(Probe(), TouchLaw(), 0.0, 1e-3, 1e-2)
     arm = TwoLink()
     track(arm, JointLaw("pd", arm, 1.0, 1.0), lambda t: np.zeros((3, 2, t.size)), 1e-3, 1e-3)
+    lqr(np.eye(1), np.eye(1), np.eye(1), np.eye(1))
+    box_qp(np.eye(1), np.zeros(1), 0.0, 1.0)

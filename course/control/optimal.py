@@ -1,0 +1,356 @@
+"""Optimal laws: the linear regulator, and the same with limits over a finite horizon.
+
+x(k+1) = A x(k) + B u(k), cost sum of x^T Q x + u^T R u. Without limits the law is -K x, with K from
+the discrete Riccati equation. With limits on u a plan over N samples is a quadratic programme with
+a box, small enough to be solved exactly within a sample.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numba
+import numpy as np
+from numba import types
+from numba.extending import register_jitable
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import count, refused, vector
+from course.compiled import MATRIX, VECTOR, loop
+
+Array = NDArray[np.float64]
+
+
+# --- Riccati --------------------------------------------------------------------------------------
+
+
+@register_jitable
+def _product(X, Y):
+    Z = np.zeros((X.shape[0], Y.shape[1]))
+    for i in range(X.shape[0]):
+        for k in range(X.shape[1]):
+            for j in range(Y.shape[1]):
+                Z[i, j] += X[i, k] * Y[k, j]
+    return Z
+
+
+@register_jitable
+def _eliminate(M, X):
+    """M^-1 X into X, by elimination with row exchange; M is used up."""
+    n = M.shape[0]
+    for i in range(n):
+        best = i
+        for r in range(i + 1, n):
+            if abs(M[r, i]) > abs(M[best, i]):
+                best = r
+        for c in range(n):
+            M[i, c], M[best, c] = M[best, c], M[i, c]
+        for c in range(X.shape[1]):
+            X[i, c], X[best, c] = X[best, c], X[i, c]
+        for r in range(i + 1, n):
+            factor = M[r, i] / M[i, i]
+            for c in range(i + 1, n):
+                M[r, c] -= factor * M[i, c]
+            for c in range(X.shape[1]):
+                X[r, c] -= factor * X[i, c]
+    for i in range(n - 1, -1, -1):
+        for c in range(X.shape[1]):
+            for k in range(i + 1, n):
+                X[i, c] -= M[i, k] * X[k, c]
+            X[i, c] /= M[i, i]
+
+
+def _double(A, G, H):
+    """H becomes the solution, and how many doublings that took; 0 for one that does not settle."""
+    n = A.shape[0]
+    for k in range(60):
+        # W = (I + G H)^-1 [A, G]: one elimination for both.
+        M, W = _product(G, H), np.empty((n, 2 * n))
+        for i in range(n):
+            M[i, i] += 1.0
+        W[:, :n], W[:, n:] = A, G
+        _eliminate(M, W)
+        left, right = W[:, :n].copy(), W[:, n:].copy()
+        after = _product(np.ascontiguousarray(A.T), _product(H, left))
+        G += _product(_product(A, right), np.ascontiguousarray(A.T))
+        A = _product(A, left)
+        size, change = 0.0, 0.0
+        for i in range(n):
+            for j in range(i + 1):
+                step = 0.5 * (after[i, j] + after[j, i])
+                G[i, j] = G[j, i] = 0.5 * (G[i, j] + G[j, i])
+                H[i, j] += step
+                H[j, i] = H[i, j]
+                size, change = max(size, abs(H[i, j])), max(change, abs(step))
+        if not size < 1e100:
+            return 0
+        if change <= 1e-16 * size:
+            return k + 1
+    return 0
+
+
+_riccati = loop(_double, numba.int64(MATRIX, MATRIX, MATRIX))
+
+
+class Regulator(NamedTuple):
+    """The linear quadratic regulator.
+
+    Attributes:
+        K: the law is u = -K x, shape (m, n).
+        P: x^T P x is the cost that is left, shape (n, n).
+        radius: spectral radius of A - B K, below 1.
+        doublings: how many it took: 2^doublings samples of the horizon.
+    """
+
+    K: Array
+    P: Array
+    radius: float
+    doublings: int
+
+
+def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Regulator:
+    """The discrete regulator, its Riccati equation solved by doubling.
+
+    Each pass doubles the horizon, so the error is squared (Chu, Fan, Lin and Wang, 2004).
+
+    Args:
+        A, B: of the sampled system, shapes (n, n) and (n, m).
+        Q, R: weights, symmetric, (n, n) not negative and (m, m) positive.
+
+    Raises:
+        ValueError: for weights that are not so, (A, B) that can't be stabilised, and a mode that
+            does not decay and costs nothing.
+    """
+    A = vector("A", A, (None, None))
+    n = len(A)
+    A = np.array(vector("A", A, (n, n)), order="C")
+    B = np.ascontiguousarray(vector("B", B, (n, None)))
+    Q, R = weight("Q", Q, n, 0.0), weight("R", R, B.shape[1], 1e-14)
+    P, gain = Q.copy(), np.linalg.solve(R, B.T)
+    doublings = _riccati(A.copy(), B @ gain, P)
+    if not doublings:
+        raise _why(A, B, Q)
+    # One Newton step takes off what the doublings rounded; its Lyapunov equation doubles too.
+    K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    M = A - B @ K
+    S = Q + K.T @ R @ K + M.T @ P @ M - P
+    for _ in range(doublings):
+        S, M = S + M.T @ S @ M, M @ M
+    P += 0.5 * (S + S.T)
+    K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    radius = float(np.abs(np.linalg.eigvals(A - B @ K)).max())
+    if not radius < 1.0 - 1e-12:
+        raise _why(A, B, Q)
+    return Regulator(K, P, radius, doublings)
+
+
+def _why(A: Array, B: Array, Q: Array) -> ValueError:
+    """Which mode is at fault (Hautus, 1969): with z from 1 on, [A - z I, B] must have full rank."""
+    n = len(A)
+    for z in np.linalg.eigvals(A):
+        shifted, small = A - z * np.eye(n), 1e-9 * (1.0 + np.abs(A).max())
+        if abs(z) >= 1.0 - 1e-9:
+            if np.linalg.svd(np.hstack([shifted, B]), compute_uv=False)[-1] < small:
+                text = f"an input that acts on the mode of eigenvalue {z:.4g}: no law can stop it"
+                return refused("B", B, text)
+            if np.linalg.svd(np.vstack([shifted, Q]), compute_uv=False)[-1] < small:
+                text = f"a weight on the mode of eigenvalue {z:.4g}, which does not decay"
+                return refused("Q", Q, text)
+    return refused("(A, B)", (A.shape, B.shape), "a system whose Riccati equation can be resolved")
+
+
+def weight(name: str, value: ArrayLike, n: int, least: float) -> Array:
+    """A symmetric matrix (n, n) whose eigenvalues are at least this share of the largest entry."""
+    W = vector(name, value, (n, n))
+    size = np.abs(W).max()
+    low = float(np.linalg.eigvalsh(W)[0])
+    enough = low > least * size if least else low >= -1e-12 * size
+    if np.abs(W - W.T).max() > 1e-12 * size or not enough:
+        kind = "positive definite" if least else "positive semidefinite"
+        raise refused(name, W, f"a symmetric, {kind} matrix")
+    return np.ascontiguousarray(0.5 * (W + W.T))
+
+
+# --- a quadratic programme with a box -------------------------------------------------------------
+
+
+@register_jitable
+def _newton(H, gradient, free, L, step):
+    """-H^-1 gradient among the free coordinates by Cholesky; whether H is positive there."""
+    n = free.size
+    for i in range(n):
+        step[i] = 0.0
+        if not free[i]:
+            continue
+        for j in range(i + 1):
+            if free[j]:
+                total = H[i, j]
+                for k in range(j):
+                    if free[k]:
+                        total -= L[i, k] * L[j, k]
+                if i > j:
+                    L[i, j] = total / L[j, j]
+                elif total > 1e-15 * H[i, i]:
+                    L[i, i] = np.sqrt(total)
+                else:
+                    return False
+        total = -gradient[i]
+        for k in range(i):
+            if free[k]:
+                total -= L[i, k] * step[k]
+        step[i] = total / L[i, i]
+    for i in range(n - 1, -1, -1):
+        if free[i]:
+            for k in range(i + 1, n):
+                if free[k]:
+                    step[i] -= L[k, i] * step[k]
+            step[i] /= L[i, i]
+    return True
+
+
+def _box(H, g, low, high, x, free):
+    """The minimiser into x, its free coordinates into `free`; the iterations, -1 for a bad H."""
+    n = x.size
+    L, step, trial, gradient = np.empty((n, n)), np.empty(n), np.empty(n), np.empty(n)
+    for i in range(n):
+        x[i] = min(max(x[i], low[i]), high[i])
+    for iteration in range(200 + 10 * n):
+        worst, noise = 0.0, 0.0
+        for i in range(n):
+            gradient[i], size = g[i], abs(g[i])
+            for j in range(n):
+                gradient[i] += H[i, j] * x[j]
+                size += abs(H[i, j] * x[j])
+            pushed = (x[i] == low[i] and gradient[i] > 0.0) or (
+                x[i] == high[i] and gradient[i] < 0.0
+            )
+            free[i] = not pushed
+            if free[i]:
+                worst, noise = max(worst, abs(gradient[i])), max(noise, size)
+        if worst <= 4e-16 * noise:
+            return iteration
+        if not _newton(H, gradient, free, L, step):
+            return -1
+        # A Newton step bent into the box; halved until the cost falls (Bertsekas, 1982).
+        part = 1.0
+        while True:
+            slope, curve, moved = 0.0, 0.0, False
+            for i in range(n):
+                trial[i] = min(max(x[i] + part * step[i], low[i]), high[i])
+                slope += gradient[i] * (trial[i] - x[i])
+                moved = moved or trial[i] != x[i]
+            for i in range(n):
+                for j in range(n):
+                    curve += (trial[i] - x[i]) * H[i, j] * (trial[j] - x[j])
+            if slope + 0.5 * curve <= 0.1 * slope or not moved:
+                break
+            part *= 0.5
+        full = part == 1.0
+        for i in range(n):
+            full = full and (not free[i] or trial[i] == x[i] + step[i])
+            x[i] = trial[i]
+        # After a whole step inside the box nothing is left but rounding, if no bound lets go.
+        if (full and worst <= 1e-9 * noise) or not moved:
+            return iteration + 1
+    return 200 + 10 * n
+
+
+_box_loop = loop(
+    _box,
+    numba.int64(MATRIX, VECTOR, VECTOR, VECTOR, VECTOR, types.Array(numba.boolean, 1, "C")),
+)
+
+
+class BoxQP(NamedTuple):
+    """The minimiser x (n,), which coordinates are between their bounds (n,), and iterations."""
+
+    x: Array
+    free: NDArray[np.bool_]
+    iterations: int
+
+
+def box_qp(
+    H: ArrayLike, g: ArrayLike, low: ArrayLike, high: ArrayLike, start: ArrayLike | None = None
+) -> BoxQP:
+    """Minimise x^T H x / 2 + g^T x for low <= x <= high: projected Newton, an exact active set.
+
+    Args:
+        H: symmetric and positive definite, shape (n, n).
+        g: shape (n,).
+        low, high: bounds, numbers or shape (n,); may be infinite.
+        start: a guess, such as the last sample's answer; near it one or two steps are enough.
+
+    Raises:
+        ValueError: for bounds that cross, an H that is not positive definite, NaN.
+    """
+    g = np.ascontiguousarray(vector("g", g, (None,)))
+    n = count("len(g)", g.size, 1)
+    H = vector("H", H, (n, n))
+    if np.abs(H - H.T).max() > 1e-9 * np.abs(H).max():
+        raise refused("H", H, "a symmetric matrix")
+    bounds = [np.broadcast_to(np.asarray(x, dtype=float), (n,)).copy() for x in (low, high)]
+    if not (bounds[0] <= bounds[1]).all():
+        raise refused("(low, high)", (low, high), "bounds that do not cross")
+    x = np.zeros(n) if start is None else np.array(vector("start", start, (n,)))
+    free = np.empty(n, dtype=bool)
+    iterations = _box_loop(np.ascontiguousarray(H), g, *bounds, x, free)
+    if iterations < 0:
+        raise refused("H", H, "a positive definite matrix")
+    return BoxQP(x, free, iterations)
+
+
+# --- a horizon with limits ------------------------------------------------------------------------
+
+
+class Horizon(NamedTuple):
+    """What `mpc` needs of a system: the cost of a plan U is U^T H U / 2 + (F x)^T U + const.
+
+    Attributes:
+        H, F: shapes (N m, N m) and (N m, n).
+        inputs: m.
+    """
+
+    H: Array
+    F: Array
+    inputs: int
+
+
+def horizon(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike, samples: int) -> Horizon:
+    """The states eliminated; what comes after the last sample costs what it costs without limits.
+
+    With that end the plan is the regulator's wherever no limit binds; arguments as for `lqr`.
+    """
+    P = lqr(A, B, Q, R).P
+    A, B, Q, R = (np.asarray(x, dtype=float) for x in (A, B, Q, R))
+    N, (n, m) = count("samples", samples, 1), B.shape
+    powers = [np.eye(n)]
+    for _ in range(N):
+        powers.append(A @ powers[-1])
+    free = np.vstack(powers[1:])
+    forced = np.zeros((N * n, N * m))
+    for i in range(N):
+        for j in range(i + 1):
+            forced[i * n : (i + 1) * n, j * m : (j + 1) * m] = powers[i - j] @ B
+    cost = np.kron(np.eye(N), Q)
+    cost[-n:, -n:] = P
+    H = 2.0 * (forced.T @ cost @ forced + np.kron(np.eye(N), R))
+    return Horizon(0.5 * (H + H.T), 2.0 * forced.T @ cost @ free, m)
+
+
+def mpc(plan: Horizon, x: ArrayLike, limit: ArrayLike, last: Any = None) -> Array:
+    """The best commands within the limits from a state on, shape (N, m); the first is sent.
+
+    Args:
+        plan: what `horizon` returns.
+        x: the state, shape (n,).
+        limit: of each input both ways, a number or shape (m,).
+        last: the plan of the sample before, where this one starts, moved on by a sample.
+    """
+    m = plan.inputs
+    top = np.broadcast_to(np.asarray(limit, dtype=float), (m,))
+    if not (top > 0.0).all():
+        raise refused("limit", limit, "positive numbers")
+    top = np.tile(top, len(plan.H) // m)
+    start = None if last is None else np.concatenate([last[1:], last[-1:]]).ravel()
+    x = vector("x", x, (plan.F.shape[1],))
+    return box_qp(plan.H, plan.F @ x, -top, top, start).x.reshape(-1, m)
