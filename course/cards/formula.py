@@ -16,11 +16,11 @@ _OPERATORS = {
 }
 _UNITS = set("msJNKW")
 _TOKEN = re.compile(
-    r"(?P<code>`[^`]*`)"
+    r"(?P<code>`[^`]*`|\b\d-[A-Z]\b)"  # code, or an arm such as 7-R
     rf"|(?P<greek>\b(?:{_GREEK.replace(' ', '|')})(?:_\w+)?\b)"
     rf"|(?P<function>\b(?:{_FUNCTIONS.replace(' ', '|')})(?=\())"
     r"|(?P<number>\b\d+(?:,\d{3})*(?:\.\d+)?(?:e[+-]?\d+)?(?!\w))"
-    r"|(?P<symbol>\b(?:d[tqxv]|[A-Za-z]\d?(?:_\w+)?'*)(?![\w-]))"
+    r"|(?P<symbol>\b(?:d[tqxv]\d?|[A-Za-z]\d?(?:_\w+)?'*)(?![\w-]))"
     r"|(?P<operator>\+-|<=|>=|[-+*/=<>^|]|(?<= )\.(?= ))"
     r"|(?P<open>\()|(?P<close>\))|(?P<space> +)|(?P<word>[^\s()`]+?(?=[\s()`,.;:]|$)|.)"
 )
@@ -127,8 +127,8 @@ def _set(run: list[Token]) -> str:
             out += r"\times"
         elif word == "dt":  # the step has one letter in a notebook; d t would be a product
             out += "h"
-        elif kind == "symbol" and word[-1].isdigit() and len(word) == 2:
-            out += f"{word[0]}_{word[1]}"
+        elif kind == "symbol" and word[-1].isdigit() and "_" not in word:
+            out += f"{word[:-1]}_{word[-1]}"
         elif kind == "symbol" and "_" in word:
             name, _, index = word.partition("_")
             out += f"{name}_{{{index}}}"

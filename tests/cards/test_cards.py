@@ -31,6 +31,7 @@ def open_text(markdown: str) -> str:
         ("a 1 kg ball, 5 m up, I think, at 3 rad/s", None),
         ("forces of 2 N m and 100 kN/m do it", None),
         ("`a_name` of e - f", r"`a_name` of $e - f$"),
+        ("a 7-R arm, N dq2 beside", r"a 7-R arm, $N dq_2$ beside"),
         ("5 $ and 2 < 3", r"5 \$ and 2 \< 3"),
     ],
 )

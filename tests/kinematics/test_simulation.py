@@ -70,17 +70,17 @@ def test_every_step_ends_at_one_of_the_two_exact_answers(method):
 
 
 def test_one_step_is_that_of_the_formula():
-    """Damped: J^T (J J^T + lambda^2)^-1 e; the pseudo-inverse: J^-1 e; of an error of 0.1 m."""
+    """Damped: J^T (J J^T + lambda^2)^-1 e; the pseudo-inverse: J^-1 e; of the error that one step aims at."""
     for method, damping in ((DAMPED, 0.1), (DAMPED, 0.6), (PSEUDO, 0.1)):
         now = after(arm.MODEL, 0.05, method=method, damping=damping)
         q, target = arm.CONTROLS.new()["start"], arm.CONTROLS.new()["target"]
         J = kinematics.jacobian(CHAIN, q)[:2]
         e = target - kinematics.tip(CHAIN, q)[:2]
-        e *= 0.1 / np.linalg.norm(e)
+        e *= arm._AIM / np.linalg.norm(e)
         square = damping**2 if method == DAMPED else 0.0
         change = J.T @ np.linalg.solve(J @ J.T + square * np.eye(2), e)
         np.testing.assert_allclose(now.state["q"], q + change, atol=1e-13)
-        assert now.state["asked"] == pytest.approx(np.linalg.norm(change) / 0.1)
+        assert now.state["asked"] == pytest.approx(np.linalg.norm(change) / arm._AIM)
 
 
 def test_the_numbers_are_those_of_the_chapter():
@@ -133,7 +133,7 @@ def test_the_pseudo_inverse_jumps_and_damping_keeps_its_bound():
 
 
 def test_more_damping_is_slower():
-    left = [after(arm.MODEL, 2.0, damping=damping).state["past"][1] for damping in (0.05, 0.3, 1.0)]
+    left = [after(arm.MODEL, 6.0, damping=damping).state["past"][1] for damping in (0.05, 0.3, 1.0)]
     reached = [np.argmax(errors[errors > 0] < 1e-3) or 10**6 for errors in left]
     assert reached == sorted(reached) and len(set(reached)) == 3
 

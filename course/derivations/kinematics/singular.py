@@ -282,7 +282,7 @@ def singular_start(found):
 
 
 @claim(
-    "The usual first listing of damped least squares (lambda 0.1, half of each step, 100 steps) "
+    "The usual first listing of damped least squares (lambda = 0.1, half of each step, 100 steps) "
     "reaches the point (1.2, 0.5) with links of 1 m and 0.8 m.",
     "From q1 = q2 = {start_rad} rad it does, in {steps:g} steps, and from {share_percent:.1f} % "
     "of random starts. It stops {left_mm:.3f} mm short, as it ends once less than a tenth of a "

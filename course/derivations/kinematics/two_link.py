@@ -111,7 +111,7 @@ def two_link_position(found):
 
 
 @claim(
-    "The Jacobian of two links is [[-l1 s1 - l2 s12, -l2 s12], [l1 c1 + l2 c12, l2 c12]].",
+    "The Jacobian of two links is `[[-l1 s1 - l2 s12, -l2 s12], [l1 c1 + l2 c12, l2 c12]]`.",
     "Yes, for q2 from the first link and the position alone; the rows of rotation, (1, 1) about z, "
     "are left out. Its determinant is {formula}, which q1 does not enter: turning the whole arm "
     "brings it no nearer to a singularity.",

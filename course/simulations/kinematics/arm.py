@@ -19,15 +19,15 @@ _FAR, _NEAR = L1 + L2, L1 - L2
 DAMPED, MARQUARDT = METHODS.index("damped"), METHODS.index("levenberg_marquardt")
 _METHODS = tuple(name.replace("_", " ") for name in METHODS)
 _ROWS = ("x and y", "x, y and angle, in metres", "x, y and angle, in millimetres")
-_PACE, _AIM = 0.05, 0.1  # time from one step to the next [s]; the farthest that one aims [m]
+_PACE, _AIM = 0.05, 0.04  # time from one step to the next [s]; the farthest that one aims [m]
 _PAST = 160  # steps remembered
 
 CONTROLS = Record(
     method=menu("Step", _METHODS, DAMPED, live=True),
-    damping=slider("Damping λ", 0.10, 0.01, 1.0, 0.01, "m/rad", live=True),
+    damping=slider("Damping", 0.10, 0.01, 1.0, 0.01, "m/rad", live=True),
     rows=menu("Condition number of", _ROWS, live=True),
     target=Field((0.5, 1.1), low=-2.2, high=2.2, unit="m"),
-    start=Field((0.2, 0.9), unit="rad"),
+    start=Field((2.2, 1.2), unit="rad"),
 )
 STATE = Record(
     q=Field(0.0, shape=(2,), unit="rad"),
@@ -280,8 +280,8 @@ PRESETS = {
         "try the damped step, and slide λ."),
     "The same arm in millimetres": Preset(
         {"rows": 2, "start": (0.9, 0.02), "target": (1.7 * math.cos(0.9), 1.7 * math.sin(0.9))},
-        "With the hand's angle among its rows, the condition number depends on the unit of the "
-        "others: choose metres. The posture is the same; so say which rows were scaled."),
+        "With the angle of the hand among its rows, the condition number depends on the unit of "
+        "the others: choose metres. The posture is the same; so say which rows were scaled."),
 }  # fmt: skip
 
 PAPER = draw.Paper(TITLE, word, colour)

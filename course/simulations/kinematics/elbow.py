@@ -20,7 +20,7 @@ _PACE, _SWING = 1.0, 2.2  # rad/s along the null space; rad to either side
 _ELBOW, _PAST = 3, 240  # the joint that swings; samples remembered
 
 CONTROLS = Record(
-    h=slider("Length of a step", 0.02, 0.002, 0.1, 0.002, "rad", 3, live=True),
+    h=slider("Step h", 0.02, 0.002, 0.1, 0.002, "rad", 3, live=True),
     correct=switch("one IK step after each", False, live=True),
     **space.camera(0.35, 0.3, 5.0),
 )
