@@ -70,7 +70,7 @@ def test_every_step_ends_at_one_of_the_two_exact_answers(method):
 
 
 def test_one_step_is_that_of_the_formula():
-    """Damped: J^T (J J^T + lambda^2)^-1 e; the pseudo-inverse: J^-1 e; of the error that one step aims at."""
+    """Damped: J^T (J J^T + lambda^2)^-1 e; the pseudo-inverse: J^-1 e, of what a step aims at."""
     for method, damping in ((DAMPED, 0.1), (DAMPED, 0.6), (PSEUDO, 0.1)):
         now = after(arm.MODEL, 0.05, method=method, damping=damping)
         q, target = arm.CONTROLS.new()["start"], arm.CONTROLS.new()["target"]
