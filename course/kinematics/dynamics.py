@@ -419,6 +419,8 @@ def inverse_dynamics(
 ) -> Array:
     """The torques that a motion needs: M a + bias - J^T wrench (recursive Newton-Euler).
 
+    A call costs several times its loop: hand over many states at once.
+
     Args:
         chain: the arm.
         q, v, a: joint positions, rates and accelerations, shape (n,) or (n, N).

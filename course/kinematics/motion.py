@@ -233,10 +233,10 @@ def batch(chain: Chain, **states: Any) -> tuple[bool, list[Array]]:
     """
     n, found, first = len(chain.table) - 1, [], None
     for name, value in states.items():
-        # Who asks one posture at a time pays for each check. A square that is finite is of finite
+        # Who asks few postures at a time pays for each check. A square that is finite is of finite
         # numbers, and quicker than to look at each.
-        quick = type(value) is np.ndarray and value.shape == (n,) and value.dtype == np.float64
-        if not (quick and math.isfinite(value.dot(value))):
+        quick = type(value) is np.ndarray and value.dtype == np.float64 and value.ndim in (1, 2)
+        if not (quick and len(value) == n and math.isfinite(np.vdot(value, value))):
             value = vector(name, value, (n,), (n, None))
         if first is not None and value.shape != first:
             raise refused(f"{name}.shape", value.shape, f"that of {next(iter(states))}, {first}")
