@@ -37,11 +37,7 @@ ROW, ROWS = (types.Array(numba.float64, ndim, "C", readonly=True) for ndim in (1
 @register_jitable
 def cross3(a, b):
     """a x b of two triples."""
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
 @register_jitable
