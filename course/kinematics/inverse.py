@@ -393,7 +393,10 @@ class Samples:
         return np.column_stack([poses[:3].T, self._scale * poses[3:].T])
 
     def nearest(self, target: Array, k: int) -> Array:
-        """The k postures whose poses, or positions, are nearest to N targets, shape (N, k, n)."""
+        """The k postures whose poses, or positions, are nearest to N targets, shape (N, k, n).
+
+        In a table that is hardly larger than k a posture may come twice, as each rotation does.
+        """
         count("k", k, 1, self.q.shape[1])
         if len(target) == 3:
             found = self._places.query(target.T, k)[1]
