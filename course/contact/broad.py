@@ -42,12 +42,7 @@ def _boxes(boxes: ArrayLike) -> Array:
 
 @register_jitable
 def aabb_overlap(boxes, i, j):
-    """Whether box i and box j overlap: they do unless some axis separates them.
-
-    Args:
-        boxes: shape (2, d, N).
-        i, j: which.
-    """
+    """Whether boxes i and j of boxes (2, d, N) overlap: they do unless some axis separates them."""
     for axis in range(boxes.shape[1]):
         if boxes[0, axis, i] > boxes[1, axis, j] or boxes[0, axis, j] > boxes[1, axis, i]:
             return False
@@ -90,8 +85,7 @@ def _sort(keys, order):
 
 def _sweep(boxes, axis, order, pairs):
     """Walk along the axis; a box is tested against those that begin before it ends."""
-    found = 0
-    tests = 0
+    found, tests = 0, 0
     for k in range(order.size):
         i = order[k]
         end = boxes[1, axis, i]
@@ -131,8 +125,7 @@ def _cells(boxes, first, shape, cell, keys, members):
 
 def _grid(boxes, first, shape, cell, keys, members, pairs):
     """Test the boxes that share a cell; a pair counts in the cell where their overlap begins."""
-    found = 0
-    tests = 0
+    found, tests = 0, 0
     for p in range(keys.size):
         i = members[p]
         for q in range(p + 1, keys.size):
@@ -177,16 +170,10 @@ def _collect(function: Callable[..., Any], n: int, *arguments: Any) -> tuple[Pai
 
 
 def brute_force(boxes: ArrayLike) -> tuple[Pairs, int]:
-    """All n (n - 1) / 2 tests.
-
-    Args:
-        boxes: lower and upper corners, shape (2, d, N).
-
-    Returns:
-        The overlapping pairs, and the number of tests.
+    """All n (n - 1) / 2 tests of boxes (2, d, N): the overlapping pairs, and how many tests.
 
     Raises:
-        ValueError: for a NaN, or an upper end below the lower one.
+        ValueError: for another shape, a NaN, or an upper end below the lower one.
     """
     given = _boxes(boxes)
     return _collect(_all_pairs, given.shape[2], given)
@@ -277,17 +264,14 @@ def uniform_grid(boxes: ArrayLike, cell: float | None = None) -> tuple[Pairs, in
 
 
 def overlapping_pairs(boxes: ArrayLike, method: str = "sweep") -> Pairs:
-    """The pairs of boxes that overlap or touch.
+    """The pairs of boxes that overlap or touch, indices i < j, sorted, shape (2, K).
 
     Args:
         boxes: lower and upper corners, shape (2, d, N).
         method: "sweep" (sweep and prune), "grid" or "brute_force".
 
-    Returns:
-        Indices i < j, sorted, shape (2, K).
-
     Raises:
-        ValueError: for a NaN, an upper end below the lower one, or another method.
+        ValueError: as for `brute_force`, and for another method.
     """
     one_of("method", method, ("sweep", "grid", "brute_force"))
     if method == "sweep":

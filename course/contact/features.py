@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from course.check import finite, refused
 from course.compiled import MATRIX, VECTOR, compiled
 from course.contact.broad import overlapping_pairs
-from course.contact.narrow import measured, paired, rotation
+from course.contact.narrow import measured, paired, rotation, turned_back
 from course.contact.shapes import Array, Shape, bounds_in_space, poses
 from course.rigid_body.quaternion import to_matrix
 
@@ -159,17 +159,11 @@ def _clip(polygon, n, c, sign, limit, other):
 
 
 @register_jitable
-def _along(axes, k, x, y, z):
-    """Component of (x, y, z) along column k of a rotation matrix, nine numbers row by row."""
-    return axes[k] * x + axes[3 + k] * y + axes[6 + k] * z
-
-
-@register_jitable
-def _facing(axes, x, y, z):
-    """The axis that (x, y, z) is most along, and its component."""
+def _facing(axes, n):
+    """The axis of a rotation matrix that n is most along, and its component."""
     best, most = 0, 0.0
     for k in range(3):
-        along = _along(axes, k, x, y, z)
+        along = axes[k] * n[0] + axes[3 + k] * n[1] + axes[6 + k] * n[2]
         if abs(along) > abs(most):
             best, most = k, along
     return best, most
@@ -194,10 +188,10 @@ def _box_contacts(halves, near, qa, qb, numbers, out):
         if near[0, i] > numbers[2]:
             continue
         first = found
-        x, y, z = near[1, i], near[2, i], near[3, i]
+        m = near[1, i], near[2, i], near[3, i]
         rotation((qa[3, i], qa[4, i], qa[5, i], qa[6, i]), axes[0], 0)
         rotation((qb[3, i], qb[4, i], qb[5, i], qb[6, i]), axes[1], 0)
-        (f, of_a), (g, of_b) = _facing(axes[0], x, y, z), _facing(axes[1], x, y, z)
+        (f, of_a), (g, of_b) = _facing(axes[0], m), _facing(axes[1], m)
         if max(abs(of_a), abs(of_b)) >= _FACE:
             # The face that the normal belongs to, a's where both do, and the other's that meets it.
             r = 0 if abs(of_a) >= abs(of_b) - 1e-9 else 1
@@ -205,13 +199,13 @@ def _box_contacts(halves, near, qa, qb, numbers, out):
                 f, of_a = g, -of_b
             R, S = axes[r], axes[1 - r]
             up = math.copysign(1.0, of_a)
-            mx, my, mz = up * R[f], up * R[3 + f], up * R[6 + f]
-            g, of_b = _facing(S, mx, my, mz)
+            normal = (up * R[f], up * R[3 + f], up * R[6 + f])
+            g, of_b = _facing(S, normal)
             u, v, top = (f + 1) % 3, (f + 2) % 3, halves[r, f]
+            side = 1.0 - 2.0 * r
             for corner in range(4):
                 x, y, z = qb[0, i] - qa[0, i], qb[1, i] - qa[1, i], qb[2, i] - qa[2, i]
-                if r == 1:
-                    x, y, z = -x, -y, -z
+                x, y, z = side * x, side * y, side * z
                 for k in range(3):
                     step = math.copysign(halves[1 - r, k], -of_b)
                     if k == (g + 1) % 3:
@@ -219,13 +213,13 @@ def _box_contacts(halves, near, qa, qb, numbers, out):
                     elif k != g:
                         step = math.copysign(step, 1.0 if corner in (0, 3) else -1.0)
                     x, y, z = x + step * S[k], y + step * S[3 + k], z + step * S[6 + k]
-                polygon[corner, 0] = _along(R, u, x, y, z)
-                polygon[corner, 1] = _along(R, v, x, y, z)
-                polygon[corner, 2] = mx * x + my * y + mz * z - top
+                local = turned_back(R, 0, (x, y, z))
+                polygon[corner, 0], polygon[corner, 1] = local[u], local[v]
+                polygon[corner, 2] = up * local[f] - top
             count = 4
-            for side in range(4):
-                limit = halves[r, u if side < 2 else v]
-                count = _clip(polygon, count, side // 2, 1.0 - 2.0 * (side % 2), limit, other)
+            for edge in range(4):
+                limit = halves[r, u if edge < 2 else v]
+                count = _clip(polygon, count, edge // 2, 1.0 - 2.0 * (edge % 2), limit, other)
             for j in range(count):
                 s, t = polygon[j, 0], polygon[j, 1]
                 far = polygon[j, 2] - numbers[0] - numbers[1]
@@ -239,11 +233,10 @@ def _box_contacts(halves, near, qa, qb, numbers, out):
                 out[0, found], out[7, found] = i, far
                 for c in range(3):
                     # Midway between the two surfaces.
-                    m = up * R[3 * c + f]
                     place = s * R[3 * c + u] + t * R[3 * c + v]
-                    place += (top + numbers[r] + far / 2.0) * m
+                    place += (top + numbers[r] + far / 2.0) * normal[c]
                     out[1 + c, found] = place + (qb[c, i] if r == 1 else qa[c, i])
-                    out[4 + c, found] = -m if r == 1 else m
+                    out[4 + c, found] = side * normal[c]
                 found += 1
         if found == first:
             out[0, found], out[7, found] = i, near[0, i]

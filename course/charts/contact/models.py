@@ -30,6 +30,9 @@ SOLVERS = [(s, c, "Euler") for c in ("elliptic", "pyramidal") for s in ("Newton"
 SOLVERS.append(("Newton", "elliptic", "discrete"))
 
 
+DURATION = 0.24  # s, of every question
+
+
 @dataclass(frozen=True)
 class Question:
     """A scene, its answer in closed form, the error it can bear, and whom it is asked.
@@ -38,9 +41,8 @@ class Question:
         text: the question.
         scene: for our models.
         ask_mujoco: `Options` -> the same scene prepared.
-        duration: [s].
         answer: state at the end -> what is asked, in m.
-        truth, check: by closed form, and from a second model of Coulomb's law at a fine step.
+        truth: by closed form [m].
         tolerance: [m].
         stiffness: of penalty contact, chosen to sink less than the tolerance [N/m].
         lightest: mass for which penalty contact is critically damped [kg].
@@ -49,61 +51,40 @@ class Question:
     text: str
     scene: Scene
     ask_mujoco: Callable[[Options], Runner]
-    duration: float
     answer: Callable[[Array], Array]
     truth: Array
     tolerance: float
-    stiffness: float
+    stiffness: float = 1e5
     lightest: float = 1.0
 
 
-def _braking() -> Question:
-    t, mu = math.radians(22.5), 0.5
-    velocity = (math.cos(t), math.sin(t))
-    way = 1.0 / (2.0 * mu * GRAVITY) * np.array(velocity)
-    return Question(
+_MU, _SLOPE = 0.5, math.radians(40.0)
+_SENT = (math.cos(math.radians(22.5)), math.sin(math.radians(22.5)))  # m/s
+_ALONG = GRAVITY * (math.sin(_SLOPE) - _MU * math.cos(_SLOPE))
+QUESTIONS = {
+    "braking": Question(
         "Where does a block stop, sent off at 1 m/s and 22.5 degrees?",
-        scenes.block(0.0, mu, velocity),
-        lambda options: mujoco_contact.block(options, 0.0, velocity),
-        0.24, lambda q: q[:2], way, 2e-3, 1e5,
-    )  # fmt: skip
-
-
-def _incline() -> Question:
-    angle, mu = math.radians(40.0), 0.5
-    way = 0.5 * GRAVITY * (math.sin(angle) - mu * math.cos(angle)) * 0.24**2
-    return Question(
+        scenes.block(0.0, _MU, _SENT),
+        lambda options: mujoco_contact.block(options, 0.0, _SENT),
+        lambda q: q[:2], np.array(_SENT) / (2.0 * _MU * GRAVITY), 2e-3),
+    "incline": Question(
         "How far does a block slide down 40 degrees in 0.24 s?",
-        scenes.block(angle, mu),
-        lambda options: mujoco_contact.block(options, angle),
-        0.24, lambda q: q[:1], np.array([way]), 1e-3, 1e5,
-    )  # fmt: skip
-
-
-def _heavy() -> Question:
-    masses = [1.0, 100.0]
-    return Question(
-        "How deep does 1 kg sink under 100 kg?",
-        scenes.tower(masses),
-        lambda options: mujoco_contact.tower(replace(options, condim=1), masses),
-        0.24, lambda q: q, np.zeros(2), 1e-3, 2e6,
-    )  # fmt: skip
-
-
-def _glass() -> Question:
-    return Question(
-        "How far does a held glass slip in 0.24 s?",
-        scenes.pinch(5.0, 0.25),
+        scenes.block(_SLOPE, _MU), lambda options: mujoco_contact.block(options, _SLOPE),
+        lambda q: q[:1], np.array([0.5 * _ALONG * DURATION**2]), 1e-3),
+    "heavy": Question(
+        "How deep does 1 kg sink under 100 kg?", scenes.tower([1.0, 100.0]),
+        lambda options: mujoco_contact.tower(replace(options, condim=1), [1.0, 100.0]),
+        lambda q: q, np.zeros(2), 1e-3, 2e6),
+    "glass": Question(
+        "How far does a held glass slip in 0.24 s?", scenes.pinch(5.0, 0.25),
         lambda options: mujoco_contact.pinch(replace(options, friction=(0.25, 0.005, 0.0001))),
-        0.24, lambda q: q[3:], np.zeros(1), 1e-3, 1e5, 0.05,
-    )  # fmt: skip
-
-
+        lambda q: q[3:], np.zeros(1), 1e-3, lightest=0.05),
+}  # fmt: skip
+Theory = Callable[[float], float]
 _ROUNDING = 1e-12  # m; what is nearer is drawn here
 # What is drawn of thirteen; the others can be switched on.
 DRAWN = ("penalty", "sweeps, compiled loop", "true cone (Newton)", "convex cone",
          "MuJoCo Newton, elliptic", "MuJoCo PGS, pyramidal")  # fmt: skip
-QUESTIONS = {"braking": _braking, "incline": _incline, "heavy": _heavy, "glass": _glass}
 STEPS = (2e-2, 1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
 OURS: dict[str, tuple[str, dict[str, Any]]] = {
     "penalty": ("penalty", {}),
@@ -116,6 +97,12 @@ OURS: dict[str, tuple[str, dict[str, Any]]] = {
 }
 
 
+def _steps(dt: float) -> tuple[int, float]:
+    """So many steps, and the step that they then have [s]."""
+    n = round(DURATION / dt)
+    return n, DURATION / n
+
+
 def _our_method(name: str, question: Question, steps: Sequence[float]) -> Method:
     model, options = OURS[name]
     if model == "penalty":
@@ -123,8 +110,8 @@ def _our_method(name: str, question: Question, steps: Sequence[float]) -> Method
         options = {"stiffness": question.stiffness, "damping": damping}
 
     def once(dt: float) -> Result:
-        n = round(question.duration / dt)
-        found = run(question.scene, model, question.duration / n, n, **options)
+        n, h = _steps(dt)
+        found = run(question.scene, model, h, n, **options)
         return Result(question.answer(found.q[:, -1]), n + found.iterations)
 
     return Method(name, once, steps, unit="steps and iterations")
@@ -134,8 +121,8 @@ def _compiled(question: Question, steps: Sequence[float]) -> Method:
     """Sweeps in one compiled loop, started from the impulses of the step before."""
 
     def once(dt: float) -> Result:
-        n = round(question.duration / dt)
-        q, _, taken = march(question.scene, question.duration / n, n, tolerance=1e-7)
+        n, h = _steps(dt)
+        q, _, taken = march(question.scene, h, n, tolerance=1e-7)
         return Result(question.answer(q), n + taken)
 
     return Method("sweeps, compiled loop", once, steps, unit="steps and iterations")
@@ -146,9 +133,8 @@ def _mujocos(
 ) -> Method:
     runners = {}
     for dt in steps:
-        n = round(question.duration / dt)
-        options = Options(question.duration / n, integrator, solver, cone=cone, tolerance=1e-10)
-        runner = question.ask_mujoco(options)
+        n, h = _steps(dt)
+        runner = question.ask_mujoco(Options(h, integrator, solver, cone=cone, tolerance=1e-10))
         runners[dt] = runner, n, n + mujoco_contact.iterations(runner, n)
 
     def once(dt: float) -> Result:
@@ -173,30 +159,22 @@ def work_precision(
         repeats: timed rounds.
         names: of the methods; None for all.
     """
-    question = QUESTIONS[name]()
+    question = QUESTIONS[name]
     # Sweeps at a fine step, their positions made those of the trapezoid rule, of second order.
-    n = round(question.duration / 2e-4)
-    fine = run(question.scene, "pgs", question.duration / n, n, sweeps=20000)
-    check = fine.q[:, -1] - 0.5 * question.duration / n * (fine.v[:, -1] - fine.v[:, 0])
+    n, h = _steps(2e-4)
+    fine = run(question.scene, "pgs", h, n, sweeps=20000)
+    check = fine.q[:, -1] - 0.5 * h * (fine.v[:, -1] - fine.v[:, 0])
     methods = [_our_method(ours, question, steps) for ours in OURS]
     methods.append(_compiled(question, steps))
     methods += [_mujocos(*which, question, steps) for which in SOLVERS]
     return measure(
-        [
-            replace(method, extra=method.name not in DRAWN)
-            for method in methods
-            if names is None or method.name in names
-        ],
+        [replace(method, extra=method.name not in DRAWN) for method in methods
+         if names is None or method.name in names],
         question.truth,
         lambda answer, truth: max(float(np.linalg.norm(answer - truth)), _ROUNDING),
-        reference_check=question.answer(check),
-        tolerance=question.tolerance,
-        failed_above=0.3,
-        repeats=repeats,
-        sample_time=0.0,
-        question=question.text,
-        error_unit="m",
-    )
+        reference_check=question.answer(check), tolerance=question.tolerance, failed_above=0.3,
+        repeats=repeats, sample_time=0.0, question=question.text, error_unit="m",
+    )  # fmt: skip
 
 
 def _chart_of(name: str) -> None:
@@ -255,12 +233,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
 
 @chart
 def contact_table(dt: float = 2e-3, repeats: int = 3) -> Iterator[Panel]:
-    """Model by scene: error, cost, verdict at one step.
-
-    Args:
-        dt: [s].
-        repeats: timed rounds.
-    """
+    """Model by scene: error, cost, verdict at one step `dt` [s]; so many timed rounds."""
     panel = Panel("Contact models at one step", data=[])
     rows: Rows = []
     panel.notes.append(
@@ -269,7 +242,7 @@ def contact_table(dt: float = 2e-3, repeats: int = 3) -> Iterator[Panel]:
     panel.notes.append(f"{'scene':<8} {'model':<33} {'error':>9} {'a step':>9} {'iterations':>10}")
     for name in QUESTIONS:
         found = work_precision(name, [dt], repeats)
-        steps = round(QUESTIONS[name]().duration / dt)
+        steps, _ = _steps(dt)
         for curve in found.curves:
             point = curve.points[0]
             verdict = "good" if point.error <= (found.tolerance or 0.0) else "misses"
@@ -335,11 +308,8 @@ def measured_limit(zeta: float, scheme: str) -> float:
 
 @chart
 def contact_penalty_limit(size: int = 60) -> Iterator[Panel]:
-    """Largest step of penalty contact: growth per step over step and damping, theory on it.
-
-    Args:
-        size: points of a side of the map.
-    """
+    """Largest step of penalty contact: growth per step over step and damping, theory on it; maps of
+    `size` by `size` points."""
     x, y = np.linspace(0.02, 2.6, size), np.linspace(0.02, 2.0, size)
     for scheme in ("explicit", "semi-implicit"):
         grown = stability_map(functools.partial(growth, scheme), x, y, slack=1e-9)
@@ -419,46 +389,37 @@ def contact_sweeps(
     heights: Sequence[int] = (3, 5, 10, 20, 40),
     tolerance: float = 1e-6,
 ) -> Iterator[Panel]:
-    """Sweeps of projected Gauss-Seidel against mass ratio and height, with theory.
-
-    Args:
-        ratios: mass on top over the mass below.
-        heights: bodies of an equal tower.
-        tolerance: of the forces.
-    """
+    """Sweeps of projected Gauss-Seidel until forces are right to the tolerance: by the ratio of top
+    to bottom mass, and by the number of equal bodies, with theory."""
     log = math.log(1.0 / tolerance)
-    r, n = np.array(ratios), np.array(heights)
     panel = Panel(
         "Heavy on light: sweeps grow with the ratio", "mass ratio", "sweeps to 1e-6", scale="log"
     )
-    rows: list[tuple[str, str, Array, Callable[[float], float] | None]] = [
+    towers: list[tuple[str, str, Callable[[float], list[float]], Theory | None]] = [
         ("two bodies, heavy on light", "sweeps, true cone",
-         np.array([sweeps_needed([1.0, x], tolerance) for x in r]), lambda x: (1.0 + x) * log),
+         lambda x: [1.0, x], lambda x: (1.0 + x) * log),
         ("tower of 10, the top heavy", "exact pyramid (LCP)",
-         np.array([sweeps_needed([1.0] * 9 + [x], tolerance) for x in r]), lambda x: 9.0 * x * log),
-        ("two bodies, light on heavy", "convex cone",
-         np.array([sweeps_needed([x, 1.0], tolerance) for x in r]), None),
+         lambda x: [1.0] * 9 + [x], lambda x: 9.0 * x * log),
+        ("two bodies, light on heavy", "convex cone", lambda x: [x, 1.0], None),
     ]  # fmt: skip
-    for label, key, found, theory in rows:
-        use = r >= 30.0
-        slope = np.polyfit(np.log(r[use]), np.log(found[use]), 1)[0]
-        panel.series.append(
-            Series(label, r, found, key, theory=theory,
-                   note=f"{label:<28} slope {slope:6.3f}, at {r[-1]:g}: {found[-1]:.0f} sweeps")
-        )  # fmt: skip
+
+    def series(
+        label: str, key: str, x: Sequence[float], found: list[int], last: int, law: Theory | None
+    ) -> Series:
+        slope = np.polyfit(np.log(x[-last:]), np.log(found[-last:]), 1)[0]
+        note = f"{label:<28} slope {slope:6.3f}, at {x[-1]:g}: {found[-1]:.0f} sweeps"
+        return Series(label, x, found, key, theory=law, note=note)
+
+    last = sum(x >= 30.0 for x in ratios)
+    for label, key, masses, law in towers:
+        found = [sweeps_needed(masses(x), tolerance) for x in ratios]
+        panel.series.append(series(label, key, ratios, found, last, law))
     yield panel
-    found = np.array([sweeps_needed([1.0] * int(m), tolerance) for m in n])
-    slope = np.polyfit(np.log(n[-3:]), np.log(found[-3:]), 1)[0]
-    panel = Panel(
-        "Equal towers: sweeps grow with the square", "bodies", "sweeps to 1e-6", scale="log",
-        ticks=[float(m) for m in n],
-    )  # fmt: skip
-    panel.series.append(
-        Series("equal tower", n.astype(float), found, "sweeps, true cone",
-               theory=lambda m: (2.0 * m / math.pi) ** 2 * log,
-               note=f"{'equal tower':<28} slope {slope:6.3f}, at {n[-1]}: {found[-1]:.0f} sweeps")
-    )  # fmt: skip
-    yield panel
+    found = [sweeps_needed([1.0] * n, tolerance) for n in heights]
+    equal = series("equal tower", "sweeps, true cone", [float(n) for n in heights], found, 3,
+                   lambda m: (2.0 * m / math.pi) ** 2 * log)  # fmt: skip
+    yield Panel("Equal towers: sweeps grow with the square", "bodies", "sweeps to 1e-6", [equal],
+                scale="log", ticks=[float(n) for n in heights])  # fmt: skip
 
 
 # --- steering -------------------------------------------------------------------------------------
@@ -492,12 +453,8 @@ def stopped(
 def contact_steering(
     degrees: Sequence[float] = (0.0, 10.0, 22.5, 35.0, 45.0, 60.0, 75.0, 90.0), dt: float = 1e-3
 ) -> Iterator[Panel]:
-    """What a friction pyramid does to a braking block: it stretches the way and bends it.
-
-    Args:
-        degrees: directions in which it is sent off.
-        dt: [s].
-    """
+    """What a friction pyramid does to a braking block: it stretches the way and bends it, by the
+    direction in which it is sent off; steps of `dt` [s]."""
     t = np.array(degrees)
     found = {
         "exact pyramid (LCP)": [stopped("lcp", a, dt) for a in t],
@@ -590,12 +547,8 @@ def smoothed_slope(
 
 @chart
 def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
-    """Gradients through contact: nothing before touch, a kink, and a sign that is wrong.
-
-    Args:
-        points: speeds tried.
-        draws: pairs of a randomised gradient.
-    """
+    """Gradients through contact: nothing before touch, a kink, and a sign that is wrong; at so many
+    speeds, the randomised ones of so many pairs of draws."""
     rng = np.random.default_rng(0)
     speeds = np.linspace(0.1, 0.4, points)
     panel = Panel(

@@ -3,7 +3,10 @@
 import numpy as np
 
 from course.contact import scenes, solve
+from course.contact.models import penalty_force
+from course.contact.soft import Softness, rows_of
 from course.derivations import Symbol, claim
+from course.oracles.mujoco import contact
 
 SYMBOLS = {
     "m": Symbol("mass [kg]"),
@@ -19,8 +22,6 @@ RIGID = ("lcp", "pgs", "coulomb", "convex")
 
 def _creep(dt=0.002, mu=0.5, cone="elliptic", angle=0.2, **options):
     """Speed at which MuJoCo's block creeps down a slope that it should stick to [m/s]."""
-    from course.oracles.mujoco import contact
-
     friction = (mu, 0.005, 0.0001)
     made = contact.Options(dt, cone=cone, friction=friction, **options)
     return float(contact.block(made, angle).run(round(1.0 / dt))[1][0])
@@ -50,9 +51,10 @@ def below_the_limit_sticks(found):
     found.heard(
         abs(creep) < 1e-9,
         only_if="friction is Coulomb's, not regularised and not soft",
-        inside=[sticks(m, a, b) for m in RIGID for a, b in zip(mus, parts, strict=True)],
-        outside=[sticks("soft", a, b) for a, b in zip(mus, parts, strict=True)]
-        + [sticks("penalty", a, b) for a, b in zip(mus, parts, strict=True)],
+        inside=[sticks(m, *draw) for m in RIGID for draw in zip(mus, parts, strict=True)],
+        outside=[
+            sticks(m, *draw) for m in ("soft", "penalty") for draw in zip(mus, parts, strict=True)
+        ],
     )
     found.corrected(creep > 1e-4, not any(above))
 
@@ -78,9 +80,6 @@ def below_the_limit_sticks(found):
 )
 def mujoco_creeps(found):
     import sympy
-
-    from course.contact.soft import Softness, rows_of
-    from course.oracles.mujoco import contact
 
     R, f, b, v = sympy.symbols("R f b v", positive=True)
     found.formula = sympy.solve(R * f - b * v, v)[0]
@@ -129,8 +128,6 @@ def mujoco_creeps(found):
 )
 def more_friction_holds_the_glass(found):
     import sympy
-
-    from course.oracles.mujoco import contact
 
     m, g, F, mu = sympy.symbols("m g F mu", positive=True)
     found.formula = sympy.solve(2 * mu * F - m * g, mu)[0]
@@ -204,8 +201,6 @@ def pyramid_slips(found):
     "{stretched:.2f} times as far as with the elliptic cone.",
 )
 def condim_4_is_the_full_cone(found):
-    from course.oracles.mujoco import contact
-
     def way(cone, condim):
         velocity = (np.sqrt(0.5), np.sqrt(0.5))
         options = contact.Options(cone=cone, condim=condim)
@@ -230,8 +225,6 @@ def condim_4_is_the_full_cone(found):
     "digit.",
 )
 def condim_1_is_frictionless(found):
-    from course.oracles.mujoco import contact
-
     def kept(mu, speed):
         options = contact.Options(condim=1, friction=(mu, 0.005, 0.0001))
         return contact.block(options, 0.0, (speed, 0.0)).run(200)[1][0] == speed
@@ -269,8 +262,6 @@ def default_friction(found):
 def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
     """Speed after a ball of 1 kg at 1 m/s hits a spring with a damper, without gravity [m/s]; NaN
     where it has not left after 60 / omega."""
-    from course.contact.models import penalty_force
-
     omega = np.sqrt(stiffness)
     damping = 2.0 * zeta * omega
     x, v, force = -1e-12, -1.0, np.zeros(1)

@@ -4,6 +4,7 @@ import numpy as np
 
 from course.contact import scenes, solve
 from course.derivations import Symbol, claim
+from course.oracles.mujoco import contact
 
 SYMBOLS = {
     "r": Symbol("mass on top over the mass below"),
@@ -16,12 +17,10 @@ SYMBOLS = {
 
 
 def _stack(**options):
-    """(runner after 30 steps, its contacts) of four boxes in MuJoCo, the lowest pushed."""
-    from course.oracles.mujoco import contact
-
+    """Four boxes in MuJoCo after 30 steps, the lowest pushed."""
     runner = contact.box(contact.Options(**options), (0.3, 0.0), 4)
     runner.run(30)
-    return runner, contact.contact_state(runner)
+    return runner
 
 
 @claim(
@@ -35,10 +34,6 @@ def _stack(**options):
 def mujoco_is_convex_and_unique(found):
     import mujoco
 
-    from course.oracles.mujoco import contact
-
-    runner, _ = _stack()
-
     def forces(made, solver, start=0.0):
         """From a warm start of this acceleration."""
         made.model.opt.solver = ("PGS", "CG", "Newton").index(solver)
@@ -51,7 +46,7 @@ def mujoco_is_convex_and_unique(found):
     table = contact.table(contact.Options(condim=1), (0.1, 0.05))
     table.run(200)
     spreads = []
-    for made in (runner, table):
+    for made in (_stack(), table):
         truth = forces(made, "Newton")
         starts = found.rng.normal(0.0, 50.0, (8, made.model.nv))
         others = [forces(made, "Newton", start) for start in starts]
@@ -64,13 +59,10 @@ def mujoco_is_convex_and_unique(found):
 
     def sliding(solver, steps):
         """Forces of a block that comes down sliding, after so many of Newton's steps."""
-        made = contact.block(contact.Options(iterations=1000), 0.0, (2.0, 0.5), 0.01)
+        made = contact.block(contact.Options(), 0.0, (2.0, 0.5), 0.01)
         made.v0[2] = -1.0
         made.run(steps)
-        made.model.opt.solver = ("PGS", "CG", "Newton").index(solver)
-        made.data.qacc_warmstart[:] = 0.0
-        state = contact.contact_state(made)
-        return np.zeros(1) if state is None else state.force
+        return forces(made, solver)
 
     lost = max(
         sliding("Newton", n)[0] for n in range(5, 30) if not np.abs(sliding("PGS", n)).max() > 1e-9
@@ -90,7 +82,7 @@ def mujoco_is_convex_and_unique(found):
 def iterations_50_to_100(found):
     from course.charts.contact.models import sweeps_needed
 
-    runner, _ = _stack(tolerance=1e-8)
+    runner = _stack(tolerance=1e-8)
     taken = []
     for steps in range(1, 60):
         runner.run(steps)
@@ -194,8 +186,6 @@ def sweeps_and_masses(found):
 def convex_cone_is_coulomb(found):
     import sympy
 
-    from course.oracles.mujoco import contact
-
     mu, v, g = sympy.symbols("mu v g", positive=True)
     # One block: minimise |v - v_free|^2 with u_n = mu u_t: u_t = v / (1 + mu^2).
     u = sympy.Symbol("u", positive=True)
@@ -227,8 +217,6 @@ def convex_cone_is_coulomb(found):
     "models leave {rigid_mm:.0e} mm.",
 )
 def heavy_on_light_sinks(found):
-    from course.oracles.mujoco import contact
-
     heavy = found.given("heavy", 100.0)
 
     def depth(mass, solver="Newton"):
@@ -254,8 +242,6 @@ def heavy_on_light_sinks(found):
     source="MuJoCo 4.0 documentation, Computation; Drake documentation, Contact modeling",
 )
 def mujoco_is_velocity_level(found):
-    from course.oracles.mujoco import contact
-
     short, long = found.given("short_ms", 0.5), found.given("long_ms", 4.0)
 
     def force(ms, integrator="Euler"):
@@ -357,7 +343,7 @@ def mujoco_timer(found):
     import mujoco
 
     steps = found.given("steps", 50)
-    runner, _ = _stack()
+    runner = _stack()
     data = mujoco.MjData(runner.model)
     for _ in range(steps):
         mujoco.mj_step(runner.model, data)
