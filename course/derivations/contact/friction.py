@@ -29,7 +29,8 @@ def _creep(dt=0.002, mu=0.5, cone="elliptic", angle=0.2, **options):
 
 @claim(
     "Below the limit of friction a contact sticks; at the limit it slides.",
-    "It sticks where friction is Coulomb's. Regularised friction and MuJoCo's soft contact hold a "
+    "It sticks where friction is Coulomb's, and at the limit itself it still does: to slide takes "
+    "more. Regularised friction and MuJoCo's soft contact hold a "
     "load only while it creeps, here at {creep_mm_s:.2f} mm/s on a slope of {slope:.0%} of the "
     "limiting one.",
 )
@@ -37,7 +38,7 @@ def below_the_limit_sticks(found):
     share = found.given("slope", 0.4)
 
     def sticks(model, mu, part, **options):
-        scene = scenes.block(np.arctan(mu) * part, mu)
+        scene = scenes.block(np.arctan(mu * part), mu)
         moved = scenes.run(scene, model, 0.002, 100, **options)
         return bool(np.abs(moved.v[0, -1]) < 1e-9)
 
@@ -56,15 +57,19 @@ def below_the_limit_sticks(found):
             sticks(m, *draw) for m in ("soft", "penalty") for draw in zip(mus, parts, strict=True)
         ],
     )
-    found.corrected(creep > 1e-4, not any(above))
+    found.corrected(
+        creep > 1e-4, not any(above),
+        all(sticks(m, a, 1.0) for m in RIGID for a in mus[:4]),
+    )  # fmt: skip
 
 
 @claim(
     "In MuJoCo friction above what is needed keeps a body where it is.",
-    "It creeps at {formula}, whatever the coefficient: {creep_mm_s:.4f} mm/s on a slope of "
-    "{angle_rad:.1f} rad, and as much with twice the friction. impratio divides it, the pyramid "
-    "multiplies it by {pyramid:.2f}. More friction is no cure; a larger impratio or a smaller time "
-    "constant is.",
+    "With elliptic cones it creeps at {formula}, whatever the coefficient: {creep_mm_s:.4f} mm/s "
+    "on a slope of {angle_rad:.1f} rad, and as much with twice the friction. The pyramid, the "
+    "default, multiplies it by {pyramid:.2f} at a coefficient of {mu:.1f} and by "
+    "{pyramid_twice:.2f} at twice that. More friction is no cure; a larger impratio, which divides "
+    "the creep, or a smaller time constant is.",
     ask=(
         "MuJoCo holds a sticking contact by f = (a_ref - a) / R in a friction row, with "
         "a_ref = -b v. Steady, a = 0: at which speed does it creep under the friction force f?",
@@ -95,11 +100,16 @@ def mujoco_creeps(found):
     theory = float(
         found.formula.subs({R: compliance, f: scenes.GRAVITY * np.sin(angle), b: damping})
     )
-    slippery = 1e3 * _creep(mu=1.0, angle=angle)
+    mu = found.given("mu", 0.5)
+    slippery = 1e3 * _creep(mu=2 * mu, angle=angle)
     tenth = creep / (1e3 * _creep(impratio=10.0, angle=angle))
-    pyramid = found.figure(
-        "pyramid", 1e3 * _creep(cone="pyramidal", angle=angle) / creep, tolerance=1e-2
-    )
+    shorter = 1e3 * _creep(solref=(0.01, 1.0), angle=angle)
+
+    def pyramids(mu):
+        return 1e3 * _creep(mu=mu, cone="pyramidal", angle=angle) / creep
+
+    pyramid = found.figure("pyramid", pyramids(mu), tolerance=1e-2)
+    twice = found.figure("pyramid_twice", pyramids(2 * mu), tolerance=1e-2)
     found.statement = f"Measured {creep:.4f} mm/s, R f / b is {1e3 * theory:.4f} mm/s."
     found.heard(creep < 1e-6)
     found.corrected(
@@ -107,13 +117,17 @@ def mujoco_creeps(found):
         abs(slippery / creep - 1) < 1e-6,
         abs(tenth - 10) < 0.05,
         pyramid > 1.1,
+        twice > 1.1 * pyramid,
+        shorter < 0.7 * creep,
     )
 
 
 @claim(
     "A glass slips out of two fingers because friction is too low; more of it stops that.",
-    "Below mu = {formula} it falls. Above, rigid models hold it, and soft ones let it creep at a "
-    "speed that more friction does not change: {creep_mm_s:.2f} mm/s in MuJoCo.",
+    "Below mu = {formula} it falls. Above, rigid models hold it, and soft ones let it creep: "
+    "{creep_mm_s:.2f} mm/s in MuJoCo with elliptic cones, whatever the friction. With pyramids "
+    "more of it first helps, then harms: {pyramid_2:.0f}, {pyramid_4:.0f} and {pyramid_8:.0f} mm/s "
+    "with two, four and eight times what is needed.",
     ask=(
         "Two fingers press a glass of mass m from both sides, each with the force F. From which "
         "coefficient of friction on is it held?",
@@ -136,25 +150,30 @@ def more_friction_holds_the_glass(found):
     def falls(model, share):
         return scenes.run(scenes.pinch(5.0, share * needed), model, 0.01, 20).v[3, -1] < -1e-3
 
-    def creep(times):
-        options = contact.Options(friction=(times * needed, 0.005, 0.0001))
+    def creep(times, cone="elliptic"):
+        options = contact.Options(cone=cone, friction=(times * needed, 0.005, 0.0001))
         return 1e3 * -contact.pinch(options).run(500)[1][3]
 
     slow = found.figure("creep_mm_s", creep(2.0), tolerance=1e-3)
     found.figure("needed", needed, tolerance=1e-9)
+    two, four, eight = [
+        found.figure(f"pyramid_{n}", creep(n, "pyramidal"), tolerance=1e-2) for n in (2, 4, 8)
+    ]
     found.statement = f"mu of {needed:.4f} is needed; with twice it creeps at {slow:.3f} mm/s."
     found.heard(slow < 1e-3)
     found.corrected(
         all(falls(model, 0.999) for model in RIGID),
         not any(falls(model, 1.001) for model in RIGID),
-        abs(creep(4.0) / slow - 1) < 1e-2,
+        *[abs(creep(x) / slow - 1) < 1e-2 for x in (1.02, 4.0, 8.0)],
+        slow < four < two < eight,
     )
 
 
 @claim(
     "A coarse friction pyramid makes grasped objects slip.",
-    "Between its edges it is weaker than the cone, down to 1/sqrt(2), and there it slips under a "
-    "load that the cone holds. Along an edge it is as strong. While it slides it also steers: sent "
+    "With four edges on the cone it is weaker between them: at t from an edge it holds the cone's "
+    "load over cos t + sin t, down to 1/sqrt(2). Along an edge it is as strong. While it slides it "
+    "also steers: sent "
     "off at {degrees:.1f} degrees to an edge, a block goes {stretched:.3f} times as far and stops "
     "at {turned:.1f} degrees.",
 )
@@ -175,13 +194,16 @@ def pyramid_slips(found):
     found.figure("stretched", way, tolerance=1e-3)
     found.figure("turned", direction, tolerance=1e-3)
     between = found.rng.uniform(5.0, 85.0, 10)
-    along = [90.0 * k for k in range(4)] + [90.0 * k + x for k, x in enumerate((1, -1, 0.5, -0.5))]
+
+    def share(angle):
+        return 1.0 / (abs(np.cos(np.radians(angle))) + abs(np.sin(np.radians(angle))))
+
     found.statement = f"Way {way:.4f}, sqrt(1 + sin^2 2t) = {np.hypot(1, np.sin(np.pi / 4)):.4f}."
     found.heard(
         slips(0.0),
-        only_if="the load points between the edges",
-        inside=[slips(angle) for angle in between],
-        outside=[slips(angle) for angle in along],
+        only_if="the load is above the cone's over |cos t| + |sin t|, t its angle to an edge",
+        inside=[slips(angle, 1.001 * share(angle)) for angle in between],
+        outside=[slips(angle, 0.999 * share(angle)) for angle in between],
     )
     t = np.radians(degrees)
     found.corrected(
@@ -196,11 +218,14 @@ def pyramid_slips(found):
 @claim(
     "In MuJoCo condim 4 gives the full friction cone.",
     "condim counts the rows of a contact: 4 adds friction against spin to the two directions of "
-    "sliding that 3 has, and stops a spinning disc. The shape of the cone is another option, and "
+    "sliding that 3 has, and so stops what spins on one point; what stands on several, as a "
+    "cylinder does, 3 stops as well. The shape of the cone is another option, and "
     "its default is the pyramid: halfway between its edges a block with condim 4 then goes "
     "{stretched:.2f} times as far as with the elliptic cone.",
 )
 def condim_4_is_the_full_cone(found):
+    import mujoco
+
     def way(cone, condim):
         velocity = (np.sqrt(0.5), np.sqrt(0.5))
         options = contact.Options(cone=cone, condim=condim)
@@ -215,8 +240,18 @@ def condim_4_is_the_full_cone(found):
     kept, lost = spin(3), spin(4)
     found.figure("spin_left_rad_s", kept, tolerance=1e-9)
     found.statement = f"10 rad/s after 0.4 s: condim 3 {kept:.3f}, condim 4 {lost:.1e} rad/s."
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom type="plane" size="9 9 1"/><body pos="0 0 .02"><freejoint/>'
+        '<geom type="cylinder" size=".1 .02" condim="3"/></body></worldbody></mujoco>'
+    )
+    standing = mujoco.MjData(model)
+    standing.qvel[5] = 10.0
+    mujoco.mj_step(model, standing, 300)
     found.heard(abs(stretched - 1) < 0.01)
-    found.corrected(stretched > 1.3, abs(same - 1) < 1e-6, abs(kept - 10) < 1e-9, abs(lost) < 0.01)
+    found.corrected(
+        stretched > 1.3, abs(same - 1) < 1e-6, abs(kept - 10) < 1e-9, abs(lost) < 0.01,
+        standing.ncon > 1, abs(standing.qvel[5]) < 0.01,
+    )  # fmt: skip
 
 
 @claim(
@@ -240,7 +275,7 @@ def condim_1_is_frictionless(found):
 @claim(
     "A simulator's friction coefficient is 0.5 unless one says otherwise.",
     "That depends on the simulator: MuJoCo's is {default:.1f}, and of two geoms the larger "
-    "one counts.",
+    "one counts, unless one has the higher priority: then that geom's.",
 )
 def default_friction(found):
     import mujoco
@@ -254,9 +289,10 @@ def default_friction(found):
 
     default = found.figure("default", friction("", ""))
     larger = friction('friction="0.3"', 'friction="0.7"')
+    ranked = friction('friction="0.3" priority="1"', 'friction="0.7"')
     found.statement = f"Two spheres without a word: {default}; 0.3 against 0.7: {larger}."
     found.heard(abs(default - 0.5) < 1e-9)
-    found.corrected(abs(default - 1.0) < 1e-9, abs(larger - 0.7) < 1e-9)
+    found.corrected(abs(default - 1.0) < 1e-9, abs(larger - 0.7) < 1e-9, abs(ranked - 0.3) < 1e-9)
 
 
 def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
@@ -301,8 +337,8 @@ def damping_makes_things_stick(found):
 @claim(
     "The penalty force is F = k d n + b v_rel.",
     "With a plus the damper drives: a ball comes back from such a contact with {gain:.2f} times "
-    "its speed, at a damping ratio of {zeta:.1f}. It acts against the relative velocity, along the "
-    "normal: k d n - b (v_rel . n) n, clipped at zero.",
+    "its speed, at a damping ratio of {zeta:.1f}. It acts against v_rel, the velocity of the body "
+    "that is pushed less the other's, along the normal: k d n - b (v_rel . n) n, clipped at zero.",
 )
 def penalty_law_has_a_plus(found):
     zeta = found.given("zeta", 0.1)
@@ -316,19 +352,31 @@ def penalty_law_has_a_plus(found):
 
 @claim(
     "The damper of a penalty contact damps the oscillation.",
-    "It damps what comes and goes along the normal. A body that also rocks or slides keeps that "
-    "motion: a block at {speed:.0f} m/s along the ground loses none of it to the damper.",
+    "It does below the largest stable step, which damping lowers, in semi-implicit Euler to "
+    "2 (sqrt(1 + zeta^2) - zeta)/omega. Past it the damper drives. What slides it leaves alone: a "
+    "block at {speed:.0f} m/s along the ground loses none of it to the damper.",
 )
 def damper_damps(found):
+    from course.charts.contact.models import step_limit
+
     speed = found.given("speed", 1.0)
 
-    def slid(damping):
-        scene = scenes.with_friction(scenes.block(0.0, 0.0, (speed, 0.0)), 0.0)
-        return scenes.run(scene, "penalty", 1e-4, 3000, stiffness=1e4, damping=damping)
+    def swing(ratio, share):
+        """Height [m] over which a ball that starts off its rest still swings."""
+        h = share * step_limit(ratio, "semi-implicit") / 100.0
+        scene = scenes.ball_drop(-1.5 * scenes.GRAVITY / 1e4)
+        path = scenes.run(scene, "penalty", h, 600, stiffness=1e4, damping=200.0 * ratio)
+        return np.ptp(path.q[0, -100:])
 
-    damped, bare = slid(100.0), slid(0.0)
-    kept = found.figure("kept_m_s", damped.v[0, -1], tolerance=1e-9)
-    rattle, free = np.ptp(damped.q[2, -500:]), np.ptp(bare.q[2, -500:])
-    found.statement = f"Heights in the last 50 ms vary by {rattle:.1e} m, undamped {free:.1e} m."
-    found.heard(rattle < 1e-6 < free and kept < speed)
-    found.corrected(rattle < 1e-3 * free, abs(kept - speed) < 1e-12)
+    ratios, shares = found.rng.uniform(0.1, 1.5, 8), found.rng.uniform(0.2, 0.95, 8)
+    scene = scenes.block(0.0, 0.0, (speed, 0.0))
+    slid = scenes.run(scene, "penalty", 1e-4, 1000, stiffness=1e4, damping=100.0)
+    kept = found.figure("kept_m_s", slid.v[0, -1], tolerance=1e-9)
+    found.statement = "A ball on a damped spring, steps below and above the limit."
+    found.heard(
+        swing(1.0, 1.1) < 1e-6,
+        only_if="the step is below the scheme's limit",
+        inside=[swing(z, s) < 1e-6 for z, s in zip(ratios, shares, strict=True)],
+        outside=[swing(z, 1.02 + s / 3) < 1e-6 for z, s in zip(ratios, shares, strict=True)],
+    )
+    found.corrected(abs(kept - speed) < 1e-12)
