@@ -221,16 +221,13 @@ def pgs(
     """
     count("sweeps", sweeps, 1)
     positive("tolerance", tolerance, unit="m/s")
-    one_of("law", law, ("coulomb", "convex"))
+    associated = one_of("law", law, LAWS) == "convex"
     g = in_scaled_rows(problem, start)
     taken = gauss_seidel(
         problem.scaled, problem.offset, g, problem.jacobian.shape[1],
-        associated=law == "convex", sweeps=sweeps, tolerance=0.1 * tolerance,
+        associated=associated, sweeps=sweeps, tolerance=0.1 * tolerance,
     )  # fmt: skip
-    missed, _ = natural_map(
-        problem.scaled, problem.offset, g, problem.jacobian.shape[1], law == "convex"
-    )
-    return answer("pgs", problem, g, taken, float(np.max(np.abs(missed))), tolerance)
+    return answer("pgs", problem, g, taken, _missed(problem, g, associated), tolerance)
 
 
 # --- the linear complementarity problem -----------------------------------------------------------
@@ -265,16 +262,16 @@ def lemke(M: ArrayLike, q: ArrayLike, pivots: int = 1000) -> tuple[Array, int, b
     basis = np.arange(n)
     entering, row = 2 * n, int(np.argmin(q))
     small = 1e-12 * max(1.0, float(np.max(np.abs(M))))
-    for pivot in range(1, pivots + 1):
+    taken, leaving = 0, -1
+    while taken < pivots:
+        taken += 1
         leaving = int(basis[row])
         table[row] /= table[row, entering]
         others = np.arange(n) != row
         table[others] -= np.outer(table[others, entering], table[row])
         basis[row] = entering
         if leaving == 2 * n:
-            z = np.zeros(2 * n + 1)
-            z[basis] = table[:, 2 * n + 1]
-            return z[n : 2 * n], pivot, True
+            break
         entering = leaving + n if leaving < n else leaving - n
         can = np.flatnonzero(table[:, entering] > small)
         if not can.size:
@@ -288,7 +285,7 @@ def lemke(M: ArrayLike, q: ArrayLike, pivots: int = 1000) -> tuple[Array, int, b
             row = int(tied[np.lexsort(ratios[least][:, :0:-1].T)[0]])
     z = np.zeros(2 * n + 1)
     z[basis] = table[:, 2 * n + 1]
-    return z[n : 2 * n], pivot, False
+    return z[n : 2 * n], taken, leaving == 2 * n
 
 
 def lcp(problem: Problem, *, edges: int = 4, tolerance: float = 1e-9) -> Solution:
@@ -306,25 +303,19 @@ def lcp(problem: Problem, *, edges: int = 4, tolerance: float = 1e-9) -> Solutio
     n, d, _ = problem.jacobian.shape
     faces = _edges(d, edges) if d > 1 else np.zeros((0, 0))
     m = len(faces)
-    # B: normals and edges of every contact -> scaled rows.
-    B = np.zeros((n * d, n * (1 + m)))
-    for i in range(n):
-        B[i * d, i * (1 + m)] = 1.0
-        if m:
-            B[i * d + 1 : i * d + d, i * (1 + m) + 1 : (i + 1) * (1 + m)] = faces.T
-    size = B.shape[1]
-    M = np.zeros((size + n, size + n)) if m else np.zeros((size, size))
+    # B: normal and edges of every contact -> its scaled rows.
+    one = np.zeros((d, 1 + m))
+    one[0, 0], one[1:, 1:] = 1.0, faces.T
+    B = np.kron(np.eye(n), one)
     # Impulses times the mean response along normals: all unknowns and residuals are speeds, and
     # the pivots don't depend on the unit of mass.
     stiff = float(np.mean(np.diag(problem.scaled)[::d])) or 1.0
-    M[:size, :size] = B.T @ problem.scaled @ B / stiff
-    q = np.zeros(M.shape[0])
-    q[:size] = B.T @ problem.offset
-    for i in range(n if m else 0):
-        shares = slice(i * (1 + m) + 1, (i + 1) * (1 + m))
-        M[shares, size + i] = 1.0
-        M[size + i, shares] = -1.0
-        M[size + i, i * (1 + m)] = 1.0
+    M, q, size = B.T @ problem.scaled @ B / stiff, B.T @ problem.offset, B.shape[1]
+    if m:
+        # The slip of a contact raises all its edges; their shares are at most its normal impulse.
+        raised = np.kron(np.eye(n), np.append(0.0, np.ones(m)))
+        left = np.kron(np.eye(n), np.append(1.0, -np.ones(m)))
+        M, q = np.block([[M, raised.T], [left, np.zeros((n, n))]]), np.append(q, np.zeros(n))
     z, pivots, _ = lemke(M, q)
     worst = float(np.max(np.abs(np.minimum(z, M @ z + q))))
     return answer("lcp", problem, B @ z[:size] / stiff, pivots, worst, tolerance)
@@ -371,22 +362,20 @@ def natural_map(A: Array, b: Array, g: Array, d: int, associated: bool) -> tuple
 
 
 def defect(problem: Problem, impulses: ArrayLike, law: str = "coulomb") -> float:
-    """By how much impulses miss a law of the round cone [m/s]; 0 for a solution.
+    """By how much impulses (n, d) miss one of the `LAWS` of the round cone [m/s]; 0 if solved.
 
     r |g - P(g - w / r)|, the largest over the contacts, r the trace of the contact's block of A, P
     the projection on the cone (the natural map; Facchinei and Pang 2003, sec. 1.5). Coulomb's law
     has w_n + |w_t| in place of w_n (De Saxce and Feng 1998).
-
-    Args:
-        problem: the step.
-        impulses: shape (n, d).
-        law: one of `LAWS`.
     """
-    one_of("law", law, LAWS)
-    n, d, _ = problem.jacobian.shape
-    g = in_scaled_rows(problem, vector("impulses", impulses, (n, d)))
-    missed, _ = natural_map(problem.scaled, problem.offset, g, d, law == "convex")
-    return float(np.max(np.abs(missed)))
+    g = in_scaled_rows(problem, vector("impulses", impulses, problem.jacobian.shape[:2]))
+    return _missed(problem, g, one_of("law", law, LAWS) == "convex")
+
+
+def _missed(problem: Problem, g: Array, associated: bool) -> float:
+    """`defect` of impulses in scaled rows."""
+    d = problem.jacobian.shape[1]
+    return float(np.max(np.abs(natural_map(problem.scaled, problem.offset, g, d, associated)[0])))
 
 
 def _round_cone(
@@ -459,19 +448,14 @@ def coulomb(
 
 
 def duality_gap(problem: Problem, impulses: ArrayLike) -> tuple[float, float]:
-    """Cost of the convex problem less the bound that its dual gives [J].
-
-    Args:
-        problem: the step.
-        impulses: in their cones, shape (n, d).
+    """Cost of the convex problem less the bound that its dual gives, for impulses in their cones.
 
     Returns:
-        The gap f w, and by how much w is outside its cone [m/s]: only within it the gap is a bound.
+        The gap f w [J], and by how much w is outside its cone [m/s]: only within it a bound.
     """
-    n, d, _ = problem.jacobian.shape
     g = in_scaled_rows(problem, impulses)
     w = problem.scaled @ g + problem.offset
-    rows = w.reshape(n, d)
+    rows = w.reshape(problem.jacobian.shape[:2])
     outside = np.linalg.norm(rows[:, 1:], axis=1) - rows[:, 0]
     return float(g @ w), float(max(0.0, np.max(outside)))
 
@@ -490,15 +474,9 @@ MODELS: dict[str, Model] = {
 
 
 def solve(model: str, problem: Problem, **options: Any) -> Solution:
-    """The impulses of one step by one of `MODELS`.
+    """The impulses of one step by one of `MODELS`; look at `converged` before you use them.
 
-    Args:
-        model: its name.
-        problem: the step.
-        **options: of the model, see its function.
-
-    Returns:
-        The solution; look at `converged` before you use it.
+    Options are those of the model's function.
 
     Raises:
         ValueError: for an unknown model.

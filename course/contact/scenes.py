@@ -71,7 +71,8 @@ class Scene:
 
 @dataclass(frozen=True)
 class Run:
-    """A motion: times (k,), q and v (nv, k), impulses (n, d, k - 1), work done [iterations]."""
+    """A motion: times (k,), q and v (nv, k), impulses (n, d, k - 1), the iterations of all steps,
+    how many were not solved, and the worst residual [m/s]."""
 
     times: Array
     q: Array
@@ -83,18 +84,8 @@ class Run:
 
 
 def run(scene: Scene, model: str, dt: float, steps: int, **options: Any) -> Run:
-    """Step a scene: impulses from the model, then the position with the new velocity.
-
-    Args:
-        scene: what moves.
-        model: one of `course.contact.models.MODELS`.
-        dt: [s].
-        steps: how many.
-        **options: of the model.
-
-    Returns:
-        The motion, how many of its steps were not solved, and the worst residual [m/s].
-    """
+    """So many steps of `dt` [s]: impulses from one of `MODELS` with its options, then the position
+    with the new velocity."""
     count("steps", steps, 1)
     q, v = scene.q.copy(), scene.v.copy()
     path_q, path_v = [q], [v]
@@ -196,11 +187,7 @@ def block(
 ) -> Scene:
     """A block on an incline, which slides and does not turn: q = (along the slope, across, off it).
 
-    Args:
-        angle: of the slope [rad]; positive goes down along x.
-        friction: coefficient.
-        velocity: along the slope and across [m/s].
-        mass: [kg].
+    The slope has an angle [rad], down along x; the velocity is along it and across [m/s].
     """
     finite("angle", angle, -0.5 * math.pi, 0.5 * math.pi, unit="rad")
     finite("friction", friction, 0.0)
@@ -215,12 +202,9 @@ def block(
 
 
 def spinning_disc(spin: float = 10.0, friction: float = 0.5, torsion: float = 0.01) -> Scene:
-    """A disc of 1 kg and 10 cm that spins on a point: q = (x, y, z, angle about z).
+    """A disc of 1 kg and 10 cm that spins [rad/s] on a point: q = (x, y, z, angle about z).
 
-    Args:
-        spin: [rad/s].
-        friction: of sliding.
-        torsion: of spin [m]; 0 is what a contact of three rows has.
+    Torsion is the coefficient against spin [m]; 0 is what a contact of three rows has.
     """
     base = block(0.0, friction)
     rows = np.zeros((1, 4, 4))
@@ -269,14 +253,9 @@ def table(load: Sequence[float] = (0.0, 0.0), side: float = 1.0, mass: float = 1
 
 
 def pinch(squeeze: float = 5.0, friction: float = 0.5, mass: float = 0.2) -> Scene:
-    """A glass between two fingers: q = (left finger x, right finger x, glass x, glass z).
+    """A glass of a mass [kg] between two fingers: q = (x of both fingers, x and z of the glass).
 
-    The fingers of 50 g press with a force; it is held from mu = m g / (2 squeeze) on.
-
-    Args:
-        squeeze: of each finger [N].
-        friction: coefficient.
-        mass: of the glass [kg].
+    The fingers of 50 g squeeze with a force each [N]; it is held from mu = m g / (2 squeeze) on.
     """
     positive("squeeze", squeeze, unit="N")
     finite("friction", friction, 0.0)

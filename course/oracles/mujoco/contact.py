@@ -101,35 +101,29 @@ def _down(angle: float = 0.0) -> tuple[float, float, float]:
 _FLOOR = '<geom type="plane" size="9 9 1"/>'
 
 
+def _ball(joint: str = "") -> str:
+    """A ball of 1 kg, 0.1 m and 0.005 kg m^2 on three slides above the floor, with a joint more."""
+    return (
+        f'{_FLOOR}<body pos="0 0 0.1">{_SLIDES}{joint}<inertial pos="0 0 0" mass="1" '
+        'diaginertia="0.005 0.005 0.005"/><geom size="0.1"/></body>'
+    )
+
+
 def block(
     options: Options,
     angle: float = 0.0,
     velocity: Sequence[float] = (0.0, 0.0),
     start: float = 0.0,
 ) -> Runner:
-    """A block that slides and does not turn, on a point: a sphere of 0.1 m on three slides.
-
-    Args:
-        options: of contact and solver.
-        angle: of the slope [rad].
-        velocity: along the slope and across [m/s].
-        start: height of the lowest point [m].
-    """
-    body = (
-        f'{_FLOOR}<body pos="0 0 0.1">{_SLIDES}<inertial pos="0 0 0" mass="1" '
-        'diaginertia="0.005 0.005 0.005"/><geom size="0.1"/></body>'
-    )
-    return _runner(
-        body, options, np.array([0.0, 0.0, start]), np.array([*velocity, 0.0]), _down(angle)
-    )
+    """A block that slides on a point and does not turn: on a slope of an angle [rad], sent off along
+    and across it [m/s], its lowest point at a height `start` [m]."""
+    q0, v0 = np.array([0.0, 0.0, start]), np.array([*velocity, 0.0])
+    return _runner(_ball(), options, q0, v0, _down(angle))
 
 
 def spinning_disc(options: Options, spin: float = 10.0) -> Runner:
-    """A ball of 1 kg and 0.005 kg m^2 about z that spins on a point [rad/s]."""
-    body = (
-        f'{_FLOOR}<body pos="0 0 0.1">{_SLIDES}<joint type="hinge" axis="0 0 1"/>'
-        '<inertial pos="0 0 0" mass="1" diaginertia="0.005 0.005 0.005"/><geom size="0.1"/></body>'
-    )
+    """A ball that spins on a point [rad/s]."""
+    body = _ball('<joint type="hinge" axis="0 0 1"/>')
     return _runner(body, options, np.zeros(4), np.array([0.0, 0.0, 0.0, spin]), _down())
 
 
@@ -197,12 +191,13 @@ def box(options: Options, velocity: Sequence[float] = (0.0, 0.0), count: int = 1
 
 def links(options: Options) -> Runner:
     """Two links of 0.5 m that fall, turning, against a wall with the ball at their end."""
+    link = (
+        '<joint type="hinge" axis="0 1 0"/>'
+        '<geom type="capsule" size="0.02" fromto="0 0 0 0.5 0 0" contype="0" conaffinity="0"/>'
+    )
     body = (
         '<geom type="plane" size="9 9 1" pos="0.55 0 0" zaxis="-1 0 0"/>'
-        '<body><joint type="hinge" axis="0 1 0"/>'
-        '<geom type="capsule" size="0.02" fromto="0 0 0 0.5 0 0" contype="0" conaffinity="0"/>'
-        '<body pos="0.5 0 0"><joint type="hinge" axis="0 1 0"/><joint type="hinge" axis="0 0 1"/>'
-        '<geom type="capsule" size="0.02" fromto="0 0 0 0.5 0 0" contype="0" conaffinity="0"/>'
+        f'<body>{link}<body pos="0.5 0 0">{link}<joint type="hinge" axis="0 0 1"/>'
         '<geom size="0.05" pos="0.5 0 0" mass="0.2"/></body></body>'
     )
     return _runner(body, options, np.array([-1.0, 1.8, 0.1]), np.zeros(3), _down())
