@@ -115,8 +115,8 @@ def block(
     velocity: Sequence[float] = (0.0, 0.0),
     start: float = 0.0,
 ) -> Runner:
-    """A block that slides on a point and does not turn: on a slope of an angle [rad], sent off along
-    and across it [m/s], its lowest point at a height `start` [m]."""
+    """A block that slides on a point and does not turn: on a slope [rad], sent off along it and
+    across [m/s], its lowest point at a height `start` [m]."""
     q0, v0 = np.array([0.0, 0.0, start]), np.array([*velocity, 0.0])
     return _runner(_ball(), options, q0, v0, _down(angle))
 
