@@ -70,6 +70,7 @@ CHAPTERS = (
         "Contact and friction",
         "When do two bodies touch, and what do they do to each other?",
         "Two shapes to push together",
+        there=True,
     ),
     Chapter(
         3,

@@ -2,6 +2,7 @@
 
 from typing import TYPE_CHECKING
 
+from course.check import one_of
 from course.simulations.contact.touch import MODEL
 
 if TYPE_CHECKING:
@@ -10,8 +11,18 @@ if TYPE_CHECKING:
 __all__ = ["MODEL", "simulation"]
 
 
-def simulation() -> "Panel":
-    """The simulation of this chapter as a widget for a notebook; it starts paused."""
+def simulation(preset: str = "Drag it") -> "Panel":
+    """The simulation of this chapter as a widget for a notebook; it starts paused.
+
+    Args:
+        preset: what it begins with, one of its presets.
+
+    Raises:
+        ValueError: there is no such preset.
+    """
     from course.simulations.panel import Panel
 
-    return Panel(MODEL)
+    one_of("preset", preset, MODEL.presets)
+    panel = Panel(MODEL)
+    panel.choose(preset)
+    return panel

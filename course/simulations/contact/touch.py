@@ -23,6 +23,7 @@ FIXED = ((1.5, 0.4, 0.0), (0.0, 0.0, 0.5), (0.02, 1.2, 0.0))  # and of what stan
 PLACE = ((0.0, -0.4), (0.0, -0.1), (0.0, 0.1))  # of what stands
 _GONE, _PAST, _WINDOW = 20.0, 500, 2.0  # m, samples, s shown
 _SAMPLE = 0.004  # s
+_REACH = 1.6  # of the hand, along each axis [m]
 
 CONTROLS = Record(
     fixed=menu("Standing", ("floor", "circle", "thin wall")),
@@ -32,7 +33,7 @@ CONTROLS = Record(
     friction=slider("Friction μ", 0.70, 0.0, 1.5, 0.05),
     timestep=slider("Timestep", 5.0, 0.5, 40.0, 0.5, "ms", 1),
     pull=switch("the damper may pull", False),
-    hand=Field((0.0, 0.2), low=-1.6, high=1.6, unit="m"),
+    hand=Field((0.0, 0.2), low=-_REACH, high=_REACH, unit="m"),
     start=Field((0.0, 0.2, 0.0, 0.0)),  # x, y, vx, vy [m, m/s]
 )
 STATE = Record(
@@ -249,7 +250,9 @@ def frame(pen, state, controls):
 
 def drag(controls, state, x, y):
     """The hand is where the pointer is."""
-    controls["hand"][0], controls["hand"][1] = draw.values_at(_SCENE, _VIEW, x, y)
+    to = draw.values_at(_SCENE, _VIEW, x, y)
+    for axis in range(2):
+        controls["hand"][axis] = min(max(to[axis], -_REACH), _REACH)
 
 
 def press(controls, state, key):
@@ -257,12 +260,13 @@ def press(controls, state, key):
     if key < 4:
         way = 0.02 if key in (1, 2) else -0.02
         axis = 0 if key < 2 else 1
-        controls["hand"][axis] = min(max(controls["hand"][axis] + way, -1.6), 1.6)
+        controls["hand"][axis] = min(max(controls["hand"][axis] + way, -_REACH), _REACH)
 
 
 PRESETS = {
     "Drag it": Preset(
-        {}, "Press play and drag the hand. Both bodies hang on it by the same spring. The penalty "
+        {"hand": (0.9, 0.17), "start": (-1.2, 0.9, 0.0, 2.0)},
+        "Press play and drag the hand. Both bodies hang on it by the same spring. The penalty "
         "sinks in before it pushes; the constraint doesn't."),
     "Stick": Preset(
         {"hand": (0.03, 0.2)}, "The hand pulls sideways, with less than μ times the normal force. "
