@@ -79,9 +79,9 @@ show("aabb_all_axes")
 show("aabb_listing_two_axes")
 
 # %% [markdown]
-# Testing every pair is $N(N-1)/2$ tests. **Sweep and prune** sorts the lower ends of the boxes along one axis, and tests
-# each box only against those that begin before it ends. Between two steps the order hardly changes, so one keeps it and
-# repairs it by an insertion sort. A uniform grid tests only what shares a cell.
+# Testing every pair is $N(N-1)/2$ tests. **Sweep and prune** sorts the lower ends of the boxes along one axis, and
+# tests each box only against those that begin before it ends. Between two steps the order hardly changes, so one keeps
+# it and repairs it by an insertion sort. A uniform grid tests only what shares a cell.
 
 # %%
 predict("sweep_ten_times")
@@ -171,8 +171,8 @@ show("gjk_minkowski")
 # %% [markdown]
 # The course stores a shape as a **core and a radius**: a point, a segment, a box or a set of points, and how far the
 # surface is outside of it. A capsule is a segment with a radius. So GJK and EPA only ever see polytopes, which have
-# finitely many corners, and end exactly instead of by a tolerance. An independent check is the **separating axis** test:
-# two convex polytopes are apart if they are apart along a normal of one, or along a cross product of two edges.
+# finitely many corners, and end exactly instead of by a tolerance. An independent check is the **separating axis**
+# test: two convex polytopes are apart if they are apart along a normal of one, or along a cross product of two edges.
 
 # %%
 show("epa_gives_the_contact")
@@ -412,8 +412,8 @@ show("contact_law_is_set_valued")
 #
 # $$u = J v_f + A\,p, \qquad A = J M^{-1} J^{\mathsf T}\qquad\text{and}\qquad 0 \le p_n \perp u_n + \phi/h \ge 0 .$$
 #
-# $A$ is the **Delassus** matrix: what one contact's impulse does to the velocity of another. Without friction this is an
-# **LCP**, a linear complementarity problem. **Restitution** enters as the wanted speed: $u_n \ge -e\,u_n^-$ where a
+# $A$ is the **Delassus** matrix: what one contact's impulse does to the velocity of another. Without friction this is
+# an **LCP**, a linear complementarity problem. **Restitution** enters as the wanted speed: $u_n \ge -e\,u_n^-$ where a
 # contact closes.
 
 # %%
@@ -447,8 +447,8 @@ simulation("Slip")
 show("below_the_limit_sticks")
 
 # %% [markdown]
-# A round cone is not linear. The old way out is a **pyramid** inside of it: a few edges, and the whole problem is an LCP
-# again, which pivots solve exactly. What does that do?
+# A round cone is not linear. The old way out is a **pyramid** inside of it: a few edges, and the whole problem is an
+# LCP again, which pivots solve exactly. What does that do?
 
 # %%
 predict("braking_between_edges")
@@ -548,8 +548,8 @@ show("condim_1_is_frictionless")
 predict("glass_that_creeps")
 
 # %% [markdown]
-# A friction row of that model has a damper and no spring. To carry a load it has to move, slowly and for ever: **creep**.
-# A block on a slope of 0.2 rad that needs a fifth of a coefficient, and has a half:
+# A friction row of that model has a damper and no spring. To carry a load it has to move, slowly and for ever:
+# **creep**. A block on a slope of 0.2 rad that needs a fifth of a coefficient, and has a half:
 
 # %%
 for label, changed in (
@@ -625,12 +625,12 @@ show("mujoco_is_velocity_level")
 # grid for many equal bodies</td></tr>
 # <tr><td>filters</td> <td>pairs</td> <td>pairs that may touch (not parent and child, groups, sleeping)</td>
 # <td>nothing</td></tr>
-# <tr><td>narrow phase</td> <td>shapes, poses</td> <td>points, normals, depths</td> <td>about a microsecond a pair of
-# convex shapes; a mesh more</td></tr>
+# <tr><td>narrow phase</td> <td>shapes, poses</td> <td>points, normals, depths</td> <td>the same for each pair of convex
+# shapes (section 6); a mesh more</td></tr>
 # <tr><td>constraints</td> <td>contacts, $M$, $v$, $h$</td> <td>$J$, $A$, wanted speeds</td> <td>$A$ is dense within an
 # island of touching bodies</td></tr>
-# <tr><td>solver</td> <td>$A$, $b$, cones, the last impulses</td> <td>impulses, a residual</td> <td>sweeps, or Newton steps
-# that factor a matrix</td></tr>
+# <tr><td>solver</td> <td>$A$, $b$, cones, the last impulses</td> <td>impulses, a residual</td> <td>sweeps, or Newton
+# steps that factor a matrix</td></tr>
 # <tr><td>integration</td> <td>impulses</td> <td>new state</td> <td>nothing</td></tr>
 # </table>
 #
@@ -788,8 +788,8 @@ figures(
 print("\n".join(line for line in read("contact_table").splitlines() if line in charts.SENTENCES))
 
 # %% [markdown]
-# Read the cost with care: MuJoCo's step is compiled, a step of ours is a few lines of NumPy, so compare *counts* between
-# the two and times within each.
+# Read the cost with care: MuJoCo's step is compiled, a step of ours is a few lines of NumPy, so compare *counts*
+# between the two and times within each.
 #
 # **The narrow phase beside Coal** (the library that Pinocchio uses), pair by pair in one process, both exact:
 #
@@ -806,7 +806,8 @@ figures(
 # * *A robot arm, learning at scale*: soft and convex (MuJoCo). Unique, fast, smooth enough; raise impratio where things
 #   are held, use the elliptic cone where they slide.
 # * *Stacks, large mass ratios, exact standstill*: the rigid law by Newton or pivots; sweeps only with light on heavy.
-# * *A few soft contacts, gradients, no solver at hand*: penalty, with a step below its limit and a depth you can accept.
+# * *A few soft contacts, gradients, no solver at hand*: penalty, with a step below its limit and a depth you can
+# accept.
 # * *Games*: ten sweeps with a warm start. It looks right.
 
 # %%
@@ -821,19 +822,18 @@ show("constraints_take_larger_steps")
 predict("chalk_on_the_board")
 
 # %% [markdown]
-# This is **Painlevé**'s rod (1895). At 60 degrees the limit is $\mu = (1 + 3\cos^2)/(3\sin\cos)$, about 1.35. Below it a
-# force holds the end, so the impulse goes with the step. Above it no force does. A time-stepping scheme answers with an
-# impulse that does not shrink: the rod is stopped at once although nothing collided.
+# This is **Painlevé**'s rod (1895), here at 60 degrees to the ground. It has a limit of $\mu$, computed below. Under it
+# a force holds the end, so the impulse goes with the step. Above it no force does. A time-stepping scheme answers with
+# an impulse that does not shrink: the rod is stopped at once although nothing collided.
 
 # %%
+angle = np.radians(60.0)
+limit = (1.0 + 3.0 * np.cos(angle) ** 2) / (3.0 * np.sin(angle) * np.cos(angle))
+print(f"limit: mu = {limit:.3f}")
 for mu in (1.0, 2.0):
-    shares = [
-        solve("coulomb", scenes.rod(np.radians(60.0), mu).problem(dt)).impulses[0, 0]
-        for dt in (1e-3, 1e-6)
-    ]
-    dive = scenes.run(
-        scenes.rod(np.radians(60.0), mu), "penalty", 1e-4, 100, stiffness=1e6, damping=100.0
-    )
+    rod = scenes.rod(angle, mu)
+    shares = [solve("coulomb", rod.problem(dt)).impulses[0, 0] for dt in (1e-3, 1e-6)]
+    dive = scenes.run(rod, "penalty", 1e-4, 100, stiffness=1e6, damping=100.0)
     print(
         f"mu {mu:.0f}: normal impulse {shares[0]:.1e} N s in 1 ms, {shares[1]:.1e} in 1 us; by "
         f"penalty up to {dive.impulses[0, 0].max() / 1e-4:.0f} N"
@@ -847,8 +847,8 @@ for mu in (1.0, 2.0):
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *Objects stick together.* Log the normal force: below zero, a damper pulls (clip it). Then look at
-# the tangential force of a contact that opens; at the margin, and at adhesion that somebody set. Sizes of memory are not
-# it:
+# the tangential force of a contact that opens; at the margin, and at adhesion that somebody set. Sizes of memory are
+# not it:
 
 # %%
 show("nconmax_helps")
@@ -857,16 +857,16 @@ show("nconmax_helps")
 # </div>
 # <div class="alert alert-block alert-danger">
 #
-# **Debugging tip.** *A grasped object slips.* Is it sliding or creeping? Print speed, and friction over its limit. At the
-# limit: more squeeze, more friction, a cone instead of a pyramid. Far below it: creep; raise impratio or shorten the time
-# constant. In steps: contacts come and go; look at the manifold.
+# **Debugging tip.** *A grasped object slips.* Is it sliding or creeping? Print speed, and friction over its limit. At
+# the limit: more squeeze, more friction, a cone instead of a pyramid. Far below it: creep; raise impratio or shorten
+# the time constant. In steps: contacts come and go; look at the manifold.
 #
 # </div>
 # <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The simulation is slow with many objects.* Count before you time: pairs tested, pairs left,
-# contacts, iterations. Too many pairs: boxes that are too large, or one sweep axis along a pile. Too many contacts: meshes
-# instead of primitives. Too many iterations: mass ratios. Then time each stage.
+# contacts, iterations. Too many pairs: boxes that are too large, or one sweep axis along a pile. Too many contacts:
+# meshes instead of primitives. Too many iterations: mass ratios. Then time each stage.
 #
 # </div>
 
@@ -1079,8 +1079,8 @@ answer("more_friction_holds_the_glass", "m*g/F")
 # problem</td></tr>
 # <tr><td>smoothing for planning</td> <td>Suh et al. 2022; Pang et al. 2023</td> <td>what randomised and analytic
 # smoothing have in common; plans through contact</td></tr>
-# <tr><td>learned contact</td> <td>Pfrommer, Halm and Posa 2020 (ContactNets)</td> <td>shape and friction from tosses, with
-# complementarity inside the loss</td></tr>
+# <tr><td>learned contact</td> <td>Pfrommer, Halm and Posa 2020 (ContactNets)</td> <td>shape and friction from tosses,
+# with complementarity inside the loss</td></tr>
 # <tr><td>models compared</td> <td>Le Lidec et al. 2024</td> <td>which engine relaxes which of the laws, and what that
 # does</td></tr>
 # </table>
@@ -1111,11 +1111,11 @@ show("penalty_is_differentiable")
 #
 # <div class="alert alert-block alert-success">
 #
-# **Interview tip.** *Penalty or constraint?* Say first what is asked of the contact. "Penalty: a spring, nothing to solve,
-# smooth force; it sinks in, its friction creeps, and $h < 2(\sqrt{1+\zeta^2}-\zeta)/\omega$. Constraint: no depth, sticks
-# exactly, any step is stable; it needs a solver, whose iterations grow with the mass ratio, and its gradients are zero or
-# set-valued. MuJoCo is in between: constraints with softness, convex, unique, and it creeps. For a grasp I take the true
-# cone and print the residual."
+# **Interview tip.** *Penalty or constraint?* Say first what is asked of the contact. "Penalty: a spring, nothing to
+# solve, smooth force; it sinks in, its friction creeps, and $h < 2(\sqrt{1+\zeta^2}-\zeta)/\omega$. Constraint: no
+# depth, sticks exactly, any step is stable; it needs a solver, whose iterations grow with the mass ratio, and its
+# gradients are zero or set-valued. MuJoCo is in between: constraints with softness, convex, unique, and it creeps. For
+# a grasp I take the true cone and print the residual."
 #
 # </div>
 #
