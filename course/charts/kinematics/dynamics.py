@@ -38,11 +38,8 @@ def arm_throughput(
 ) -> Iterator[Panel]:  # fmt: skip
     """States of the 7-R arm a second, in batches of N: the course, Pinocchio, MuJoCo.
 
-    Args:
-        sizes: N.
-        most: the largest N for those that are called once a state; their time a state is the same.
-        repeats: rounds.
-        clock: see `course.measure.timing.calls`.
+    Libraries are called once a state, up to N = `most`, from where their time a state is the same;
+    `clock` as for `course.measure.timing.calls`.
     """
     arm = replace(panda(), damping=0.0)  # Pinocchio's calls know none
     states = np.random.default_rng(0).uniform(-1, 1, (3, 7, max(sizes)))
@@ -98,10 +95,8 @@ def closed(arm: TwoLink = ARM) -> Array:
 def spatial(tilt: float = 0.0, skew: float = 0.0, armature: float = 0.0) -> Array:
     """The tip after the same motion of MuJoCo's arm in space, as seen from the base, (3,) [m].
 
-    Args:
-        tilt: of the base about y, so that gravity pulls along x [rad].
-        skew: of the elbow's axis about the first link [rad].
-        armature: inertia of the motors on their joints [kg m^2].
+    The base is tilted about y, so that gravity pulls along x, the elbow's axis skewed about the
+    first link [rad]; motors have an armature on their joints [kg m^2].
     """
     chain = replace(ARM.chain(), armature=armature)
     placement = chain.placement.copy()

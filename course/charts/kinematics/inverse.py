@@ -84,11 +84,8 @@ def ik_success(
 ) -> Iterator[Panel]:
     """Share of poses solved within the limits against time, beside the loop that users write.
 
-    Args:
-        targets: poses of the 7-R arm.
-        slow: how many of them Pinocchio's loops get.
-        seeds: of the starts.
-        table: postures in the table.
+    Pinocchio's loops get only `slow` of the targets; `seeds` are those of the starts, `table` the
+    number of postures in the table.
     """
     arm = panda()
     samples = Samples(arm, table, 1)
@@ -146,12 +143,7 @@ def ik_residual(
     budgets: Sequence[int] = (1, 2, 3, 4, 5, 6, 8, 10, 13, 17, 23, 30, 45, 70, 100),
     targets: int = 60,
 ) -> Iterator[Panel]:
-    """What is left of the error after k steps, by method: an ordinary target, and one on the edge.
-
-    Args:
-        budgets: numbers of steps.
-        targets: random ones, of which the median is drawn.
-    """
+    """What is left of the error after k steps: ordinary targets, and such on the edge; medians."""
     rng, arm, two = np.random.default_rng(8), panda(), planar([1.0, 0.8])
     near = tip(arm, HOME[:, None] + rng.uniform(-0.4, 0.4, (7, targets)))
     angle = rng.uniform(-np.pi, np.pi, targets)
@@ -165,10 +157,8 @@ def ik_residual(
         for method in METHODS:
             left = []
             for k in budgets:
-                found = ik(
-                    chain, goals, start, method=method, restarts=0, iterations=k,
-                    tolerance=(1e-14, 1e-14),
-                )  # fmt: skip
+                options: Any = {"restarts": 0, "iterations": k, "tolerance": (1e-14, 1e-14)}
+                found = ik(chain, goals, start, method=method, **options)
                 left.append(float(np.median(np.hypot(found.distance, found.angle))))
             there = [k for k, e in zip(budgets, left, strict=True) if e < 1e-6]
             said = f"below 1e-6 after {there[0]} steps" if there else f"{left[-1]:.1e} at the end"
@@ -188,17 +178,8 @@ def trained(
     """A small network that proposes postures for a pose: several heads, the nearest one learns.
 
     One head would learn the mean of all answers, which is none (Guzman-Rivera et al., Multiple
-    choice learning, 2012).
-
-    Args:
-        chain: the arm.
-        rows: of the pose that the network sees.
-        heads: proposals for a target.
-        steps: of Adam, with 512 fresh postures each.
-        width: of the two hidden layers.
-
-    Returns:
-        (target, rng) -> starts, shape (n, heads).
+    choice learning, 2012). The network sees some rows of the pose, has two hidden layers and takes
+    so many steps of Adam, each with 512 fresh postures. Returns (target, rng) -> starts (n, heads).
     """
     import torch
 
@@ -271,12 +252,8 @@ def learned_seeds(
 ) -> Iterator[Panel]:  # fmt: skip
     """What a learned solver must beat: starts for Levenberg-Marquardt, and the answers covered.
 
-    Args:
-        targets: reachable poses of the 7-R arm.
-        steps: of training.
-        table: postures in the table.
-        draws: numbers of starts, for the coverage.
-        points: targets of the 3-R arm.
+    On the left `targets` of the 7-R arm, with so many steps of training and a table of so many
+    postures; on the right `points` of the 3-R arm, by numbers of starts (`draws`).
     """
     arm, begun, rng = panda(), time.process_time(), np.random.default_rng(3)
     network = trained(arm, range(7), steps=steps)

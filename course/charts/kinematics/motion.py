@@ -8,7 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from course.charts import chart
-from course.kinematics import Chain, jacobian, jacobian_rate, panda, planar, tip, two_link_ik
+from course.kinematics import (
+    Chain,
+    jacobian,
+    jacobian_rate,
+    panda,
+    planar,
+    pose_error,
+    tip,
+    two_link_ik,
+)
 from course.kinematics.chain import PLACE, QUAT
 from course.measure.figure import Panel, Series
 from course.measure.stability import stability_map
@@ -26,12 +35,8 @@ POSTURE = np.array([0.4, -0.6, 0.3, -1.9, 0.5, 1.7, -0.8])  # of the 7-R arm [ra
 def placed(chain: Chain, q: Any, library: Any = np) -> Any:
     """The tip of a serial arm of turning joints by matrices, (3,) [m], for any kind of number.
 
-    The course's own is compiled for real numbers; complex steps and autograd need their own kinds.
-
-    Args:
-        chain: the arm.
-        q: joint angles, (n,): real, complex, or a tensor of PyTorch.
-        library: whose `cos`, `sin` and `stack` fit q.
+    The course's own is compiled for real numbers. Here q (n,) may be real, complex, or a tensor of
+    PyTorch, with the `library` whose `cos`, `sin` and `stack` fit it.
     """
     point: Any = chain.table[-1, PLACE:QUAT]
     for i in reversed(range(chain.n)):
@@ -58,11 +63,6 @@ def complex_step(f: Callable[[Any], Any], q: Array, h: float) -> Array:
     return np.stack([f(q + 1j * h * e).imag / h for e in np.eye(q.size)], axis=1)
 
 
-def exact(f: Callable[[Any], Any], q: Array) -> Array:
-    """By complex steps so small that only rounding is left."""
-    return complex_step(f, q, 1e-100)
-
-
 def autograd(chain: Chain, q: Array) -> Array:
     """By PyTorch, backwards, a row at a time."""
     import torch
@@ -75,25 +75,21 @@ def autograd(chain: Chain, q: Array) -> Array:
 def jacobian_precision(
     steps: Sequence[float] = tuple(np.logspace(-16, 0, 33)), repeats: int = 9
 ) -> Iterator[Panel]:
-    """Error and cost of a Jacobian: differences, complex steps, autograd, analytic.
-
-    Args:
-        steps: of the differences [rad].
-        repeats: timed rounds.
-    """
+    """Error and cost of a Jacobian: differences [rad], complex steps, autograd, analytic."""
     arm, q = panda(), POSTURE
 
     def f(x: Any) -> Any:
         return placed(arm, x)
 
-    truth = exact(f, q)
+    exact = functools.partial(complex_step, f, h=1e-100)  # only rounding is left
+    truth = exact(q)
 
     def error(J: Array) -> float:
         return max(float(np.abs(J - truth).max()), 1e-17)
 
     # Second and third derivatives by joint: J at shifted postures, differenced.
     size, eps = float(np.abs(f(q)).max()), float(np.finfo(float).eps)
-    shifted = [[exact(f, q + d * 1e-3 * e) for d in (-1, 0, 1)] for e in np.eye(7)]
+    shifted = [[exact(q + d * 1e-3 * e) for d in (-1, 0, 1)] for e in np.eye(7)]
     second = max(np.abs((b - a)[:, i]).max() / 2e-3 for i, (a, _, b) in enumerate(shifted))
     third = max(np.abs((a - 2 * m + b)[:, i]).max() / 1e-6 for i, (a, m, b) in enumerate(shifted))
     methods: dict[str, tuple[Callable[..., Array], Any]] = {
@@ -144,11 +140,9 @@ def jacobian_precision(
 def null_space_step(
     steps: Sequence[float] = tuple(np.logspace(-3, 0, 13)), postures: int = 200
 ) -> Iterator[Panel]:
-    """How far a step of length h in the null space moves the tip, and what an IK step leaves.
+    """How far a step of length h [rad] in the null space moves the tip, and what an IK step leaves.
 
-    Args:
-        steps: their lengths [rad].
-        postures: random ones of the 7-R arm, those with a singular value below 0.05 left out.
+    At random postures of the 7-R arm, those with a singular value below 0.05 left out.
     """
     arm = panda()
     q = np.random.default_rng(4).uniform(arm.lower, arm.upper, (postures, 7)).T
@@ -168,9 +162,8 @@ def null_space_step(
         return float(np.median(np.linalg.norm((tip(arm, x) - home)[:3], axis=0)))
 
     def mended(x: Array) -> Array:
-        now, back = tip(arm, x), np.linalg.pinv(np.moveaxis(jacobian(arm, x), 2, 0))
-        turn = quaternion.log(quaternion.product(home[3:], quaternion.conjugate(now[3:])))
-        return x + np.einsum("kij,jk->ik", back, np.concatenate([(home - now)[:3], turn]))
+        back = np.linalg.pinv(np.moveaxis(jacobian(arm, x), 2, 0))
+        return x + np.einsum("kij,jk->ik", back, pose_error(home, tip(arm, x)))
 
     panel = Panel(
         "A step in the null space moves the tip by c h^2", "length of the step h [rad]",
@@ -211,13 +204,8 @@ def gain(J: Array, damping: float) -> float:
 def past_the_hole(damping: float, gap: float, step: float = 0.002) -> tuple[float, float]:
     """A tip led along a line past the hole around the base, one damped step a point.
 
-    Args:
-        damping: lambda [m/rad].
-        gap: from the line's nearest point to the hole, where the arm is folded [m].
-        step: between the points [m].
-
-    Returns:
-        Largest distance from the points [m], and largest joint step [rad].
+    The line has a `gap` to the hole, where the arm is folded, its points are a `step` apart [m].
+    Returns the largest distance from the points [m] and the largest joint step [rad].
     """
     arm = planar(ARM)
     line = np.array([[x, ARM[0] - ARM[1] + gap] for x in np.arange(-0.6, 0.6, step)])
@@ -235,11 +223,9 @@ def past_the_hole(damping: float, gap: float, step: float = 0.002) -> tuple[floa
 def damping_map(
     nx: int = 81, ny: int = 61, dampings: Sequence[float] = tuple(np.logspace(-3.5, 0, 15))
 ) -> Iterator[Panel]:
-    """Where damping keeps the joints within their speed, and the tracking error it costs.
+    """Where damping [m/rad] keeps the joints within their speed, and the tracking error it costs.
 
-    Args:
-        nx, ny: points of the map.
-        dampings: for the tracking error [m/rad].
+    The map has nx times ny points; `dampings` are those of the tracking error.
     """
     bend, damping = np.logspace(-4, 0, nx), np.logspace(-3, 0, ny)
     arm, most = planar(ARM), RATE / SPEED

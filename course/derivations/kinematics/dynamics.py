@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from course.derivations import Symbol, claim
+from course.derivations.kinematics import panda_postures
 
 SYMBOLS = {
     "m2": Symbol("mass of the second link, a uniform rod [kg]"),
@@ -182,17 +183,14 @@ def articulated_bodies_lose_fewer_digits(found):
     source="Atkeson, An and Hollerbach, Estimation of inertial parameters (1986)",
 )
 def torques_tell_ten_numbers(found):
-    from course.kinematics import inverse_dynamics, panda, regressor
-    from course.kinematics.dynamics import inertial_parameters
+    from course.kinematics import inertial_parameters, inverse_dynamics, regressor
 
-    arm = panda()
-
-    def motions(count: int) -> tuple[Any, Any, Any]:
-        q = found.rng.uniform(arm.lower, arm.upper, (count, 7)).T
-        return q, found.rng.normal(size=q.shape), found.rng.normal(size=q.shape)
+    def motions(count: int) -> tuple[Any, Any, Any, Any]:
+        arm, q = panda_postures(found.rng, count)
+        return arm, q, found.rng.normal(size=q.shape), found.rng.normal(size=q.shape)
 
     def rows(count: int) -> np.ndarray:
-        return regressor(arm, *motions(count)).transpose(2, 0, 1).reshape(-1, 70)
+        return regressor(*motions(count)).transpose(2, 0, 1).reshape(-1, 70)
 
     def rank(matrix: np.ndarray) -> int:
         s = np.linalg.svd(matrix)[1]
@@ -203,15 +201,14 @@ def torques_tell_ten_numbers(found):
     seen = found.figure("seen", rank(matrix))
     # Numbers that differ along the unseen directions give the same torques elsewhere.
     unseen = np.linalg.svd(matrix)[2][seen:]
-    fresh = motions(20)
+    arm, q, v, a = motions(20)
     other = inertial_parameters(arm) + found.rng.normal(size=len(unseen)) @ unseen
-    Y = regressor(arm, *fresh)
-    friction = arm.armature[:, None] * fresh[2] + arm.damping[:, None] * fresh[1]
-    torques = np.einsum("ijk,j->ik", Y, other) + friction
+    torques = np.einsum("ijk,j->ik", regressor(arm, q, v, a), other)
+    torques += arm.armature[:, None] * a + arm.damping[:, None] * v
     more = rank(rows(90))
     found.statement = f"Rank of the regressor over 60 random motions; with 90 it is {more}."
     found.heard(seen == numbers)
     found.corrected(
-        np.allclose(torques, inverse_dynamics(arm, *fresh), atol=1e-9), seen < numbers,
+        np.allclose(torques, inverse_dynamics(arm, q, v, a), atol=1e-9), seen < numbers,
         more == seen, rank(matrix[:, :10]) < 10,
     )  # fmt: skip

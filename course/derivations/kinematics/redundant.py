@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from course.derivations import Symbol, claim
+from course.derivations.kinematics import damped_inverse, panda_postures, planar_tip
 
 SYMBOLS = {
     "a": Symbol("length of (dJ/dt) dq/dt at a rate of 1 in the null space [m/s^2]"),
@@ -13,14 +14,6 @@ SYMBOLS = {
     "n": Symbol("joints", 1, 30),
     "r": Symbol("rank of J", 1, 30),
 }
-
-
-def _postures(found_rng: np.random.Generator, count: int) -> tuple[Any, np.ndarray]:
-    """The 7-R arm and random postures within its limits, (7, count)."""
-    from course.kinematics import panda
-
-    arm = panda()
-    return arm, found_rng.uniform(arm.lower, arm.upper, (count, 7)).T
 
 
 def _null_vectors(J: np.ndarray) -> np.ndarray:
@@ -36,7 +29,7 @@ def _null_vectors(J: np.ndarray) -> np.ndarray:
 def one_joint_to_spare(found):
     from course.kinematics import jacobian, null_space
 
-    arm, q = _postures(found.rng, 60)
+    arm, q = panda_postures(found.rng, 60)
     lost = q.copy()
     lost[[1, 4]], lost[2] = 0, np.pi / 2
 
@@ -77,25 +70,18 @@ def one_joint_to_spare(found):
 def null_motion_leaves_the_tip(found):
     import sympy
 
-    from course.kinematics import jacobian, jacobian_rate, singular_values, tip
-    from course.rigid_body import quaternion
+    from course.kinematics import jacobian, jacobian_rate, pose_error, singular_values, tip
 
-    arm, q = _postures(found.rng, 200)
+    arm, q = panda_postures(found.rng, 200)
     q = q[:, singular_values(jacobian(arm, q))[-1] > 0.05]  # one vector spans the null space there
     v, home = _null_vectors(jacobian(arm, q)), tip(arm, q)
-
-    def off(posture: np.ndarray) -> np.ndarray:
-        """Twists that would bring the tip home, (6, N)."""
-        now = tip(arm, posture)
-        turn = quaternion.product(home[3:], quaternion.conjugate(now[3:]))
-        return np.concatenate([home[:3] - now[:3], quaternion.log(turn)])
 
     def sizes(h: float) -> tuple[np.ndarray, np.ndarray]:
         """How far [m] the tip is after a step, and after an IK step more."""
         moved = q + h * v
         inverse = np.linalg.pinv(np.moveaxis(jacobian(arm, moved), 2, 0))
-        mended = moved + np.einsum("kij,jk->ik", inverse, off(moved))
-        return tuple(np.linalg.norm(off(x)[:3], axis=0) for x in (moved, mended))
+        mended = moved + np.einsum("kij,jk->ik", inverse, pose_error(home, tip(arm, moved)))
+        return tuple(np.linalg.norm((home - tip(arm, x))[:3], axis=0) for x in (moved, mended))
 
     acceleration = np.einsum("ijk,jk->ik", jacobian_rate(arm, q, v), v)[:3]
     c = np.linalg.norm(acceleration, axis=0) / 2
@@ -143,14 +129,13 @@ def projector_of_the_null_space(found):
     leak = s * lam**2 / (s**2 + lam**2)
     (worst,) = sympy.solve(sympy.diff(leak, s), s)
     found.formula = leak.subs(s, worst)
-    arm, q = _postures(found.rng, 500)
-    J = np.moveaxis(jacobian(arm, q)[:3], 2, 0)  # of the position alone: one unit
-    N, eye = np.moveaxis(null_space(jacobian(arm, q)[:3]), 2, 0), np.eye(7)
+    arm, q = panda_postures(found.rng, 500)
+    rows = jacobian(arm, q)[:3]  # of the position alone: one unit
+    J, N = (np.moveaxis(x, 2, 0) for x in (rows, null_space(rows)))
 
     def leaks(value: float) -> np.ndarray:
         """Largest speed of the tip over the length of a joint rate, by posture."""
-        back = J.transpose(0, 2, 1)
-        damped = eye - back @ np.linalg.solve(J @ back + value**2 * np.eye(3), J)
+        damped = np.eye(7) - damped_inverse(rows, value) @ J
         return np.linalg.norm(J @ damped, 2, axis=(1, 2))
 
     value = found.given("damping", 0.1)
@@ -195,7 +180,7 @@ def second_task(found):
 
     from course.kinematics import jacobian, null_space, tip
 
-    arm, q = _postures(found.rng, 3000)
+    arm, q = panda_postures(found.rng, 3000)
     J, wish = jacobian(arm, q), found.rng.normal(size=q.shape)
     wish /= np.linalg.norm(wish, axis=0)
 
@@ -232,7 +217,7 @@ def second_task(found):
     source="Ames, Morgan and Konidaris, IKFlow, IEEE Robotics and Automation Letters 7 (2022)",
 )
 def flow_samples_all(found):
-    from course.kinematics import planar, tip, two_link_ik
+    from course.kinematics import two_link_ik
 
     lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
     mm, deg = found.given("mm", 10), found.given("deg", 2)
@@ -244,7 +229,7 @@ def flow_samples_all(found):
         ends = two_link_ik(arm, target).q
         way = ends[:, :1] * (1 - t) + (ends[:, 1:] + 2 * np.pi * turn * np.array([[0], [1]])) * t
         way = way + wiggle * np.sin(np.pi * np.arange(1, 4)[:, None] * t).sum(axis=0)[None]
-        return float(np.hypot(*(tip(planar(arm), way)[:2] - target[:, None])).max())
+        return float(np.hypot(*(planar_tip(arm, way) - target[:, None])).max())
 
     def least(arm: Any, r: float) -> float:
         return min(sum(arm) - r, r - abs(arm[0] - arm[1]))

@@ -5,6 +5,14 @@ from typing import Any
 import numpy as np
 
 from course.derivations import Symbol, claim
+from course.derivations.kinematics import (
+    ARM,
+    damped_inverse,
+    panda_postures,
+    planar_jacobian,
+    planar_tip,
+    two_links,
+)
 
 SYMBOLS = {
     "l1": Symbol("length of the first link [m]"),
@@ -14,22 +22,6 @@ SYMBOLS = {
     "e": Symbol("error of the tip [m]"),
     "delta": Symbol("angle of the elbow from stretched [rad]", 0.001, 0.01),
 }
-_ARM = (1.0, 0.8)  # of the usual listing [m]
-
-
-def _jacobian(q: Any, lengths: Any = _ARM) -> np.ndarray:
-    """The rows of position of a planar arm's Jacobian, (2, 2) or (2, 2, N)."""
-    from course.kinematics import jacobian, planar
-
-    return jacobian(planar(lengths), q)[:2]
-
-
-def _damped(J: np.ndarray, error: np.ndarray, damping: float) -> np.ndarray:
-    """J^T (J J^T + damping^2 I)^-1 error, for a batch (2, n, N) and (2, N)."""
-    stack = np.moveaxis(J, 2, 0)
-    back = stack.transpose(0, 2, 1)
-    inner = stack @ back + damping**2 * np.eye(2)
-    return (back @ np.linalg.solve(inner, error.T[:, :, None]))[:, :, 0].T
 
 
 def _listing(target: Any, start: Any, damping: float = 0.1, steps: int = 100, share: float = 0.5):
@@ -42,20 +34,17 @@ def _listing(target: Any, start: Any, damping: float = 0.1, steps: int = 100, sh
     Returns:
         Joint angles, distance left [m] and steps taken; what was not reached took all of them.
     """
-    from course.kinematics import jacobian, planar, tip
-
-    arm = planar(_ARM)
     target, q = (np.array(x, float).reshape(2, -1) for x in (target, start))
     taken = np.zeros(q.shape[1], int)
     for _ in range(steps):
-        error = target - tip(arm, q)[:2]
+        error = target - planar_tip(ARM, q)
         going = np.flatnonzero(np.hypot(*error) >= 1e-4)
         if not going.size:
             break
         taken[going] += 1
-        J = jacobian(arm, q[:, going])[:2]
-        q[:, going] += share * _damped(J, error[:, going], damping)
-    return q, np.hypot(*(target - tip(arm, q)[:2])), taken
+        inverse = damped_inverse(planar_jacobian(ARM, q[:, going]), damping)
+        q[:, going] += share * np.einsum("kij,jk->ik", inverse, error[:, going])
+    return q, np.hypot(*(target - planar_tip(ARM, q))), taken
 
 
 def _around(rng: np.random.Generator, low: float, high: float, count: int = 2000) -> np.ndarray:
@@ -85,17 +74,16 @@ def _around(rng: np.random.Generator, low: float, high: float, count: int = 2000
 def pseudo_inverse_beside(found):
     import sympy
 
-    l1, l2, e, delta = sympy.symbols("l1 l2 e delta", positive=True)
-    q1, q2 = sympy.symbols("q1 q2", real=True)
-    place = sympy.Matrix([l1 * f(q1) + l2 * f(q1 + q2) for f in (sympy.cos, sympy.sin)])
-    J = place.jacobian([q1, q2]).subs({q1: 0, q2: delta})
+    e, delta = sympy.symbols("e delta", positive=True)
+    (l1, l2), (q1, q2), J = two_links()
+    J = J.subs({q1: 0, q2: delta})
     step = J.adjugate() * sympy.Matrix([e, 0]) / sympy.simplify(J.det())
     square = sympy.limit(sympy.simplify(step.dot(step) * delta**2), delta, 0)
     found.formula = sympy.sqrt(sympy.factor(square)) / delta
     law = sympy.lambdify((l1, l2, e, delta), found.formula)
 
     def asked(lengths: Any, beside: float, error: float) -> float:
-        J = _jacobian(np.array([0.0, beside]), lengths)
+        J = planar_jacobian(lengths, [0.0, beside])
         return float(np.linalg.norm(np.linalg.pinv(J, rcond=1e-12) @ [-error, 0.0]))
 
     lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
@@ -139,12 +127,9 @@ def damped_gain(found):
     lam = found.given("damping", 0.1)
     q = found.rng.uniform(-np.pi, np.pi, (2, 4000))
     q[1, ::2] *= 10 ** found.rng.uniform(-6, 0, 2000)  # half of them near stretched
-    J, gains = _jacobian(q), {}
+    J, gains = planar_jacobian(ARM, q), {}
     for value in (0.01, lam, 1.0):
-        columns = [_damped(J, np.tile([[a], [b]], 4000), value) for a, b in ((1.0, 0.0), (0, 1.0))]
-        gains[value] = (
-            np.linalg.norm(np.moveaxis(np.array(columns), 2, 0), 2, axis=(1, 2)) * 2 * value
-        )
+        gains[value] = 2 * value * np.linalg.norm(damped_inverse(J, value), 2, axis=(1, 2))
     found.figure("step_rad", gains[lam].max() / (2 * lam), 1e-3)
     values = np.linalg.svd(np.moveaxis(J, 2, 0))[1] / lam
     law = (2 * values / (values**2 + 1)).max(axis=1)
@@ -179,15 +164,16 @@ def damping_is_free(found):
     found.formula = sympy.simplify(1 - s * s / (s**2 + lam**2))
     law = sympy.lambdify((s, lam), found.formula)
     damping = found.given("damping", 0.1)
-    lengths = found.given("l1_m", _ARM[0]), found.given("l2_m", _ARM[1])
+    lengths = found.given("l1_m", ARM[0]), found.given("l2_m", ARM[1])
     q = found.rng.uniform(-np.pi, np.pi, (2, 2000))
-    J = _jacobian(q, lengths)
-    U, values, _ = np.linalg.svd(np.moveaxis(J, 2, 0))
+    J = planar_jacobian(lengths, q)
+    stack = np.moveaxis(J, 2, 0)
+    U, values, _ = np.linalg.svd(stack)
 
     def left(i: int, value: float) -> np.ndarray:
         """Share of an error along singular direction i that a step leaves, for all postures."""
-        moved = np.einsum("ijk,jk->ik", J, _damped(J, U[:, :, i].T, value))
-        return np.linalg.norm(U[:, :, i].T - moved, axis=0)
+        along = U[:, :, i : i + 1]
+        return np.linalg.norm(along - stack @ (damped_inverse(J, value) @ along), axis=(1, 2))
 
     off = [np.abs(left(i, v) - law(values[:, i], v)).max() for i in (0, 1) for v in (0.01, 0.1, 1)]
     found.figure("left_percent", 100 * np.median(left(1, damping)), 1e-3)
@@ -207,16 +193,16 @@ def damping_is_free(found):
     "{damping} m/rad, {steps_more:.0f} with {more} m/rad.",
 )
 def rank_loss_is_failure(found):
-    from course.kinematics import planar, tip, two_link_ik
+    from course.kinematics import two_link_ik
 
     edge, inside = _around(found.rng, 1.8, 1.8, 500), _around(found.rng, 0.5, 1.5, 500)
     start = found.rng.uniform(-np.pi, np.pi, (2, 500))
-    answer = two_link_ik(_ARM, edge)
-    closed = np.hypot(*(tip(planar(_ARM), answer.q[:, 0])[:2] - edge))
+    answer = two_link_ik(ARM, edge)
+    closed = np.hypot(*(planar_tip(ARM, answer.q[:, 0]) - edge))
     damping, more = found.given("damping", 0.03), found.given("more", 0.1)
     (_, left, slow), (_, _, quick) = (_listing(x, start, damping, 3000) for x in (edge, inside))
     _, also, slower = _listing(edge, start, more, 3000)
-    rank = [np.linalg.matrix_rank(_jacobian(q), 1e-6) for q in answer.q[:, 0].T[:50]]
+    rank = [np.linalg.matrix_rank(planar_jacobian(ARM, q), 1e-6) for q in answer.q[:, 0].T[:50]]
     found.figure("steps_edge", np.median(slow), 0.05)
     found.figure("steps_inside", np.median(quick), 0.05)
     found.figure("steps_more", np.median(slower), 0.05)
@@ -246,16 +232,16 @@ def singular_start(found):
     steps = found.given("steps", 100)
 
     def left(bend: float, error: float, value: float = damping) -> float:
-        return float(_listing([sum(_ARM) - error, 0.0], [0.0, bend], value, steps)[1][0])
+        return float(_listing([sum(ARM) - error, 0.0], [0.0, bend], value, steps)[1][0])
 
     def growth(bend: float, error: float, value: float) -> float:
         """By how much one full damped step multiplies the bend of the elbow."""
-        target = [sum(_ARM) - error, 0.0]
+        target = [sum(ARM) - error, 0.0]
         return float(_listing(target, [0.0, bend], value, 1, 1.0)[0][1, 0] / bend)
 
     # The step to first order in the bend, by algebra.
     e, value, bend = sympy.symbols("e value bend", positive=True)
-    l1, l2 = (sympy.Rational(str(x)) for x in _ARM)
+    l1, l2 = (sympy.Rational(str(x)) for x in ARM)
     J = sympy.Matrix([[-l2 * bend, -l2 * bend], [l1 + l2, l2]])
     error = sympy.Matrix([-e, -l2 * bend])
     inner = J * J.T + value**2 * sympy.eye(2)
@@ -263,19 +249,16 @@ def singular_start(found):
     law = sympy.lambdify((e, value), 1 + sympy.diff(step[1], bend).subs(bend, 0))
 
     draws = found.rng.uniform((0.01, 0.03), (1.0, 0.5), (30, 2))
-    straight, goal = planar(_ARM), [sum(_ARM) - away, 0.0, 0.0]
-    stuck = [
-        ik(straight, goal, [0.0, 0.0], method=method, restarts=0, iterations=steps).q
-        for method in METHODS
-    ]
+    arm, goal, options = planar(ARM), [sum(ARM) - away, 0, 0], {"restarts": 0, "iterations": steps}
+    stuck = [ik(arm, goal, [0.0, 0.0], method=method, **options).q for method in METHODS]
     found.figure("growth", growth(1e-5, away, damping), 1e-4)
-    stretched = _jacobian(np.zeros(2))
+    stretched = planar_jacobian(ARM, [0.0, 0.0])
     still = [stretched.T @ [-away, 0.0], np.linalg.pinv(stretched) @ [-away, 0.0]]
     bent = found.figure("left_bent_m", left(1e-9, away), 0.5)
     found.statement = f"Started with the elbow at 0 and at 1e-9 rad, which ends {bent:.0e} m off."
     found.heard(left(0.0, away) < 1e-3)
     found.corrected(
-        all(left(0.0, e, value) == abs(sum(_ARM) - (sum(_ARM) - e)) for e, value in draws),
+        all(left(0.0, e, value) == abs(sum(ARM) - (sum(ARM) - e)) for e, value in draws),
         all(abs(growth(1e-5, *d) / law(*d) - 1) < 1e-4 for d in draws), bent < 1e-4,
         not np.any(still), not np.any(stuck),
     )  # fmt: skip
@@ -296,7 +279,7 @@ def listing_reaches_its_target(found):
     _, left, steps = _listing(target, [found.given("start_rad", 0.5)] * 2)
     starts = found.rng.uniform(-np.pi, np.pi, (2, 1000))
     spread, away, _ = _listing(np.tile(target[:, None], 1000), starts)
-    answers = two_link_ik(_ARM, target).q
+    answers = two_link_ik(ARM, target).q
     gap = np.angle(np.exp(1j * (spread[:, None] - answers[:, :, None])))
     found.figure("steps", steps[0])
     found.figure("left_mm", 1000 * left[0], 1e-4)
@@ -350,16 +333,14 @@ def condition_is_a_product(found):
 
     q = found.rng.uniform(-np.pi, np.pi, (2, 300))
     q[1] = np.where(np.abs(np.sin(q[1])) < 0.02, 1.0, q[1])
-    large, small = (_jacobian(q, np.array(_ARM) * scale) for scale in (1.0, 0.1))
+    large, small = (planar_jacobian(np.array(ARM) * scale, q) for scale in (1.0, 0.1))
     (top, low), ours = singular_values(large), np.linalg.cond(np.moveaxis(large, 2, 0))
     ratio = manipulability(small) / manipulability(large)
     # The joint steps that unit motions of the tip ask for, by direction.
-    around = np.linspace(0, np.pi, 721)
-    units = np.array([np.cos(around), np.sin(around)])
-    inverse = np.linalg.inv(np.moveaxis(large, 2, 0))
-    asked = np.linalg.norm(inverse @ units, axis=1)
+    around, inverse = np.linspace(0, np.pi, 721), np.linalg.inv(np.moveaxis(large, 2, 0))
+    asked = np.linalg.norm(inverse @ [np.cos(around), np.sin(around)], axis=1)
     found.figure("shrunk", np.median(ratio))
-    found.figure("ratio_at_right_angle", np.linalg.cond(_jacobian(np.array([0.0, np.pi / 2]))))
+    found.figure("ratio_at_right_angle", np.linalg.cond(planar_jacobian(ARM, [0.0, np.pi / 2])))
     found.statement = "300 random postures of two links, and the same arm a tenth as long."
     found.heard(np.allclose(ours, top * low))
     found.corrected(
@@ -380,19 +361,18 @@ def condition_is_a_product(found):
     "limits: the joints turn up to 1 / s_min times as fast as the tip moves.",
 )
 def condition_above_hundred(found):
-    from course.kinematics import condition_number, jacobian, panda
+    from course.kinematics import condition_number, jacobian
     from course.measure.stability import limit
 
     lengths = found.given("l1_m", 1.0), found.given("l2_m", 0.8)
     short = found.given("short", 120)
 
     def cond(bend: float, arm: Any = lengths) -> float:
-        return float(np.linalg.cond(_jacobian(np.array([0.0, bend]), arm)))
+        return float(np.linalg.cond(planar_jacobian(arm, [0.0, bend])))
 
     beside = limit(lambda bend: cond(np.pi / 2 - bend) < 100, 0.0, np.pi / 2 - 1e-6)
     stubby = [cond(bend, (1.0, 1.0 / short)) for bend in np.linspace(0.01, np.pi - 0.01, 400)]
-    arm = panda()
-    J = jacobian(arm, found.rng.uniform(arm.lower, arm.upper, (4000, 7)).T)
+    J = jacobian(*panda_postures(found.rng, 4000))
     above = {unit: 100 * np.mean(condition_number(J, unit) > 100) for unit in (1.0, 0.001)}
     found.figure("beside_deg", np.degrees(np.pi / 2 - beside), 1e-3)
     found.figure("least_of_the_stubby", min(stubby), 1e-3)
@@ -411,10 +391,9 @@ def condition_above_hundred(found):
     "of ten. Say by which length the rows were divided; without rotation no length is needed.",
 )
 def condition_needs_a_length(found):
-    from course.kinematics import condition_number, jacobian, panda
+    from course.kinematics import condition_number, jacobian
 
-    arm = panda()
-    J = jacobian(arm, found.rng.uniform(arm.lower, arm.upper, (4000, 7)).T)
+    J = jacobian(*panda_postures(found.rng, 4000))
     factor = condition_number(J, 0.001) / condition_number(J, 1.0)
     found.figure("factor", np.median(factor), 0.02)
     found.figure("least", np.percentile(factor, 5), 0.05)
@@ -438,10 +417,10 @@ def condition_needs_a_length(found):
 def euler_jacobian_locks(found):
     from dataclasses import replace
 
-    from course.kinematics import analytic_jacobian, condition_number, jacobian, panda, tip
+    from course.kinematics import analytic_jacobian, condition_number, jacobian, tip
     from course.rigid_body import quaternion
 
-    arm = panda()
+    arm, draws = panda_postures(found.rng, 60)
     near, lock = found.given("near_deg", 1), found.given("lock_deg", 90)
 
     def painted(q: np.ndarray, pitch: float) -> tuple[float, float]:
@@ -450,11 +429,9 @@ def euler_jacobian_locks(found):
         turn = quaternion.product(quaternion.conjugate(tip(arm, q)[3:]), wanted)
         tool = np.concatenate([arm.tool[:3], quaternion.product(arm.tool[3:], turn)])
         other = replace(arm, tool=tool)
-        geometric, analytic = jacobian(other, q), analytic_jacobian(other, q)
-        return float(condition_number(geometric, 1.0)), float(condition_number(analytic, 1.0))
+        return tuple(condition_number(f(other, q), 1.0) for f in (jacobian, analytic_jacobian))
 
-    draws = found.rng.uniform(arm.lower, arm.upper, (60, 7))
-    flat, locked = (np.array([painted(q, x) for q in draws]) for x in (0, lock - near))
+    flat, locked = (np.array([painted(q, x) for q in draws.T]) for x in (0, lock - near))
     found.figure("factor", np.median(locked[:, 1] / locked[:, 0]), 1e-3)
     found.figure("factor_at_pitch_0", np.median(flat[:, 1] / flat[:, 0]), 1e-3)
     found.statement = "60 random postures, each with the hand's frame turned two ways."
@@ -473,17 +450,15 @@ def euler_jacobian_locks(found):
     "step, and start again where that gets stuck: then {ours_percent:.1f} % are solved.",
 )
 def converged_within_limits(found):
-    from course.kinematics import ik, panda, tip, within
+    from course.kinematics import ik, tip, within
     from course.oracles.pinocchio import Arm
 
-    arm, count = panda(), found.given("poses", 400)
-    poses = tip(arm, found.rng.uniform(arm.lower, arm.upper, (count, 7)).T)
-    starts = found.rng.uniform(arm.lower, arm.upper, (count, 1, 7))
-    loop = Arm(arm)
-    ends = [loop.usual_ik(pose, start) for pose, start in zip(poses.T, starts, strict=True)]
-    there = np.array([end[1] for end in ends])
-    kept = there & [bool(within(arm, end[0])) for end in ends]
-    off = np.abs(tip(arm, np.array([end[0] for end in ends])[there].T)[:3] - poses[:3, there])
+    count = found.given("poses", 400)
+    arm, q = panda_postures(found.rng, count)
+    poses, (_, starts), loop = tip(arm, q), panda_postures(found.rng, count), Arm(arm)
+    ends = [loop.usual_ik(pose, start[None]) for pose, start in zip(poses.T, starts.T, strict=True)]
+    there, last = np.array([end[1] for end in ends]), np.array([end[0] for end in ends]).T
+    kept, off = there & within(arm, last), np.abs((tip(arm, last) - poses)[:3, there])
     ours = ik(arm, poses)
     found.figure("there_percent", 100 * there.mean(), 0.01)
     found.figure("within_percent", 100 * kept.mean(), 0.3)

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from course.derivations import Ask, Symbol, claim
+from course.derivations.kinematics import planar_jacobian, planar_tip, two_links
 
 SYMBOLS = {
     "l1": Symbol("length of the first link [m]"),
@@ -17,20 +18,6 @@ SYMBOLS = {
 def _lengths(rng: np.random.Generator, count: int) -> np.ndarray:
     """Random pairs of link lengths [m], one row each."""
     return rng.uniform(0.2, 1.5, (count, 2))
-
-
-def _tip(lengths: Any, q: Any) -> np.ndarray:
-    """Where the course puts the tip of a planar arm, (2,) or (2, N) [m]."""
-    from course.kinematics import planar, tip
-
-    return tip(planar(lengths), q)[:2]
-
-
-def _jacobian(lengths: Any, q: Any) -> np.ndarray:
-    """The two rows of position of the course's Jacobian of a planar arm."""
-    from course.kinematics import jacobian, planar
-
-    return jacobian(planar(lengths), q)[:2]
 
 
 def _ring(rng: np.random.Generator, lengths: Any, count: int, low: float = 0, high: float = 1):
@@ -94,18 +81,22 @@ def two_link_position(found):
         (l1, l2), (a, b) = lengths, q
         quoted = [l1 * f(a) + l2 * f(a + b) for f in (np.cos, np.sin)]
         joints = np.array([a, b - a]) if absolute else q
-        return float(np.linalg.norm(_tip(lengths, joints) - quoted))
+        return float(np.linalg.norm(planar_tip(lengths, joints) - quoted))
 
     draws = found.rng.uniform(-np.pi, np.pi, (40, 2))
     arms = _lengths(found.rng, 40)
     grid = [off(lengths, np.array([a, 0.3]), absolute=True) for a in np.linspace(-3.1, 3.1, 63)]
     found.figure("worst_m", max(grid), 1e-3)
+    plain, absolute = (
+        [off(arm, q, way) < 1e-12 for arm, q in zip(arms, draws, strict=True)]
+        for way in (False, True)
+    )
     found.statement = "40 random arms and postures, against the product of transforms."
     found.heard(
-        all(off(arm, q) < 1e-12 for arm, q in zip(arms, draws, strict=True)) and max(grid) < 1e-12,
+        all(plain) and max(grid) < 1e-12,
         only_if="q2 is measured from the first link",
-        inside=[off(arm, q) < 1e-12 for arm, q in zip(arms, draws, strict=True)],
-        outside=[off(arm, q, True) < 1e-12 for arm, q in zip(arms, draws, strict=True)],
+        inside=plain,
+        outside=absolute,
     )
     found.corrected(max(grid) > lengths[1], max(grid) <= 2 * lengths[1] + 1e-12)
 
@@ -129,21 +120,19 @@ def two_link_position(found):
 def two_link_jacobian(found):
     import sympy
 
-    l1, l2 = sympy.symbols("l1 l2", positive=True)
-    q1, q2 = sympy.symbols("q1 q2", real=True)
-    place = sympy.Matrix([l1 * f(q1) + l2 * f(q1 + q2) for f in (sympy.cos, sympy.sin)])
+    (l1, l2), (q1, q2), derived = two_links()
     s12, c12 = sympy.sin(q1 + q2), sympy.cos(q1 + q2)
     quoted = sympy.Matrix(
         [[-l1 * sympy.sin(q1) - l2 * s12, -l2 * s12], [l1 * sympy.cos(q1) + l2 * c12, l2 * c12]]
     )
-    derived = place.jacobian([q1, q2])
     found.formula = sympy.simplify(derived.det())
     arms, draws = _lengths(found.rng, 50), found.rng.uniform(-np.pi, np.pi, (50, 2))
     numeric = sympy.lambdify((l1, l2, q1, q2), quoted)
     off = [
-        np.abs(numeric(*a, *q) - _jacobian(a, q)).max() for a, q in zip(arms, draws, strict=True)
+        np.abs(numeric(*a, *q) - planar_jacobian(a, q)).max()
+        for a, q in zip(arms, draws, strict=True)
     ]
-    found.figure("det_at_right_angle", np.linalg.det(_jacobian((1.0, 0.8), [0.3, np.pi / 2])))
+    found.figure("det_at_right_angle", np.linalg.det(planar_jacobian((1.0, 0.8), [0.3, np.pi / 2])))
     found.statement = (
         "The formulas of the tip differentiated by algebra, and 50 random arms and postures of "
         "the course's geometric Jacobian."
@@ -152,7 +141,7 @@ def two_link_jacobian(found):
     found.corrected(
         sympy.diff(found.formula, q1) == 0,
         all(
-            abs(np.linalg.det(_jacobian(a, q)) - a[0] * a[1] * np.sin(q[1])) < 1e-12
+            abs(np.linalg.det(planar_jacobian(a, q)) - a[0] * a[1] * np.sin(q[1])) < 1e-12
             for a, q in zip(arms, draws, strict=True)
         ),
     )
@@ -190,14 +179,15 @@ def singular_stretched_or_folded(found):
     arms, ends = _lengths(found.rng, 20), np.array([0.0, np.pi, -np.pi])
     turns = found.rng.uniform(-3, 3, (20, 2))
     straight = [
-        rank(_jacobian(a, [q[0], end])) == 1 for a, q in zip(arms, turns, strict=True)
+        rank(planar_jacobian(a, [q[0], end])) == 1 for a, q in zip(arms, turns, strict=True)
         for end in ends
     ]  # fmt: skip
     found.statement = "Singular values of 20 random two-link arms and 60 postures of the 7-R arm."
     found.heard(
         all(rank(jacobian(arm, q)) == 6 for q in bent),
         only_if="it has two links in a plane (or its joints are such that nothing else lines up)",
-        inside=[rank(_jacobian(a, q)) == 2 for a, q in zip(arms, turns, strict=True)] + straight,
+        inside=[rank(planar_jacobian(a, q)) == 2 for a, q in zip(arms, turns, strict=True)]
+        + straight,
         outside=[rank(jacobian(arm, q)) == 6 for q in bent],
         cases=True,
     )
@@ -233,7 +223,7 @@ def reachable_annulus(found):
         """Whether the annulus says of every point whether the arm gets there."""
         answer = two_link_ik(lengths, points)
         off = np.linalg.norm(
-            [_tip(lengths, answer.q[:, k]) - points for k in (0, 1)], axis=1
+            [planar_tip(lengths, answer.q[:, k]) - points for k in (0, 1)], axis=1
         )  # branch, point
         gets = ((off < 1e-6) & (np.abs(answer.q[1]) <= beta)).any(axis=0)
         r = np.hypot(*points)
@@ -243,7 +233,7 @@ def reachable_annulus(found):
     def hole(lengths: Any, beta: float) -> float:
         """Least distance of the tip from the base, from a sweep of the elbow [m]."""
         bend = np.linspace(-beta, beta, 2001)
-        return float(np.hypot(*_tip(lengths, np.array([0 * bend, bend]))).min())
+        return float(np.hypot(*planar_tip(lengths, np.array([0 * bend, bend]))).min())
 
     l1, l2 = sympy.symbols("l1 l2", positive=True)
     beta = sympy.Symbol("beta", positive=True)
@@ -285,7 +275,7 @@ def number_of_solutions(found):
     def ways(lengths: Any, target: np.ndarray) -> int:
         """Different postures of the closed form whose tip is at the target."""
         q = two_link_ik(lengths, target).q
-        there = [bool(np.linalg.norm(_tip(lengths, q[:, k]) - target) < 1e-9) for k in (0, 1)]
+        there = [bool(np.linalg.norm(planar_tip(lengths, q[:, k]) - target) < 1e-9) for k in (0, 1)]
         apart = np.abs(np.exp(1j * q[:, 0]) - np.exp(1j * q[:, 1])).max() > 1e-6
         return there.count(True) if apart else int(there[0])
 
@@ -297,7 +287,7 @@ def number_of_solutions(found):
     def heading_ways(lengths: np.ndarray, q: np.ndarray) -> int:
         """Three links with a heading: two links to the wrist."""
         heading = np.array([np.cos(q.sum()), np.sin(q.sum())])
-        return ways(lengths[:2], _tip(lengths, q) - lengths[2] * heading)
+        return ways(lengths[:2], planar_tip(lengths, q) - lengths[2] * heading)
 
     arms = _lengths(found.rng, 40)
     inner, edge, outer = (
@@ -306,16 +296,15 @@ def number_of_solutions(found):
     )
     thirds = found.rng.uniform(0.2, 1.0, (40, 3))
     headed = [heading_ways(a, found.rng.uniform(-3, 3, 3)) for a in thirds]
-    found.figure("inside", np.median(inner))
-    found.figure("edge", np.median(edge))
-    found.figure("beyond", np.median(outer))
+    for name, ways_of in (("inside", inner), ("edge", edge), ("beyond", outer)):
+        found.figure(name, np.median(ways_of))
     found.figure("heading", max(headed))
     found.figure("free_3_links", round(free(3), 9))
     found.statement = (
         "40 random arms each, answers put through the product of transforms; the number for 6-R "
         "is the source's."
     )
-    folded = _tip((1.0, 1.0), np.array([found.rng.uniform(-3, 3, 9), np.full(9, np.pi)]))
+    folded = planar_tip((1.0, 1.0), np.array([found.rng.uniform(-3, 3, 9), np.full(9, np.pi)]))
     found.heard(all(count != 2 for count in inner))
     found.corrected(
         np.abs(folded).max() < 1e-12,
@@ -343,11 +332,11 @@ def tip_plans_need_joints(found):
     reached = answer.reached.reshape(lines.shape[1:]).all(axis=1)
     stays = np.hypot(*lines).min(axis=1) > lengths[0] - lengths[1]
     with np.errstate(divide="ignore"):
-        rates = 1 / singular_values(_jacobian(lengths, answer.q[:, 0]))[-1]
+        rates = 1 / singular_values(planar_jacobian(lengths, answer.q[:, 0]))[-1]
     worst = rates.reshape(lines.shape[1:]).max(axis=1)[stays]
     found.figure("hole_percent", 100 * (1 - stays.mean()), 1e-3)
     found.figure("rate", np.percentile(worst, 90), 1e-3)
-    turned = np.hypot(*_tip(lengths, found.rng.uniform(-np.pi, np.pi, (2, 4000))))
+    turned = np.hypot(*planar_tip(lengths, found.rng.uniform(-np.pi, np.pi, (2, 4000))))
     found.statement = "1000 lines between random points of the annulus, 201 points on each."
     found.heard(
         reached.all(),
