@@ -5,7 +5,7 @@ The long form, every combination over 1,000 steps, is in tests/prove/contact.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
 
@@ -41,18 +41,23 @@ OPTIONS: dict[str, dict[str, Any]] = {
 }
 
 
-def compared(runner: Runner, options: Options, steps: int, every: int = 1) -> tuple[float, int]:
-    """(worst difference in force, over the largest force of the step, states with contact)."""
+def touching(runner: Runner, steps: int, every: int = 1) -> Iterator[ContactState]:
+    """What MuJoCo's solver is given and finds on the way, wherever something touches."""
     runner.reset()
-    worst, seen = 0.0, 0
     for k in range(steps):
         state = contact_state(runner) if k % every == 0 else None
         if state is not None:
-            difference = np.max(np.abs(ours(state, options)[0] - state.force))
-            worst = max(worst, difference / max(1e-3, np.max(np.abs(state.force))))
-            seen += 1
+            yield state
         mujoco.mj_step(runner.model, runner.data)
-    return worst, seen
+
+
+def compared(runner: Runner, options: Options, steps: int, every: int = 1) -> tuple[float, int]:
+    """(worst difference in force, over the largest force of the step, states with contact)."""
+    worst = [0.0]
+    for state in touching(runner, steps, every):
+        difference = np.max(np.abs(ours(state, options)[0] - state.force))
+        worst.append(difference / max(1e-3, np.max(np.abs(state.force))))
+    return max(worst), len(worst) - 1
 
 
 def ours(state: ContactState, options: Options) -> tuple[np.ndarray, np.ndarray, int, float]:
@@ -143,15 +148,8 @@ def test_our_own_arm_at_the_wall_moves_as_mujocos_does() -> None:
 
 def test_newton_takes_few_iterations() -> None:
     options = Options()
-    runner = SCENES["sliding block"](options)
-    runner.reset()
-    taken = []
-    for _ in range(100):
-        state = contact_state(runner)
-        if state is not None:
-            taken.append(ours(state, options)[2])
-        mujoco.mj_step(runner.model, runner.data)
-    assert max(taken) <= 12
+    states = touching(SCENES["sliding block"](options), 100)
+    assert max(ours(state, options)[2] for state in states) <= 12
 
 
 # --- what sweeps find of the same problem ---------------------------------------------------------
@@ -175,17 +173,9 @@ def swept(state: ContactState, options: Options, sweeps: int, block: bool) -> np
 
 def sliding_states(steps: int = 100) -> list[ContactState]:
     """A point block that comes down sliding: the impact and what follows."""
-    options = Options()
-    runner = mujoco_contact.block(options, 0.0, (2.0, 0.5), 0.01)
+    runner = mujoco_contact.block(Options(), 0.0, (2.0, 0.5), 0.01)
     runner.v0[2] = -1.0
-    runner.reset()
-    states = []
-    for _ in range(steps):
-        state = contact_state(runner)
-        if state is not None:
-            states.append(state)
-        mujoco.mj_step(runner.model, runner.data)
-    return states
+    return list(touching(runner, steps))
 
 
 def test_a_contact_swept_as_one_block_finds_mujocos_forces_and_normal_first_does_not() -> None:

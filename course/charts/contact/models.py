@@ -455,21 +455,26 @@ def contact_steering(
 ) -> Iterator[Panel]:
     """What a friction pyramid does to a braking block: it stretches the way and bends it, by the
     direction in which it is sent off; steps of `dt` [s]."""
+
+    def stretched(a: float) -> float:
+        return math.hypot(1.0, math.sin(math.radians(2.0 * a)))
+
+    def turned(a: float) -> float:
+        end = math.degrees(math.atan(math.sin(math.radians(2.0 * a))))
+        return (end if a <= 45.0 else 90.0 - end) - a
+
     t = np.array(degrees)
-    found = {
-        "exact pyramid (LCP)": [stopped("lcp", a, dt) for a in t],
-        "true cone (Newton)": [stopped("coulomb", a, dt) for a in t],
-        "MuJoCo Newton, pyramidal": [stopped("pyramidal", a, dt) for a in t],
-        "MuJoCo Newton, elliptic": [stopped("elliptic", a, dt) for a in t],
+    asked = {
+        "exact pyramid (LCP)": "lcp",
+        "true cone (Newton)": "coulomb",
+        "MuJoCo Newton, pyramidal": "pyramidal",
+        "MuJoCo Newton, elliptic": "elliptic",
     }
-    theories: list[tuple[str, str, Callable[[float], float]]] = [
-        ("way to the stop over Coulomb's", "stretched",
-         lambda a: math.sqrt(1.0 + math.sin(math.radians(2.0 * a)) ** 2)),
-        ("direction at rest, less that of the start [degrees]", "turned",
-         lambda a: math.degrees(math.atan2(
-             math.sin(math.radians(2.0 * a)), 1.0)) - a if a <= 45.0 else
-             90.0 - a - math.degrees(math.atan(math.sin(math.radians(2.0 * a))))),
-    ]  # fmt: skip
+    found = {label: [stopped(who, a, dt) for a in t] for label, who in asked.items()}
+    theories = [
+        ("way to the stop over Coulomb's", "stretched", stretched),
+        ("direction at rest, less that of the start [degrees]", "turned", turned),
+    ]
     at = [int(np.argmin(np.abs(t - a))) for a in (22.5, 45.0)]
     for which, (what, short, theory) in enumerate(theories):
         panel = Panel(
@@ -477,14 +482,12 @@ def contact_steering(
         )
         for label, pairs in found.items():
             y = np.array([pair[which] - which * a for pair, a in zip(pairs, t, strict=True)])
-            panel.series.append(
-                Series(
-                    label, t, y, label, theory=theory if "LCP" in label else None,
-                    hollow="MuJoCo" in label,
-                    note=f"{short:<9} {label:<26} at 22.5 degrees {y[at[0]]:8.4f}, "
-                    f"at 45 degrees {y[at[1]]:8.4f}",
-                )
-            )  # fmt: skip
+            panel.series.append(Series(
+                label, t, y, label, theory=theory if "LCP" in label else None,
+                hollow="MuJoCo" in label,
+                note=f"{short:<9} {label:<26} at 22.5 degrees {y[at[0]]:8.4f}, "
+                f"at 45 degrees {y[at[1]]:8.4f}",
+            ))  # fmt: skip
         yield panel
 
 
