@@ -232,9 +232,10 @@ def _pile(geom, width, shape, count, seed=1):
 
 @claim(
     "A bin of 100 objects has 4,950 potential pairs; the broad phase leaves about 200.",
-    "How many are left is a property of the shapes: of {bodies:.0f} balls settled in a bin "
-    "{balls:.0f}, of cubes {cubes:.0f}, of rods eight times as long as wide {rods:.0f}. Of these "
-    "{balls_touch:.0f}, {cubes_touch:.0f} and {rods_touch:.0f} touch.",
+    "How many are left is a property of the shapes and of the pile: of {bodies:.0f} balls settled "
+    "in a bin {balls:.0f}, of cubes {cubes:.0f} (dropped another time {cubes_again:.0f}), of rods "
+    "eight times as long as wide {rods:.0f}. Of these {balls_touch:.0f}, {cubes_touch:.0f} and "
+    "{rods_touch:.0f} touch.",
 )
 def pile_of_a_hundred(found):
     scenes = {
@@ -249,6 +250,8 @@ def pile_of_a_hundred(found):
         left[name] = found.figure(name, count, 0.15)
         found.figure(f"{name}_touch", touching, 0.15)
         speeds.append(speed)
+    again = found.figure("cubes_again", _pile(scenes["cubes"][0], 0.2, scenes["cubes"][1], bodies,
+                                              seed=2)[0], 0.15)  # fmt: skip
     found.statement = (
         "Dropped by MuJoCo into a bin 0.4 m wide for 1.5 s; median speed at the end at most "
         f"{max(speeds):.3f} m/s; touching is within 1 mm."
@@ -256,7 +259,7 @@ def pile_of_a_hundred(found):
     found.heard(all(150 <= count <= 250 for count in left.values()))
     found.corrected(
         left["rods"] > 2 * max(left["balls"], left["cubes"]), max(speeds) < 0.1,
-        left["balls"] > left["cubes"],
+        left["balls"] > max(left["cubes"], again),
     )  # fmt: skip
 
 
