@@ -1,0 +1,247 @@
+"""What a joint is, from a log of its angle and its commands; and what is wrong with its model.
+
+inertia q'' + damping q' + coulomb sign(q') + gravity cos q = constant x the torque that arrives,
+which is the command, limited, a delay later. Nothing measured is differentiated: the equation is
+multiplied with a smooth bump and integrated over a window, which moves the derivatives to the bump
+(modulating functions, Shinbrot, 1957). The held command is integrated exactly, for any delay.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.polynomial import Polynomial
+from numpy.typing import NDArray
+
+from course.check import finite, positive, refused, vector
+
+Array = NDArray[np.float64]
+
+# Flat to the fourth order at both ends, so that sums over samples are integrals.
+_BUMP = Polynomial([0.0, 1.0, -1.0]) ** 5
+
+
+@dataclass(frozen=True)
+class Log:
+    """What was recorded of one joint.
+
+    Attributes:
+        dt: sample time [s].
+        q: measured angles, from the horizontal if there is gravity, shape (T + 1,) [rad].
+        command: torques that were sent, each held for a sample, shape (T,) [N m].
+    """
+
+    dt: float
+    q: Array
+    command: Array
+
+    def __post_init__(self) -> None:
+        positive("dt", self.dt, unit="s")
+        q = vector("q", self.q, (None,), unit="rad")
+        vector("command", self.command, (max(len(q) - 1, 0),), unit="N m")
+
+
+@dataclass(frozen=True)
+class JointModel:
+    """The seven numbers that a log can be at odds with.
+
+    Attributes:
+        inertia, damping, coulomb: [kg m^2, N m s/rad, N m].
+        gravity: the torque that holds the joint at q = 0 [N m].
+        constant: torque that comes for one that is asked.
+        delay: from command to torque [s].
+        limit: of the torque that is asked, both ways [N m].
+    """
+
+    inertia: float
+    damping: float = 0.0
+    coulomb: float = 0.0
+    gravity: float = 0.0
+    constant: float = 1.0
+    delay: float = 0.0
+    limit: float = math.inf
+
+    def __post_init__(self) -> None:
+        positive("inertia", self.inertia, unit="kg m^2")
+        positive("constant", self.constant)
+        for name in ("damping", "coulomb", "delay"):
+            finite(name, getattr(self, name), 0.0)
+        finite("gravity", self.gravity, unit="N m")
+        if not self.limit > 0.0:
+            raise refused("limit", self.limit, "a positive number [N m]")
+
+
+LINEAR = ("inertia", "damping", "coulomb", "gravity")
+CAUSES = (*LINEAR, "constant", "delay", "limit")
+
+
+class _Windows:
+    """The integrals of a log over all windows; the columns are those of `LINEAR`."""
+
+    def __init__(self, log: Log, window: float, longest: float) -> None:
+        self._dt, self._n = log.dt, round(positive("window", window, unit="s") / log.dt)
+        self._back = math.ceil(finite("longest", longest, 0.0, unit="s") / log.dt) + 1
+        n, last = self._n, len(log.q) - 1 - self._n
+        starts = np.arange(self._back, last + 1, max(1, n // 4))
+        if n < 20 or len(starts) < 12:
+            allowed = f"of 20 samples or more, and a log of 4 of them (it has {len(log.q)} samples)"
+            raise refused("window", window, allowed)
+        s, length = np.linspace(0.0, 1.0, n + 1), n * log.dt
+        bump, slope, bend = (
+            log.dt * p(s) / length**k for k, p in enumerate((_BUMP, _BUMP.deriv(), _BUMP.deriv(2)))
+        )
+        # Which way it moves, seen over 10 ms: all that is asked of the speed. Where that is less
+        # than the noise the joint rests or turns round, and friction is anything up to Coulomb's.
+        wide = max(1, round(0.005 / log.dt))
+        padded = np.pad(log.q, wide, mode="edge")
+        moved = padded[2 * wide :] - padded[: -2 * wide]
+        noise = float(np.std(np.diff(log.q, 4))) / math.sqrt(70.0)
+        resting = np.abs(moved) < 5.0 * noise
+        still = sliding_window_view(resting, n + 1)[starts] @ bump
+        starts = starts[still <= max(0.01 * bump.sum(), np.quantile(still, 0.4))]
+        self.count = len(starts)
+        rows = [sliding_window_view(x, n + 1)[starts] for x in (
+            log.q, np.sign(moved) * ~resting, np.cos(log.q)
+        )]  # fmt: skip
+        self.columns = np.column_stack(
+            [rows[0] @ bend, -rows[0] @ slope, rows[1] @ bump, rows[2] @ bump]
+        )
+        self._sent = sliding_window_view(log.command, n + self._back)[starts - self._back]
+        self.highest = float(np.abs(log.command).max())
+
+    def torque(self, delay: float, limit: float = math.inf) -> Array:
+        """What the commands did in each window, shape (K,)."""
+        edges = self._dt * np.arange(-self._back, self._n + 1) + delay
+        area = _BUMP.integ()(np.clip(edges / (self._n * self._dt), 0.0, 1.0))
+        weights = self._n * self._dt * np.diff(area)
+        sent = self._sent if limit == math.inf else np.clip(self._sent, -limit, limit)
+        return np.asarray(sent @ weights)
+
+    def misfit(self, model: JointModel) -> Array:
+        """What the torque has too much for the motion, in each window, shape (K,)."""
+        known = np.array([getattr(model, name) for name in LINEAR])
+        return model.constant * self.torque(model.delay, model.limit) - self.columns @ known
+
+
+class Identified(NamedTuple):
+    """The model, and the standard deviations of inertia, damping, coulomb and gravity, (4,)."""
+
+    model: JointModel
+    deviation: Array
+
+
+def identify(
+    log: Log, *, delay: float = 0.0, constant: float = 1.0, window: float = 0.3
+) -> Identified:
+    """Inertia, friction and gravity by least squares over the windows of a log.
+
+    Args:
+        log: a motion that speeds up, slows down and turns round.
+        delay, constant: of the torque, known: the log alone can't tell a weak motor from a heavy
+            joint [s, 1].
+        window: length of the bump; short ones let noise in, long ones are few [s].
+
+    Raises:
+        ValueError: for a log too short for the window, or one whose motion can't tell the four.
+    """
+    delay = finite("delay", delay, 0.0, unit="s")
+    windows = _Windows(log, window, delay)
+    scale = np.linalg.norm(windows.columns, axis=0)
+    if not (scale > 0.0).all() or np.linalg.cond(windows.columns / scale) > 1e5:
+        raise refused("log", "one that cannot tell the four terms", "a motion with more variety")
+    torque = positive("constant", constant) * windows.torque(delay)
+    answer, *_ = np.linalg.lstsq(windows.columns / scale, torque, rcond=None)
+    left = torque - windows.columns @ (answer / scale)
+    # Neighbours overlap by three quarters: about two in four tell something new.
+    spread = np.linalg.inv((windows.columns / scale).T @ (windows.columns / scale))
+    variance = 2.0 * (left @ left) / max(1, windows.count - 8)
+    deviation = np.sqrt(variance * np.diag(spread)) / scale
+    found = dict(zip(LINEAR, (answer / scale).tolist(), strict=True))
+    found["damping"], found["coulomb"] = max(0.0, found["damping"]), max(0.0, found["coulomb"])
+    if found["inertia"] <= 0.0:
+        raise refused("log", "one with an inertia below 0", "a log of the joint's own commands")
+    return Identified(JointModel(**found, constant=constant, delay=delay), deviation)
+
+
+class Diagnosis(NamedTuple):
+    """Which single cause explains a log.
+
+    Attributes:
+        causes: those of `CAUSES` that explain it as well as the best does, that one first; none
+            where the model as it stands explains it.
+        values: what each of the seven numbers would have to be.
+        misfit: mean square left with each, over that of the model as it stands.
+    """
+
+    causes: tuple[str, ...]
+    values: dict[str, float]
+    misfit: dict[str, float]
+
+
+def diagnose(
+    log: Log, model: JointModel, *, longest: float = 0.05, window: float = 0.3
+) -> Diagnosis:
+    """Try each of the seven causes by itself: the one number that fits best, and what is left.
+
+    A cause is told from another by the shape of what it leaves over time. A motor constant scales
+    every term alike, so only friction or gravity can tell it from an inertia: on a horizontal,
+    frictionless log both come back.
+
+    Args:
+        log: of the joint under any commands, its own loop's too.
+        model: what it is believed to be.
+        longest: delay that is looked for [s].
+        window: as for `identify` [s].
+    """
+    windows = _Windows(log, window, max(finite("longest", longest, 0.0, unit="s"), model.delay))
+    first = windows.misfit(model)
+    start = float(first @ first)
+    values, left = asdict(model), dict.fromkeys(CAUSES, start)
+
+    def tried(name: str, value: float) -> float:
+        off = windows.misfit(replace(model, **{name: value}))
+        return float(off @ off)
+
+    torque = windows.torque(model.delay, model.limit)
+    for name, column in [*zip(LINEAR, windows.columns.T, strict=True), ("constant", -torque)]:
+        if column @ column > 0.0:
+            best = values[name] + float(column @ first / (column @ column))
+            least = -math.inf if name == "gravity" else 0.0
+            if best > least or name in ("damping", "coulomb"):
+                values[name] = max(best, least)
+                left[name] = tried(name, values[name])
+    top = min(windows.highest, model.limit)
+    searches = {"delay": (0.0, longest), "limit": (0.02 * top, top)}
+    for name, (low, high) in searches.items():
+        if high > low:
+            best = _lowest(functools.partial(tried, name), low, high)
+            if tried(name, best) < start:
+                values[name], left[name] = best, tried(name, best)
+    # One number more always fits a little better; by chance not by this much.
+    chance = 1.0 + 40.0 / windows.count
+    lowest = min(left.values())
+    tiny = 1e-12 * float(torque @ torque)
+    near = sorted((left[c], c) for c in CAUSES if left[c] <= chance * lowest + tiny)
+    causes = () if start <= chance * lowest + tiny else tuple(c for _, c in near)
+    return Diagnosis(causes, values, {c: left[c] / start if start else 1.0 for c in CAUSES})
+
+
+def _lowest(cost: Callable[[float], float], low: float, high: float, parts: int = 40) -> float:
+    """The lowest point of a function with several valleys: a grid, then the golden section."""
+    points = [low + (high - low) * i / parts for i in range(parts + 1)]
+    best = int(np.argmin([cost(x) for x in points]))
+    a, b = points[max(best - 1, 0)], points[min(best + 1, parts)]
+    ratio = 0.5 * (math.sqrt(5.0) - 1.0)
+    for _ in range(30):
+        c, d = b - ratio * (b - a), a + ratio * (b - a)
+        if cost(c) <= cost(d):
+            b = d
+        else:
+            a = c
+    return 0.5 * (a + b)

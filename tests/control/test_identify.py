@@ -1,0 +1,140 @@
+"""Hidden joints: their numbers found again, and which of seven causes makes a model wrong."""
+
+import math
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from course.control import Actuator, Encoder, Gains, Joint, run_joint
+from course.control.identify import (
+    CAUSES,
+    LINEAR,
+    JointModel,
+    Log,
+    diagnose,
+    identify,
+)
+from tests.control.joint_logs import FLAT, NOMINAL, record
+
+
+def error(found, truth):
+    return [abs(getattr(found, name) / getattr(truth, name) - 1.0) for name in LINEAR]
+
+
+@pytest.mark.parametrize(("noise", "allowed"), [(1e-5, 3e-3), (1e-4, 5e-3)])
+def test_inertia_friction_and_gravity_come_back(noise, allowed):
+    heavy = JointModel(0.3, 0.5, 0.3, 1.5, 1.1, 0.005)
+    for truth, log in zip((NOMINAL, heavy), record([NOMINAL, heavy], noise=noise), strict=True):
+        found = identify(log, delay=truth.delay, constant=truth.constant)
+        off = error(found.model, truth)
+        assert off[0] < 5e-4
+        assert max(off[1:]) < allowed
+        told = [getattr(found.model, name) - getattr(truth, name) for name in LINEAR]
+        # The stated deviations are about as large as the errors, but for a floor of 2e-4.
+        floor = 2e-4 * np.array([getattr(truth, name) for name in LINEAR])
+        assert (np.abs(told) < 5.0 * found.deviation + floor).all()
+        assert (found.deviation < 0.02 * np.array([getattr(truth, n) for n in LINEAR])).all()
+
+
+def test_the_exactly_solved_joint_with_an_encoder_comes_back():
+    t = 1e-3 * np.arange(8000)
+    target = 0.9 * np.sin(1.3 * t) + 0.4 * np.sin(4.1 * t + 1.0)
+    joint = Joint(0.2, 0.3, coulomb=0.15)
+    run = run_joint(
+        joint, Actuator(delay=0.0023), Encoder(18), Gains(20.0, 0.0, 2.0), target, 1e-3, 8.0
+    )
+    log = Log(1e-3, run.measured, run.command[:-1])
+    found = identify(log, delay=0.0023).model
+    assert found.inertia == pytest.approx(0.2, rel=1e-3)
+    assert found.damping == pytest.approx(0.3, rel=5e-3)
+    assert found.coulomb == pytest.approx(0.15, rel=1e-2)
+    assert abs(found.gravity) < 2e-3
+    # A delay that nobody told of is the cause, and is found.
+    told = diagnose(log, JointModel(0.2, 0.3, 0.15))
+    assert told.causes == ("delay",)
+    assert told.values["delay"] == pytest.approx(0.0023, abs=1e-4)
+
+
+def hidden():
+    """Believed models, what the joints really are, and the cause, of 104 joints."""
+    rng = np.random.default_rng(11)
+    models = [
+        JointModel(*(float(rng.uniform(*r)) for r in ((0.08, 0.3), (0.1, 0.4), (0.08, 0.3))),
+                   gravity=float(rng.uniform(0.4, 1.5)))
+        for _ in range(24)
+    ]  # fmt: skip
+    peaks = [np.abs(log.command).max() for log in record(models, seconds=2.0)]
+    cases = [(model, model, None) for model in models]
+    for i in range(72):
+        name, model = CAUSES[i % 6], models[i // 3]
+        change = float(rng.uniform(0.1, 0.3)) * (1.0 if rng.random() < 0.5 else -1.0)
+        value = getattr(model, name) * (1.0 + change)
+        if name == "delay":
+            value = float(rng.uniform(0.002, 0.015))
+        cases.append((model, replace(model, **{name: value}), name))
+    for model, peak in zip(models[:8], peaks[:8], strict=True):
+        cases.append((model, replace(model, limit=0.75 * float(peak)), "limit"))
+    return cases
+
+
+def test_which_of_seven_causes_it_is_on_hidden_logs():
+    cases = hidden()
+    logs = record([truth for _, truth, _ in cases], seconds=6.0, seed=5)
+    wrong = []
+    for (model, truth, name), log in zip(cases, logs, strict=True):
+        told = diagnose(log, model)
+        if told.causes != ((name,) if name else ()):
+            wrong.append((name, told.causes, told.misfit))
+        elif name:
+            near = 2e-4 if name == "delay" else 0.0
+            assert told.values[name] == pytest.approx(getattr(truth, name), rel=0.01, abs=near)
+            assert told.misfit[name] < 0.2
+    assert not wrong
+
+
+def test_a_horizontal_frictionless_log_cannot_tell_the_motor_from_the_inertia():
+    models = [FLAT, replace(FLAT, gravity=0.3), replace(FLAT, damping=0.2)]
+    pairs = [
+        (model, replace(model, **{name: value}))
+        for model in models
+        for name, value in (("inertia", 0.12), ("constant", 1.0 / 1.2))
+    ]
+    logs = record([truth for _, truth in pairs], seconds=4.0)
+    told = [diagnose(log, model) for (model, _), log in zip(pairs, logs, strict=True)]
+    for answer in told[:2]:
+        assert set(answer.causes) == {"inertia", "constant"}
+        assert answer.values["inertia"] == pytest.approx(0.12, rel=1e-3)
+        assert answer.values["constant"] == pytest.approx(1.0 / 1.2, rel=1e-3)
+    # Gravity, or friction, tells them apart.
+    assert [answer.causes for answer in told[2:]] == [("inertia",), ("constant",)] * 2
+
+
+def test_a_model_that_is_right_without_noise_has_no_cause():
+    (log,) = record([NOMINAL], noise=0.0)
+    told = diagnose(log, NOMINAL)
+    assert told.causes == ()
+    assert set(told.values) == set(CAUSES) == set(asdict(NOMINAL))
+
+
+LOG = Log(2e-3, np.sin(np.arange(1001) * 2e-3), np.ones(1000))
+BAD = {
+    "dt": lambda: Log(0.0, np.zeros(3), np.zeros(2)),
+    "q": lambda: Log(1.0, [0.0, math.nan], [0.0]),
+    "command": lambda: Log(1.0, np.zeros(3), np.zeros(3)),
+    "inertia": lambda: JointModel(0.0),
+    "coulomb": lambda: JointModel(1.0, coulomb=-1.0),
+    "limit": lambda: JointModel(1.0, limit=0.0),
+    "delay": lambda: identify(LOG, delay=-1.0),
+    "window": lambda: identify(LOG, window=0.02),
+    "window ": lambda: identify(LOG, window=1.5),
+    "log": lambda: identify(Log(2e-3, np.zeros(1001), np.zeros(1000))),
+    "log ": lambda: identify(LOG),
+    "longest": lambda: diagnose(LOG, NOMINAL, longest=-1.0),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_named(name):
+    with pytest.raises(ValueError, match=rf"^{name.strip()}[ .\[].*allowed is"):
+        BAD[name]()
