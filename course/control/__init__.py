@@ -3,6 +3,7 @@
 The public names of the chapter; each lives in the file of its section.
 """
 
+from course.control.identify import JointModel, Log, diagnose, identify
 from course.control.joint import (
     Actuator,
     Encoder,
@@ -49,6 +50,8 @@ __all__ = [
     "Gains",
     "Joint",
     "JointLaw",
+    "JointModel",
+    "Log",
     "Margins",
     "Probe",
     "Record",
@@ -58,12 +61,14 @@ __all__ = [
     "box_qp",
     "closed_loop",
     "computed_torque",
+    "diagnose",
     "feedforward",
     "friction_compensation",
     "growth",
     "held",
     "horizon",
     "hybrid",
+    "identify",
     "impedance",
     "joint_system",
     "loop_matrix",

@@ -107,7 +107,7 @@ class _Windows:
         starts = starts[still <= max(0.01 * bump.sum(), np.quantile(still, 0.4))]
         self.count = len(starts)
         rows = [sliding_window_view(x, n + 1)[starts] for x in (
-            log.q, np.sign(moved) * ~resting, np.cos(log.q)
+            log.q, np.sign(moved), np.cos(log.q)
         )]  # fmt: skip
         self.columns = np.column_stack(
             [rows[0] @ bend, -rows[0] @ slope, rows[1] @ bump, rows[2] @ bump]

@@ -59,13 +59,10 @@ def test_the_exactly_solved_joint_with_an_encoder_comes_back():
 def hidden():
     """Believed models, what the joints really are, and the cause, of 104 joints."""
     rng = np.random.default_rng(11)
-    models = [
-        JointModel(*(float(rng.uniform(*r)) for r in ((0.08, 0.3), (0.1, 0.4), (0.08, 0.3))),
-                   gravity=float(rng.uniform(0.4, 1.5)))
-        for _ in range(24)
-    ]  # fmt: skip
+    ranges = ((0.08, 0.3), (0.1, 0.4), (0.08, 0.3), (0.4, 1.5))
+    models = [JointModel(*(float(rng.uniform(*r)) for r in ranges)) for _ in range(24)]
     peaks = [np.abs(log.command).max() for log in record(models, seconds=2.0)]
-    cases = [(model, model, None) for model in models]
+    cases = [(model, model, "") for model in models]
     for i in range(72):
         name, model = CAUSES[i % 6], models[i // 3]
         change = float(rng.uniform(0.1, 0.3)) * (1.0 if rng.random() < 0.5 else -1.0)
@@ -120,7 +117,7 @@ def test_a_model_that_is_right_without_noise_has_no_cause():
 LOG = Log(2e-3, np.sin(np.arange(1001) * 2e-3), np.ones(1000))
 BAD = {
     "dt": lambda: Log(0.0, np.zeros(3), np.zeros(2)),
-    "q": lambda: Log(1.0, [0.0, math.nan], [0.0]),
+    "q": lambda: Log(1.0, np.array([0.0, math.nan]), np.zeros(1)),
     "command": lambda: Log(1.0, np.zeros(3), np.zeros(3)),
     "inertia": lambda: JointModel(0.0),
     "coulomb": lambda: JointModel(1.0, coulomb=-1.0),
