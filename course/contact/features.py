@@ -18,7 +18,7 @@ from course.check import finite, refused
 from course.compiled import MATRIX, VECTOR, compiled
 from course.contact.broad import overlapping_pairs
 from course.contact.narrow import measured, paired, rotation, turned_back
-from course.contact.shapes import Array, Shape, bounds_in_space, poses
+from course.contact.shapes import Array, Shape, bounds_in_space, corners_in_space, poses
 from course.rigid_body.quaternion import to_matrix
 
 _FACE = 1.0 - 1e-6  # cosine from which a normal counts as that of a face: 0.08 degrees
@@ -77,14 +77,9 @@ def separating_axes(
     return best - a.radius - b.radius, axis[: a.dim]
 
 
-def _corners(shape: Shape, q: Array) -> Array:
-    """Corners of the core in the world, shape (3, n, N)."""
-    return np.einsum("ijn,jk->ikn", to_matrix(q[3:]), shape.corners) + q[:3, None]
-
-
 def _segments(shape: Shape, q: Array) -> tuple[Array, Array]:
     """Ends of the edges of the core in the world, each (3, n, N)."""
-    corners, own = _corners(shape, q), shape.corners
+    corners, own = corners_in_space(shape, q), shape.corners
     ends = [
         (i, j)
         for i in range(own.shape[1])
@@ -111,7 +106,7 @@ def enumerated(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> Arra
     qa, qb, _ = paired(a, pose_a, b, pose_b)
     nearest = np.full(qa.shape[1], np.inf)
     for one, q, other, p in ((a, qa, b, qb), (b, qb, a, qa)):
-        offset = _corners(one, q) - p[:3, None]
+        offset = corners_in_space(one, q) - p[:3, None]
         local = np.einsum("jin,jkn->ikn", to_matrix(p[3:]), offset)
         beyond = local - np.clip(local, -other.half[:, None, None], other.half[:, None, None])
         nearest = np.minimum(nearest, np.linalg.norm(beyond, axis=0).min(axis=0))
@@ -278,7 +273,7 @@ def _single(rows: Array) -> Array:
 def _on_plane(qa: Array, b: Shape, qb: Array, dim: int) -> Array:
     """A contact for every corner of b at a plane a, which is first."""
     normal = to_matrix(qa[3:])[:, dim - 1]
-    corners = _corners(b, qb)
+    corners = corners_in_space(b, qb)
     height = np.einsum("in,ikn->kn", normal, corners - qa[:3, None]) - b.radius
     point = corners - normal[:, None] * (b.radius + height / 2.0)
     pair = np.broadcast_to(np.arange(height.shape[1]), height.shape)

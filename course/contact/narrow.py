@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 
 from course.check import refused
 from course.compiled import MATRIX, VECTOR, compiled
-from course.contact.shapes import Array, Shape, poses
+from course.contact.shapes import Array, Shape, corners_in_space, poses
 from course.rigid_body.quaternion import to_matrix
 
 _EPS = 2.0**-52
@@ -579,11 +579,11 @@ def paired(a: Shape, pose_a: ArrayLike, b: Shape, pose_b: ArrayLike) -> tuple[Ar
 def _from_plane(a: Shape, qa: Array, b: Shape, qb: Array) -> Array:
     """The rows of `measure` for a plane a: its normal, and the lowest corner of b."""
     normal = to_matrix(qa[3:])[:, a.dim - 1]
-    corner = np.einsum("ijn,jk->ikn", to_matrix(qb[3:]), b.corners) + (qb - qa)[:3, None]
-    height = np.einsum("in,ikn->kn", normal, corner)
+    corner = corners_in_space(b, qb)
+    height = np.einsum("in,ikn->kn", normal, corner - qa[:3, None])
     lowest = height.argmin(axis=0)
     far = height.min(axis=0) - b.radius
-    point = np.take_along_axis(corner, lowest[None, None], 1)[:, 0] + qa[:3] - b.radius * normal
+    point = np.take_along_axis(corner, lowest[None, None], 1)[:, 0] - b.radius * normal
     return np.vstack((far, normal, point - far * normal, point, np.zeros((2, far.size))))
 
 

@@ -168,6 +168,11 @@ def bounds(shape: Shape, pose: ArrayLike) -> Array:
     return box[:, : shape.dim].reshape(2, shape.dim, *np.shape(pose)[1:])
 
 
+def corners_in_space(shape: Shape, q: Array) -> Array:
+    """All corners of the core in the world, for poses in space (7, N): shape (3, n, N) [m]."""
+    return np.einsum("ijn,jk->ikn", to_matrix(q[3:]), shape.corners) + q[:3, None]
+
+
 def bounds_in_space(shape: Shape, q: Array) -> Array:
     """`bounds` for poses in space that are checked, shape (7, N): shape (2, 3, N)."""
     if shape.name == "plane":

@@ -3,7 +3,7 @@
 import numpy as np
 
 from course import contact
-from course.rigid_body.quaternion import exp, product, to_matrix
+from course.rigid_body.quaternion import exp, product
 
 CUBE = contact.box([0.5, 0.5, 0.5])
 CLOUD = np.random.default_rng(7).normal(size=(3, 12)) * 0.4
@@ -31,8 +31,3 @@ def turned(rng: np.random.Generator, pose: np.ndarray, angle: float) -> np.ndarr
     """The poses, turned by about an angle about any axis."""
     u = angle * rng.normal(size=(3, pose.shape[1]))
     return np.vstack((pose[:3], product(exp(u), pose[3:])))
-
-
-def corners(shape: contact.Shape, pose: np.ndarray) -> np.ndarray:
-    """Corners of the core in the world, shape (3, n, N)."""
-    return np.einsum("ijn,jk->ikn", to_matrix(pose[3:]), shape.corners) + pose[:3, None]

@@ -16,6 +16,8 @@ def test_the_broad_phase_has_the_exponents_of_theory():
             theory, abs=0.05
         )
         assert series.y == pytest.approx(series.expected, rel=0.3)
+    pairs = counts["pairs"]
+    assert np.polyfit(np.log(pairs.x), np.log(pairs.y), 1)[0] == pytest.approx(1.0, abs=0.1)
     swaps = counts["swaps"]
     assert 1.5 < np.polyfit(np.log(swaps.x), np.log(swaps.y), 1)[0] < 1.9
     assert {series.key for series in times.series} == {

@@ -9,11 +9,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course import contact
+from course.contact.shapes import corners_in_space
 from course.oracles import coal
 from course.rigid_body.quaternion import exp
 from tests.budget import examples
 from tests.contact import draws
-from tests.contact.draws import CUBE, SHAPES, at, corners
+from tests.contact.draws import CUBE, SHAPES, at
 
 PAIRS = list(itertools.combinations_with_replacement(SHAPES, 2))
 HALF = math.sqrt(0.5)
@@ -206,7 +207,8 @@ def test_it_always_ends_and_no_plane_proves_it_wrong(a, b, turn_a, turn_b, where
     # Moved apart by the distance along the normal they touch: no direction is left to separate
     # them less, and along this one they meet in a plane.
     reach_a, reach_b = (
-        found.normal @ corners(s, q[:, None])[:, :, 0] for s, q in ((a, pose_a), (b, pose_b))
+        found.normal @ corners_in_space(s, q[:, None])[:, :, 0]
+        for s, q in ((a, pose_a), (b, pose_b))
     )
     along = reach_b.min() - reach_a.max() - a.radius - b.radius
     core = found.distance + a.radius + b.radius
