@@ -37,6 +37,7 @@ from course.control.sampled import (
     pid_law,
     ultimate_gain,
 )
+from course.control.sampling import cem, mppi, predictive
 from course.control.touch import Probe, TouchLaw, run_touch
 from course.control.tracking import JointLaw, track
 from course.drills import PID, closed_loop
@@ -59,6 +60,7 @@ __all__ = [
     "TouchLaw",
     "admittance",
     "box_qp",
+    "cem",
     "closed_loop",
     "computed_torque",
     "diagnose",
@@ -75,10 +77,12 @@ __all__ = [
     "lqr",
     "margins",
     "mpc",
+    "mppi",
     "operational_space",
     "pd",
     "pd_gravity",
     "pid_law",
+    "predictive",
     "run_joint",
     "run_touch",
     "step_metrics",

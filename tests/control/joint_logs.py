@@ -9,7 +9,7 @@ def record(models, seconds=6.0, dt=2e-3, noise=3e-5, seed=0, speed=1.0):
     """One log for each model, all under the same PD loop on the same motion.
 
     The truth is stepped by Runge-Kutta ten times finer than the log; Coulomb friction turns round
-    within 1 mrad/s. The loop sees noisy angles, as an encoder would give them.
+    within 1 mrad/s. The loop sees noisy angles; `noise` is one number or one for each joint.
     """
 
     def of(name):
