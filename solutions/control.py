@@ -1,0 +1,251 @@
+"""Worked answers of chapter 6, control: complete, of the size of an interview."""
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+
+def ultimate_gain(inertia: float, damping: float, dt: float, delay: float) -> tuple[float, float]:
+    """The gain at which a sampled P loop around a joint swings for ever, and the period of that.
+
+    Args:
+        inertia: of the joint [kg m^2].
+        damping: viscous friction [N m s/rad].
+        dt: sample time; the torque is held between samples [s].
+        delay: from a measurement to its torque, any length [s].
+
+    Returns:
+        (gain, period) [N m/rad, s].
+    """
+    rate = damping / inertia
+    whole = int(delay // dt)
+    rest = delay - whole * dt
+
+    def driven(t: float) -> tuple[np.ndarray, np.ndarray]:
+        """What a time does to (q, v), and what a torque of one adds meanwhile."""
+        lost = -math.expm1(-rate * t)
+        return (
+            np.array([[1.0, lost / rate], [0.0, 1.0 - lost]]),
+            np.array([t - lost / rate, lost]) / damping,
+        )
+
+    first, late = driven(rest)
+    second, now = driven(dt - rest)
+    before = second @ late
+
+    def loop(gain: float) -> np.ndarray:
+        """The loop as a matrix over q, v and the last commands, the newest first."""
+        F = np.eye(whole + 3, k=-1)
+        F[:3] = 0.0
+        F[:2, :2] = second @ first
+        F[2, 0] = -gain
+        if whole:
+            F[:2, whole + 1] = now
+        else:
+            F[:2, 0] -= gain * now
+        F[:2, whole + 2] += before
+        return F
+
+    def growth(gain: float) -> float:
+        return float(np.abs(np.linalg.eigvals(loop(gain))).max())
+
+    high = damping / (delay + dt)
+    while growth(high) < 1.0:
+        high *= 2.0
+    low = 0.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if growth(middle) < 1.0 else (low, middle)
+    values = np.linalg.eigvals(loop(high))
+    swinging = values[np.argmax(np.abs(values))]
+    return high, 2.0 * math.pi * dt / abs(float(np.angle(swinging)))
+
+
+def computed_torque(
+    lengths: ArrayLike,
+    masses: ArrayLike,
+    gravity: float,
+    q: ArrayLike,
+    v: ArrayLike,
+    reference: ArrayLike,
+    kp: ArrayLike,
+    kd: ArrayLike,
+) -> np.ndarray:
+    """Torques that make two links in a vertical plane follow a reference.
+
+    Args:
+        lengths: of the two uniform rods, shape (2,) [m].
+        masses: of the rods, shape (2,) [kg].
+        gravity: along -y [m/s^2].
+        q: joint angles, each relative to the link before, shape (2,) [rad].
+        v: their rates, shape (2,) [rad/s].
+        reference: wanted angles, rates and accelerations, rows of shape (3, 2).
+        kp: gains of the error, shape (2,) [1/s^2].
+        kd: gains of its rate, shape (2,) [1/s].
+
+    Returns:
+        Torques at the joints, shape (2,) [N m].
+    """
+    (l1, l2), (m1, m2) = np.asarray(lengths, dtype=float), np.asarray(masses, dtype=float)
+    q, v = np.asarray(q, dtype=float), np.asarray(v, dtype=float)
+    q_ref, v_ref, a_ref = np.asarray(reference, dtype=float)
+    coupling, tip = 0.5 * m2 * l1 * l2, m2 * l2**2 / 3.0
+    across = tip + coupling * math.cos(q[1])
+    base = (m1 / 3.0 + m2) * l1**2 + tip + 2.0 * coupling * math.cos(q[1])
+    M = np.array([[base, across], [across, tip]])
+    spin = coupling * math.sin(q[1])
+    coriolis = spin * np.array([-2.0 * v[0] * v[1] - v[1] ** 2, v[0] ** 2])
+    outer = 0.5 * m2 * l2 * math.cos(q[0] + q[1])
+    weight = gravity * np.array([(0.5 * m1 + m2) * l1 * math.cos(q[0]) + outer, outer])
+    a = a_ref + np.asarray(kd) * (v_ref - v) + np.asarray(kp) * (q_ref - q)
+    return M @ a + coriolis + weight
+
+
+def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> np.ndarray:
+    """The gain of the discrete linear quadratic regulator, by doubling.
+
+    Args:
+        A: of x[k+1] = A x[k] + B u[k], shape (n, n).
+        B: shape (n, m).
+        Q: weights of the states, symmetric, shape (n, n).
+        R: weights of the commands, symmetric and positive definite, shape (m, m).
+
+    Returns:
+        K with u = -K x, shape (m, n).
+    """
+    A, B = np.asarray(A, dtype=float), np.asarray(B, dtype=float)
+    Q, R = np.asarray(Q, dtype=float), np.asarray(R, dtype=float)
+    one = np.eye(len(A))
+    # After k rounds P is the cost of 2^k steps (Chu, Fan, Lin and Wang, 2004).
+    step, G, P = A, B @ np.linalg.solve(R, B.T), Q
+    for _ in range(60):
+        left = np.linalg.solve(one + G @ P, step)
+        right = np.linalg.solve(one + G @ P, G)
+        more = step.T @ P @ left
+        G = G + step @ right @ step.T
+        step = step @ left
+        P = P + 0.5 * (more + more.T)
+        if np.abs(more).max() <= 1e-16 * np.abs(P).max():
+            break
+    return np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+
+
+def hybrid_torque(
+    J: ArrayLike,
+    frame: ArrayLike,
+    forced: ArrayLike,
+    error: ArrayLike,
+    velocity: ArrayLike,
+    force: ArrayLike,
+    wanted: ArrayLike,
+    gains: ArrayLike,
+) -> np.ndarray:
+    """Joint torques that press along some axes of a surface and follow a place along the others.
+
+    Args:
+        J: Jacobian of the tip, velocity in the world by joint rates, shape (3, n).
+        frame: axes of the surface in the world, as columns, shape (3, 3).
+        forced: of each of these axes, 1 where a force is wanted, 0 where a place is, shape (3,).
+        error: goal less place of the tip, in the world, shape (3,) [m].
+        velocity: of the tip, in the world, shape (3,) [m/s].
+        force: that the tip exerts, measured, in the world, shape (3,) [N].
+        wanted: force that the tip shall exert, along the axes of the surface, shape (3,) [N].
+        gains: stiffness [N/m], damping [N s/m] and force gain [1].
+
+    Returns:
+        Torques at the joints, shape (n,) [N m].
+    """
+    axes, push = np.asarray(frame, dtype=float), np.asarray(wanted, dtype=float)
+    stiffness, damping, gain = np.asarray(gains, dtype=float)
+    pressing = push + gain * (push - axes.T @ np.asarray(force))
+    following = stiffness * (axes.T @ np.asarray(error))
+    along = np.where(np.asarray(forced) > 0.5, pressing, following)
+    command = axes @ along - damping * np.asarray(velocity)
+    return np.asarray(J, dtype=float).T @ command
+
+
+def inertia_from_log(q: ArrayLike, tau: ArrayLike, dt: float) -> float:
+    """Inertia of a joint with friction and gravity, from a log of angles and torques.
+
+    The equation of motion is integrated twice, so that nothing has to be differentiated.
+
+    Args:
+        q: measured angle at each sample, shape (n,) [rad].
+        tau: torque, held from this sample to the next, shape (n,) [N m].
+        dt: sample time [s].
+
+    Returns:
+        The inertia [kg m^2].
+    """
+    q, tau = np.asarray(q, dtype=float), np.asarray(tau, dtype=float)
+
+    def integral(y: np.ndarray) -> np.ndarray:
+        """From the first sample on, by the trapezoidal rule."""
+        return np.concatenate(([0.0], np.cumsum(0.5 * dt * (y[1:] + y[:-1]))))
+
+    pushed = np.concatenate(([0.0], np.cumsum(dt * tau[:-1])))  # a held torque's own integral
+    t = dt * np.arange(q.size)
+    # I (q - q0 - v0 t) + b int(q - q0) + w int int cos q = int int tau, q0 and v0 unknown.
+    columns = (q, integral(q), integral(integral(np.cos(q))), t, np.ones(q.size))
+    found = np.linalg.lstsq(np.column_stack(columns), integral(pushed), rcond=None)[0]
+    return float(found[0])
+
+
+def mppi_step(
+    plan: ArrayLike,
+    noise: ArrayLike,
+    costs: ArrayLike,
+    temperature: float,
+    low: ArrayLike,
+    high: ArrayLike,
+) -> tuple[np.ndarray, float]:
+    """A plan of commands, moved towards its cheap variations (model predictive path integral).
+
+    Args:
+        plan: commands, shape (steps, m).
+        noise: what was added to the plan in each rollout, shape (n, steps, m).
+        costs: of the rollouts, shape (n,); NaN or infinite where one failed.
+        temperature: of the weights, positive, in the unit of the costs.
+        low, high: limits of the commands, which the rollouts kept, shape (m,) each.
+
+    Returns:
+        (plan, effective): the new plan, shape (steps, m), and how many rollouts counted.
+    """
+    plan, costs = np.asarray(plan, dtype=float), np.asarray(costs, dtype=float)
+    tried = np.clip(plan + np.asarray(noise), low, high)
+    good = np.isfinite(costs)
+    if not good.any():
+        return np.clip(plan, low, high), 0.0
+    weights = np.zeros(costs.size)
+    weights[good] = np.exp(-(costs[good] - costs[good].min()) / temperature)
+    weights = weights / weights.sum()
+    return np.tensordot(weights, tried, axes=1), float(1.0 / (weights @ weights))
+
+
+def hold_joint(
+    q: float, target: float, pole: float, load: float, dt: float, steps: int
+) -> tuple[float, float, float]:
+    """A link in a vertical plane under computed torque with an integral, from rest.
+
+    Args:
+        q: angle at the start, from the horizontal [rad].
+        target: angle to hold [rad].
+        pole: the error shall have three poles there, at -pole [1/s].
+        load: torque that the controller does not know of [N m].
+        dt: sample time and step [s].
+        steps: how many.
+
+    Returns:
+        (q, v, total): angle, rate and integral of the error at the end [rad, rad/s, rad s].
+    """
+    inertia, weight = 0.5, 9.0  # kg m^2; N m, times the cosine of the angle
+    kp, ki, kd = 3.0 * pole**2, pole**3, 3.0 * pole
+    q, v, total = float(q), 0.0, 0.0
+    for _ in range(steps):
+        error = target - q
+        total = total + dt * error
+        torque = inertia * (kp * error + ki * total - kd * v) + weight * math.cos(q)
+        v = v + dt * (torque + load - weight * math.cos(q)) / inertia
+        q = q + dt * v
+    return q, v, total
