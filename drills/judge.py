@@ -88,7 +88,7 @@ class Answer:
 
 def judge_of(
     cases: Callable[[np.random.Generator], Sequence[Case]],
-    tolerance: float | Callable[[Case, tuple[Array, ...]], float],
+    tolerance: float | Callable[[Case, tuple[Array, ...]], float | Sequence[float]],
     why: str,
     *,
     names: Sequence[str] = (),
@@ -105,7 +105,8 @@ def judge_of(
 
     Args:
         cases: draws the calls.
-        tolerance: largest error of a component, one for all or by case and right values.
+        tolerance: largest error of a component, one for all or by case and right values; of
+            several values then perhaps one for each.
         why: the reason of the tolerance.
         names: what the feedback calls the values of a function that returns several; the card's
             names when empty.
@@ -164,10 +165,11 @@ def judge_of(
             first(attempt, case, parts, call)
         truth = [np.asarray(value, dtype=float) for value in expected]
         truth[0] = nearest(parts[0], truth[0])
-        allowed = tolerance(case, tuple(truth)) if callable(tolerance) else tolerance
+        stated = tolerance(case, tuple(truth)) if callable(tolerance) else tolerance
+        allowed = np.broadcast_to(stated, len(truth)).tolist()
         right = tuple(
-            attempt.compare(word, part, true, tolerance=allowed, unit=v.unit, why=why, call=call)
-            for word, part, true, v in zip(words, parts, truth, returns, strict=True)
+            attempt.compare(word, part, true, tolerance=most, unit=v.unit, why=why, call=call)
+            for word, part, true, v, most in zip(words, parts, truth, returns, allowed, strict=True)
         )
         return Answer(case, got, call, parts, tuple(truth), right)
 

@@ -181,10 +181,10 @@ def _solution(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Findin
 
 def _headroom(card: Card, limits: Limits, runs: list[Attempt]) -> Finding:
     """The limits, in processor time, against what the quickest run needed."""
-    loading = min(run.learner.loading for run in runs)
-    # The clock of a process may tick too slowly to see a quick call.
+    # The clock of a process may tick too slowly to see what is quick.
+    loading = max(min(run.learner.loading for run in runs), 1e-6)
     longest = max(min(run.learner.longest for run in runs), 1e-6)
-    whole = min(run.learner.child.used for run in runs)
+    whole = max(min(run.learner.child.used for run in runs), 1e-6)
     spare = min(limits.load / loading, limits.call / longest, limits.total / whole)
     return Finding(
         card.name,

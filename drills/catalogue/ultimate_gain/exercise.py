@@ -40,9 +40,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
     ]
 
 
-def allowed(case: Case, truth: tuple[Any, ...]) -> float:
-    """1e-6 of the smaller of both values."""
-    return 1e-6 * min(float(value) for value in truth)
+def allowed(case: Case, truth: tuple[Any, ...]) -> list[float]:
+    """1e-8 of each value."""
+    return [1e-8 * float(value) for value in truth]
 
 
 def swings(figure: Any, shown: Shown) -> None:

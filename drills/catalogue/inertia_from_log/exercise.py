@@ -1,0 +1,165 @@
+"""Inertia from a log: without noise first, where other ways still work, then with it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drills import picture
+from drills.attempt import Attempt
+from drills.exercise import Exercise, slips, value_slips
+from drills.judge import Answer, Case, judge_of, off
+from drills.report import Shown
+
+Array = NDArray[np.float64]
+SAMPLES = 1200
+NOISELESS = "no noise"
+
+
+def _swung(inertia: float, friction: float, weight: float, q: float, v: float, tau: Array,
+           dt: float) -> Array:  # fmt: skip
+    """Angles at the samples under a held torque, by the classical Runge-Kutta method."""
+    angles = np.zeros(len(tau))
+    for i, pushed in enumerate(tau.tolist()):
+        angles[i] = q
+
+        def rate(q: float, v: float, pushed: float = pushed) -> float:
+            return (pushed - friction * v - weight * math.cos(q)) / inertia
+
+        a = rate(q, v)
+        v2 = v + 0.5 * dt * a
+        b = rate(q + 0.5 * dt * v, v2)
+        v3 = v + 0.5 * dt * b
+        c = rate(q + 0.5 * dt * v2, v3)
+        v4 = v + dt * c
+        d = rate(q + dt * v3, v4)
+        q += dt / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
+        v += dt / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+    return angles
+
+
+def cases(rng: np.random.Generator) -> list[Case]:
+    """Joints with and without friction and weight, from rest and moving, noise of 0 to 0.1 mrad."""
+
+    def log(
+        label: str, level: str = "core", *, noise: float = 5e-5, friction: float = 1.0,
+        weight: float = 1.0, start: float = 0.0, dt: float = 2e-3, whole: bool = False,
+        samples: int = SAMPLES,
+    ) -> Case:  # fmt: skip
+        """Sines of three frequencies as a torque; friction and weight are factors of usual ones."""
+        inertia = float(rng.uniform(0.1, 1.0))
+        b, w = friction * rng.uniform(1.0, 3.0) * inertia, weight * rng.uniform(4.0, 10.0) * inertia
+        t, q = dt * np.arange(samples), float(rng.uniform(-0.5, 0.5))
+        sines = [a * np.sin(f * t + p) for a, f, p in zip(
+            rng.uniform(8.0, 16.0, 3), (2.5, 6.0, 13.0), rng.uniform(0.0, 6.0, 3), strict=True
+        )]  # fmt: skip
+        tau = inertia * np.sum(sines, axis=0) + 0.7 * w
+        if whole:
+            tau = np.round(tau).astype(int)
+        angles = _swung(inertia, b, w, q, start, np.asarray(tau, dtype=float), dt)
+        return Case((angles + noise * rng.normal(size=samples), tau, dt), label, level)
+
+    return [
+        log("inertia alone, from rest, no noise", "simple", noise=0.0, friction=0.0, weight=0.0),
+        log("inertia and friction, no noise", "simple", noise=0.0, weight=0.0),
+        log("inertia and weight, no noise", "simple", noise=0.0, friction=0.0),
+        log("moving at the start, no noise", noise=0.0, start=2.0),
+        log("inertia alone, from rest", friction=0.0, weight=0.0),
+        log("inertia alone, moving at the start", friction=0.0, weight=0.0, start=-2.0),
+        *(log("from rest", noise=level) for level in (2e-5, 5e-5, 1e-4)),
+        *(log("moving at the start", start=start) for start in (1.5, -2.5)),
+        log("much friction", friction=3.0), log("a heavy link", weight=2.0),
+        log("samples of 1 ms", "edge", dt=1e-3, samples=2400),
+        log("samples of 5 ms", "edge", dt=5e-3),
+        log("a torque of whole numbers, no noise", "edge", whole=True, noise=0.0, weight=3.0),
+    ]  # fmt: skip
+
+
+def allowed(case: Case, truth: tuple[Array, ...]) -> float:
+    """0.2 % of the inertia, 0.02 % without noise."""
+    return (2e-4 if case.label.endswith(NOISELESS) else 2e-3) * float(truth[0])
+
+
+def told(answers: Sequence[Answer]) -> str:
+    """Too small with noise, and near without it: the mark of differences."""
+    clean = [a for a in answers if a.case.label.endswith(NOISELESS)]
+    noisy = [a for a in answers if not a.case.label.endswith(NOISELESS)]
+    small = [off(a.parts[0], 0.0) < 0.6 * float(a.truth[0]) for a in noisy]
+    near = [off(a.parts[0], a.truth[0]) < 0.02 * float(a.truth[0]) for a in clean]
+    return "differentiated" if small and all(small) and near and all(near) else ""
+
+
+def fitted(figure: Any, shown: Shown) -> None:
+    """The log's double integral of the torque, and what the inertia makes of the angle."""
+    axes = picture.plane(figure, "time [s]", "inertia times angle [kg m^2 rad]")
+    q, _, dt = shown.args
+    t = dt * np.arange(len(q))
+    axes.plot(t, float(shown.got[0]) * q, **picture.YOURS)
+    axes.plot(t, float(shown.expected[0]) * q, **picture.RIGHT)
+    axes.legend()
+
+
+def one_log(attempt: Attempt, drawn: Sequence[Case]) -> None:
+    """Time of a log."""
+    attempt.time_call(*drawn[0].args, what="time per log")
+
+
+_COLUMNS = "columns = (q, integral(q), integral(integral(np.cos(q))), t, np.ones(q.size))"
+_FOUND = "found = np.linalg.lstsq(np.column_stack(columns), integral(pushed), rcond=None)[0]"
+_PUSHED = "pushed = np.concatenate(([0.0], np.cumsum(dt * tau[:-1])))"
+_RETURN = "return float(found[0])"
+
+SLIPS = slips(
+    differentiated=(_COLUMNS, "rate = np.gradient(q, dt)\n"
+        "    columns = (np.gradient(rate, dt), rate, np.cos(q))", _FOUND,
+        _FOUND.replace("integral(pushed)", "tau"),
+        "The log is differentiated twice. Without noise that is nearly right; with it the "
+        "acceleration is noise, and a fit finds far too little inertia for it."),
+    friction_left_out=(_COLUMNS, _COLUMNS.replace("integral(q), ", "", 1),
+        "Friction is left out: where there is some, the fit puts it into the inertia."),
+    weight_left_out=(_COLUMNS, _COLUMNS.replace("integral(integral(np.cos(q))), ", ""),
+        "The weight is left out: where there is one, the fit puts it into the inertia."),
+    start_rate_forgotten=(_COLUMNS, _COLUMNS.replace(", t, np", ", np"),
+        "The rate at the start is taken to be zero. Integrating twice leaves v0 t, of which v0 is "
+        "not known: give it a column. (Friction makes one of its own, too.)"),
+    start_angle_forgotten=(_COLUMNS, _COLUMNS.replace(", np.ones(q.size)", ""),
+        "The angle at the start is missing: what moves is q - q0. Give the constant a column."),
+    both_constants_forgotten=(_COLUMNS, _COLUMNS.replace(", t, np.ones(q.size)", ""),
+        "Both constants of the double integral are missing: the angle and the rate at the start."),
+    sine_for_cosine=(_COLUMNS, _COLUMNS.replace("np.cos", "np.sin"),
+        "The weight acts with the cosine: the angle is measured from the horizontal."),
+    integrated_once=(_FOUND, _FOUND.replace("integral(pushed)", "pushed"),
+        "The torque is integrated once and the motion twice: both sides need the same."),
+    sample_time_forgotten=(_PUSHED, _PUSHED.replace("dt * tau", "tau"),
+        "A sum of the torques stands for their integral: each is to be multiplied by dt."),
+    torque_late=(_PUSHED, "pushed = np.concatenate(([0.0, 0.0], np.cumsum(dt * tau[:-2])))",
+        "The torque enters a sample late: tau[i] acts from sample i on, not from the next one."),
+    inverse_returned=(_RETURN, "return float(1.0 / found[0])",
+        "This is one over the inertia."),
+    friction_returned=(_RETURN, "return float(found[1])",
+        "This is the viscous friction, or what a fit takes for it. The inertia is asked for."),
+    weight_returned=(_RETURN, "return float(found[2])",
+        "This is the weight. The inertia is asked for."),
+)  # fmt: skip
+
+EXERCISE = Exercise(
+    judge=judge_of(
+        cases,
+        allowed,
+        "noise of 0.1 mrad leaves 0.01 % of the inertia in doubt when nothing is differentiated",
+        told=told,
+        timed=one_log,
+    ),
+    examples=(
+        "inertia_from_log(0.5 * (0.01 * np.arange(200)) ** 2, np.full(200, 2.0) "
+        "+ np.cos(0.5 * (0.01 * np.arange(200)) ** 2), 0.01)",
+        "inertia_from_log(np.cumsum(np.cumsum(np.sin(0.05 * np.arange(400)))) * 1e-4, "
+        "0.5 * np.sin(0.05 * np.arange(400)), 0.01)",
+    ),
+    picture=fitted,
+    slips=SLIPS + value_slips("inertia_from_log", in_part=False, whole=False),
+)
