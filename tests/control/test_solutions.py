@@ -48,7 +48,7 @@ def test_the_answers_stand_alone():
     imported = {
         alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names
     }
-    imported |= {node.module for node in nodes if isinstance(node, ast.ImportFrom)}
+    imported |= {str(node.module) for node in nodes if isinstance(node, ast.ImportFrom)}
     assert imported == {"math", "numpy", "numpy.typing"}
 
 
@@ -209,12 +209,16 @@ def test_hybrid_torques_by_the_projector_on_the_normal(rng, n):
 @examples(40)
 @given(rngs())
 def test_a_world_that_is_turned_leaves_the_torques_as_they_are(rng):
-    J, frame, vectors, turn = (
-        rng.normal(size=(3, 6)), surface(rng), rng.normal(size=(3, 3)), surface(rng))  # fmt: skip
-    forced, wanted, gains = rng.integers(0, 2, 3), rng.normal(size=3), rng.uniform(0.5, 3.0, 3)
-    found = [solutions.hybrid_torque(R @ J, R @ frame, forced, *(vectors @ R.T), wanted, gains)
-             for R in (np.eye(3), turn)]  # fmt: skip
-    np.testing.assert_allclose(*found, rtol=0, atol=1e-12)
+    J, frame, turn = rng.normal(size=(3, 6)), surface(rng), surface(rng)
+    error, velocity, force, wanted = rng.normal(size=(4, 3))
+    forced, gains = rng.integers(0, 2, 3), rng.uniform(0.5, 3.0, 3)
+    here, there = (
+        solutions.hybrid_torque(
+            R @ J, R @ frame, forced, R @ error, R @ velocity, R @ force, wanted, gains
+        )
+        for R in (np.eye(3), turn)
+    )
+    np.testing.assert_allclose(here, there, rtol=0, atol=1e-12)
 
 
 # --- identification -------------------------------------------------------------------------------

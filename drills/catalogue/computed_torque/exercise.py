@@ -40,7 +40,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         Case((one, 2.0 * one, G, zero, zero, np.zeros((3, 2)), one, one), "held along x", "simple"),
         moving("held on the reference", "simple", **still),
         moving("an error at rest, no gravity", "simple", **still | {"error": 0.3}, gravity=0.0),
-        moving("an error of the rate, no gravity", **still | {"slow": 0.5}, gravity=0.0),
+        moving("an error of the rate, no gravity", "core", **still | {"slow": 0.5}, gravity=0.0),
         moving("coasting on the reference", error=0.0, slow=0.0, a=0.0, gravity=0.0),
         moving("speeding up from rest", error=0.0, slow=0.0, v=0.0),
         *(moving() for _ in range(5)),

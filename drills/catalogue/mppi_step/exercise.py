@@ -80,6 +80,8 @@ _EXP = "np.exp(-(costs[good] - costs[good].min()) / temperature)"
 _RETURN = "return np.tensordot(weights, tried, axes=1), float(1.0 / (weights @ weights))"
 
 SLIPS = slips(
+    not_clipped=(_TRIED, "tried = plan + np.asarray(noise)",
+        "The commands are not clipped: the plan goes beyond its limits, where no rollout went."),
     no_baseline=(_EXP, "np.exp(-costs[good] / temperature)",
         "No baseline is subtracted: with large costs all weights are zero, and below zero they "
         "overflow. Take the least cost off before the exponential; it cancels in the ratio."),
@@ -92,8 +94,6 @@ SLIPS = slips(
     infinity_not_left_out=(_GOOD, "good = ~np.isnan(costs)",
         "NaN is left out and infinity is not: where all rollouts failed, the least cost is "
         "infinity too, and infinity less infinity is NaN."),
-    not_clipped=(_TRIED, "tried = plan + np.asarray(noise)",
-        "The commands are not clipped: the plan goes beyond its limits, where no rollout went."),
     clipped_at_the_end=(_TRIED, "tried = plan + np.asarray(noise)", _RETURN,
         "return (np.clip(np.tensordot(weights, tried, axes=1), low, high), "
         "float(1.0 / (weights @ weights)))",
