@@ -80,8 +80,8 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
-    """0.2 % of the inertia, 0.02 % without noise."""
-    return (2e-4 if case.label.endswith(NOISELESS) else 2e-3) * float(truth[0])
+    """1e-3 of the inertia, 1e-4 without noise."""
+    return (1e-4 if case.label.endswith(NOISELESS) else 1e-3) * float(truth[0])
 
 
 def told(answers: Sequence[Answer]) -> str:
