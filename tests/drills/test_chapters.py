@@ -1,6 +1,7 @@
 """The learner's copies of the notebooks: nothing that was written is lost, nothing is half new."""
 
 import copy
+import functools
 import http.server
 import importlib.machinery
 import json
@@ -472,10 +473,8 @@ def test_a_click_marks_a_section_as_read(progress_file: Path) -> None:
     for chapter in CHAPTERS:
         if chapter.there:
             parts = chapters.sections(chapters.notebook_of(chapter))
-            numbers = [part.number for part in parts]
-            progress.change_chapter(
-                progress_file, chapter.number, lambda r, n=numbers: progress.note_read(r, n)
-            )
+            note = functools.partial(progress.note_read, numbers=[part.number for part in parts])
+            progress.change_chapter(progress_file, chapter.number, note)
     assert repr(page_home.ticks()) == "Every section is read."
 
 
