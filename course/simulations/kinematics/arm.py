@@ -18,7 +18,7 @@ _TABLE = planar((L1, L2)).table
 _FAR, _NEAR = L1 + L2, L1 - L2
 DAMPED, MARQUARDT = METHODS.index("damped"), METHODS.index("levenberg_marquardt")
 _METHODS = tuple(name.replace("_", " ") for name in METHODS)
-_ROWS = ("x and y", "x, y and angle, in metres", "x, y and angle, in millimetres")
+_ROWS = ("x, y", "x, y, angle (m)", "x, y, angle (mm)")
 _PACE, _AIM = 0.05, 0.04  # time from one step to the next [s]; the farthest that one aims [m]
 _PAST = 160  # steps remembered
 
