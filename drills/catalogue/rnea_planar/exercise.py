@@ -85,6 +85,9 @@ _SPIN = "spin = masses[i] * lengths[i] ** 2 / 12.0 * turning[i]"
 _OWN, _BEYOND = "0.5 * (x * forces[i][1] - y * forces[i][0])", "x * force[1] - y * force[0]"
 
 SLIPS = slips(
+    own_acceleration=("/ 12.0 * turning[i]", "/ 12.0 * a[i]",
+        "A link's own inertia is multiplied by its joint's acceleration. The link turns with the "
+        "sum of all up to it."),
     gravity_upside_down=("np.array([0.0, gravity])", "np.array([0.0, -gravity])",
         "Gravity acts upwards. The base that stands for it accelerates *up* at g, so that every "
         "link feels pressed down."),

@@ -71,15 +71,19 @@ def out_of_reach(attempt: Attempt, answers: Sequence[Answer]) -> None:
     """Targets outside and in the hole must be refused."""
     angle, lengths = float(attempt.rng.uniform(-3.0, 3.0)), attempt.rng.uniform(0.3, 1.5, 2)
     outer, inner = float(lengths.sum()), float(abs(lengths[0] - lengths[1]))
-    for label, r, slip in (
-        ("beyond both links", 1.3 * outer, "clamped"),
-        ("just beyond", outer + 2e-6, "clamped"),
-        ("in the hole", 0.6 * inner, "hole_answered"),
-        ("just in the hole", inner - 2e-6, "hole_answered"),
+    long, stub = np.array([10.0, 7.0]), np.array([1.0, 0.02])  # a cosine hides 2e-6 m of either
+    for label, links, r, slip in (
+        ("beyond both links", lengths, 1.3 * outer, "clamped"),
+        ("just beyond", lengths, outer + 2e-6, "clamped"),
+        ("just beyond long links", long, 17.0 + 2e-6, "clamped"),
+        ("just beyond a stub", stub, 1.02 + 2e-6, "clamped"),
+        ("in the hole", lengths, 0.6 * inner, "hole_answered"),
+        ("just in the hole", lengths, inner - 2e-6, "hole_answered"),
+        ("just in the hole of long links", long, 3.0 - 2e-6, "hole_answered"),
     ):
         if r < 0.0:
             continue
-        args = lengths, _at(r, angle)
+        args = links, _at(r, angle)
         attempt.require_error(
             label,
             partial(attempt.call, *args),
@@ -179,10 +183,12 @@ SLIPS = slips(
         "folded; the task grants it a slack of 1e-9 m."),
     clamped=(_CHECK, "    if not r > -1.0:\n",
         "A target beyond reach gets angles: the cosine is clamped, or the root of a negative "
-        "number taken for zero. That arm does not reach it, and nobody is told. Raise ValueError."),
+        "number taken for zero, or the slack is on the cosine and not on the distance. That arm "
+        "does not reach it, and nobody is told. Raise ValueError."),
     hole_answered=(_CHECK, "    if not r <= outer + 1e-9:\n",
         "A target in the hole around the base gets angles. Links of unequal length cannot come "
-        "nearer to the base than |l1 - l2|. Raise ValueError there too."),
+        "nearer to the base than |l1 - l2|. Raise ValueError there too, by the distance: a slack "
+        "on the cosine is none in metres."),
 )  # fmt: skip
 
 EXERCISE = Exercise(
