@@ -182,6 +182,7 @@ def test_a_share_of_an_overlap_is_taken_back_in_each_step():
 
 def test_a_drag_beyond_the_picture_keeps_the_hand_within_its_limits():
     controls, state = CONTROLS.new(), MODEL.state.new()
+    assert MODEL.drag is not None
     for x, y in ((1e3, -1e3), (-1e3, 1e3)):
         MODEL.drag(controls, state, x, y)
         assert np.abs(controls["hand"]).max() <= 1.6

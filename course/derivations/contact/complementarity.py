@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from course.contact import scenes, solve
 from course.derivations import Symbol, claim
 
 SYMBOLS = {
@@ -19,6 +18,9 @@ RIGID = ("lcp", "pgs", "coulomb", "convex")
 
 def _ball(gap, speed, dt):
     """One step of a ball of 1 kg at this gap [m] with this upward speed [m/s]."""
+
+    from course.contact import scenes
+
     return scenes.ball_drop().problem(dt, np.array([gap]), np.array([speed]))
 
 
@@ -29,6 +31,8 @@ def _ball(gap, speed, dt):
     "shorter the step: by {soft_share:.1%} of the approach in {dt_us:.0f} us.",
 )
 def contact_velocity_jumps(found):
+    from course.contact import solve
+
     dt = found.given("dt_us", 100.0) * 1e-6
 
     def lost(model, speed, step):
@@ -58,6 +62,8 @@ def contact_velocity_jumps(found):
     "it leaves. In a soft contact at rest neither is zero: it is {sunk_mm:.2f} mm deep and pushes.",
 )
 def one_of_force_and_gap_is_zero(found):
+    from course.contact import scenes, solve
+
     table = solve("lcp", scenes.table((0.1, 0.05)).problem(0.01))
     end = np.abs(table.velocity).max()
     idle = found.figure("idle", np.sum(np.abs(table.impulses[:, 0]) < 1e-9))
@@ -78,6 +84,8 @@ def one_of_force_and_gap_is_zero(found):
     "gives an impulse at a gap that would close within it.",
 )
 def never_both_positive(found):
+    from course.contact import solve
+
     gap, margin = found.given("gap_mm", 5.0) * 1e-3, found.given("margin_mm", 10.0) * 1e-3
 
     def both(model, gap, **options):
@@ -121,6 +129,8 @@ def never_both_positive(found):
 def potential_of_contact(found):
     import sympy
 
+    from course.contact import scenes, solve
+
     m, g, k, c = sympy.symbols("m g k c", positive=True)
     q, f = sympy.symbols("q f", real=True)
     lagrangian = k * q**2 / 2 + m * g * q - f * (q + c)
@@ -148,6 +158,8 @@ def potential_of_contact(found):
     "to {high_n:.0f} N a body at gap zero stays, each time with its own force.",
 )
 def contact_law_is_set_valued(found):
+    from course.contact import scenes, solve
+
     low, high = found.given("low_n", 1.0), found.given("high_n", 1000.0)
     loads = np.geomspace(low, high, 12)
     base = scenes.ball_drop(0.0)
@@ -170,6 +182,7 @@ def contact_law_is_set_valued(found):
     "beside the true velocity.",
 )
 def contact_is_an_lcp(found):
+    from course.contact import scenes, solve
     from course.contact.models import defect
 
     def linear(angle, mu, degrees):
@@ -222,6 +235,7 @@ def contact_is_an_lcp(found):
 def velocity_lcp_without_gap(found):
     import sympy
 
+    from course.contact import scenes, solve
     from course.contact.models import lemke
 
     m, v, a, h, f = sympy.symbols("m v a h f", real=True)
@@ -256,6 +270,8 @@ def velocity_lcp_without_gap(found):
     "{speed:.0f} m/s with {damping:.0f} N s/m.",
 )
 def penalty_is_a_step(found):
+    from course.contact import solve
+
     speed, damping = found.given("speed", 1.0), found.given("damping", 50.0)
 
     def force(gap, u, b):
@@ -308,6 +324,7 @@ def contact_gradients_vanish(found):
 )
 def penalty_is_differentiable(found):
     from course.charts.contact.models import pushed, slope
+    from course.contact import solve
 
     step = found.given("step_ms", 5.0)
 

@@ -2,11 +2,7 @@
 
 import numpy as np
 
-from course.contact import scenes, solve
-from course.contact.models import penalty_force
-from course.contact.soft import Softness, rows_of
 from course.derivations import Symbol, claim
-from course.oracles.mujoco import contact
 
 SYMBOLS = {
     "m": Symbol("mass [kg]"),
@@ -22,6 +18,9 @@ RIGID = ("lcp", "pgs", "coulomb", "convex")
 
 def _creep(dt=0.002, mu=0.5, cone="elliptic", angle=0.2, **options):
     """Speed at which MuJoCo's block creeps down a slope that it should stick to [m/s]."""
+
+    from course.oracles.mujoco import contact
+
     friction = (mu, 0.005, 0.0001)
     made = contact.Options(dt, cone=cone, friction=friction, **options)
     return float(contact.block(made, angle).run(round(1.0 / dt))[1][0])
@@ -35,6 +34,8 @@ def _creep(dt=0.002, mu=0.5, cone="elliptic", angle=0.2, **options):
     "limiting one.",
 )
 def below_the_limit_sticks(found):
+    from course.contact import scenes
+
     share = found.given("slope", 0.4)
 
     def sticks(model, mu, part, **options):
@@ -85,6 +86,10 @@ def below_the_limit_sticks(found):
 )
 def mujoco_creeps(found):
     import sympy
+
+    from course.contact import scenes
+    from course.contact.soft import Softness, rows_of
+    from course.oracles.mujoco import contact
 
     R, f, b, v = sympy.symbols("R f b v", positive=True)
     found.formula = sympy.solve(R * f - b * v, v)[0]
@@ -143,6 +148,9 @@ def mujoco_creeps(found):
 def more_friction_holds_the_glass(found):
     import sympy
 
+    from course.contact import scenes
+    from course.oracles.mujoco import contact
+
     m, g, F, mu = sympy.symbols("m g F mu", positive=True)
     found.formula = sympy.solve(2 * mu * F - m * g, mu)[0]
     needed = float(found.formula.subs({m: 0.2, g: scenes.GRAVITY, F: 5}))
@@ -179,6 +187,7 @@ def more_friction_holds_the_glass(found):
 )
 def pyramid_slips(found):
     from course.charts.contact.models import stopped
+    from course.contact import scenes, solve
 
     degrees = found.given("degrees", 22.5)
 
@@ -226,6 +235,8 @@ def pyramid_slips(found):
 def condim_4_is_the_full_cone(found):
     import mujoco
 
+    from course.oracles.mujoco import contact
+
     def way(cone, condim):
         velocity = (np.sqrt(0.5), np.sqrt(0.5))
         options = contact.Options(cone=cone, condim=condim)
@@ -260,6 +271,8 @@ def condim_4_is_the_full_cone(found):
     "digit.",
 )
 def condim_1_is_frictionless(found):
+    from course.oracles.mujoco import contact
+
     def kept(mu, speed):
         options = contact.Options(condim=1, friction=(mu, 0.005, 0.0001))
         return contact.block(options, 0.0, (speed, 0.0)).run(200)[1][0] == speed
@@ -298,6 +311,9 @@ def default_friction(found):
 def _hit(zeta, pull, sign=-1.0, stiffness=1e4, dt=1e-5):
     """Speed after a ball of 1 kg at 1 m/s hits a spring with a damper, without gravity [m/s]; NaN
     where it has not left after 60 / omega."""
+
+    from course.contact.models import penalty_force
+
     omega = np.sqrt(stiffness)
     damping = 2.0 * zeta * omega
     x, v, force = -1e-12, -1.0, np.zeros(1)
@@ -358,6 +374,7 @@ def penalty_law_has_a_plus(found):
 )
 def damper_damps(found):
     from course.charts.contact.models import step_limit
+    from course.contact import scenes
 
     speed = found.given("speed", 1.0)
 

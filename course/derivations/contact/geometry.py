@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from course import contact
-from course.contact import broad
 from course.derivations import Ask, Symbol, claim
 
 SYMBOLS = {"n": Symbol("number of bodies", 2, 1000)}
@@ -30,6 +28,9 @@ def _row(rng, n):
 
 def _angle():
     """Two plates that stand at right angles, where they are, and all of their corners."""
+
+    from course import contact
+
     plates = [(contact.box([0.5, 0.5, 0.05]), _still(0.45, 0.0, -0.05)),
               (contact.box([0.05, 0.5, 0.45]), _still(0.0, 0.0, 0.45))]  # fmt: skip
     return plates, np.hstack([plate.corners + place[:3, None] for plate, place in plates])
@@ -60,6 +61,8 @@ def _depth_in_mesh(mesh, place):
     "as long as wide whose boxes overlap, {apart_percent:.0f} % are apart.",
 )
 def aabb_all_axes(found):
+    from course import contact
+
     rod = contact.capsule(0.1, 0.3)
     boxes = contact.bounds(rod, _bodies(found.rng, 400))
     i, j = contact.overlapping_pairs(boxes)
@@ -94,6 +97,8 @@ class _Watched:
     "as the first axis that separates them ends the test.",
 )
 def aabb_six_numbers(found):
+    from course.contact import broad
+
     def cost(low, edge):
         watched = _Watched(np.stack((low, low + edge)))
         overlap = broad.aabb_overlap(watched, 0, 1)
@@ -117,6 +122,8 @@ def aabb_six_numbers(found):
     "along z.",
 )
 def aabb_listing_two_axes(found):
+    from course import contact
+
     def listing(a_min, a_max, b_min, b_max):
         return (
             a_min[0] <= b_max[0] and a_max[0] >= b_min[0]
@@ -149,6 +156,8 @@ def aabb_listing_two_axes(found):
 def brute_force_pairs(found):
     import sympy
 
+    from course import contact
+
     n = sympy.symbols("n", positive=True)
     found.formula = sympy.factor(sympy.summation(n - 1 - sympy.symbols("i"),
                                                  (sympy.symbols("i"), 0, n - 1)))  # fmt: skip
@@ -163,6 +172,9 @@ def brute_force_pairs(found):
 
 def _exponent(crowd, sizes=(500, 4000)):
     """Growth of the overlap tests with the number of boxes, sweeping along x."""
+
+    from course import contact
+
     sweeps = [contact.SweepAndPrune(axis=0) for _ in sizes]
     for sweep, n in zip(sweeps, sizes, strict=True):
         sweep.pairs(crowd(n))
@@ -176,6 +188,8 @@ def _exponent(crowd, sizes=(500, 4000)):
     "N^{aligned:.2f} where all overlap on the axis; in a row along it as N^{row:.2f}.",
 )
 def sweep_and_prune_n_log_n(found):
+    from course.contact import broad
+
     crowds = {
         kind: _exponent(lambda n, kind=kind: broad.crowd(kind, n, found.rng))
         for kind in broad.CROWDS
@@ -202,7 +216,10 @@ def sweep_and_prune_n_log_n(found):
 
 def _pile(geom, width, shape, count, seed=1):
     """Pairs of overlapping boxes, and pairs that touch, after so many bodies settled in a bin."""
+
     import mujoco
+
+    from course import contact
 
     rng = np.random.default_rng(seed)
     walls = "".join(
@@ -238,6 +255,8 @@ def _pile(geom, width, shape, count, seed=1):
     "{rods_touch:.0f} touch.",
 )
 def pile_of_a_hundred(found):
+    from course import contact
+
     scenes = {
         "balls": ('<geom size="0.04"/>', contact.sphere(0.04)),
         "cubes": ('<geom type="box" size="0.035 0.035 0.035"/>', contact.box([0.035] * 3)),
@@ -274,6 +293,8 @@ def pile_of_a_hundred(found):
 def gjk_minkowski(found):
     from scipy.spatial import ConvexHull
 
+    from course import contact
+
     clouds = found.rng.normal(size=(2, 60, 3, 8)) * 0.5
     offsets = found.rng.uniform(-1.0, 1.0, (60, 3))
     agree, inside = [], []
@@ -304,6 +325,8 @@ def gjk_minkowski(found):
     "contact is a polygon, {corners:.0f} corners for a cube on a cube.",
 )
 def epa_gives_the_contact(found):
+    from course import contact
+
     radius, wall = found.given("ball_mm", 20.0) / 1000, found.given("wall_mm", 10.0) / 1000
     middle = radius + wall / 2
     ball, slab = contact.sphere(radius), contact.box([1.0, 1.0, wall / 2])
@@ -337,6 +360,8 @@ def epa_gives_the_contact(found):
     "normal then, and one has to be chosen.",
 )
 def circle_test_concentric(found):
+    from course import contact
+
     def listing(p1, r1, p2, r2):
         diff = p2 - p1
         dist = np.linalg.norm(diff)
@@ -369,6 +394,8 @@ def circle_test_concentric(found):
     "{missed_percent:.0f} % of random flights went unseen. The time of impact finds all.",
 )
 def circles_once_a_step(found):
+    from course import contact
+
     a, b = contact.sphere(0.3, 2), contact.sphere(0.5, 2)
 
     def flights(low, high, n=40):
@@ -406,6 +433,7 @@ def circles_once_a_step(found):
     "step: {smallest_m_per_s:.2f} to {largest_m_per_s:.2f} m/s measured at three of them.",
 )
 def soft_wall(found):
+    from course import contact
     from course.oracles.mujoco import shapes
 
     radius, wall = found.given("ball_mm", 20.0) / 1000, found.given("wall_mm", 10.0) / 1000
@@ -454,6 +482,8 @@ def soft_wall(found):
     source="MuJoCo 4 documentation, Computation, Convex decomposition",
 )
 def concave_mesh_is_its_hull(found):
+    from course import contact
+
     plates, corners = _angle()
     faces = np.reshape([0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6, 0, 1, 5, 0, 5, 4,
                         2, 6, 7, 2, 7, 3, 0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5], (12, 3))  # fmt: skip
@@ -482,6 +512,8 @@ def concave_mesh_is_its_hull(found):
 )
 def mug_and_its_hull(found):
     from scipy.spatial import ConvexHull
+
+    from course import contact
 
     # Two triangles for each square of its 25 bands, and a fan at each of both ends.
     around, rings = found.given("triangles", 5200) // 52, 13

@@ -2,9 +2,7 @@
 
 import numpy as np
 
-from course.contact import scenes, solve
 from course.derivations import Symbol, claim
-from course.oracles.mujoco import contact
 
 SYMBOLS = {
     "r": Symbol("mass on top over the mass below"),
@@ -18,6 +16,9 @@ SYMBOLS = {
 
 def _stack(**options):
     """Four boxes in MuJoCo after 30 steps, the lowest pushed."""
+
+    from course.oracles.mujoco import contact
+
     runner = contact.box(contact.Options(**options), (0.3, 0.0), 4)
     runner.run(30)
     return runner
@@ -33,6 +34,9 @@ def _stack(**options):
 )
 def mujoco_is_convex_and_unique(found):
     import mujoco
+
+    from course.contact import scenes, solve
+    from course.oracles.mujoco import contact
 
     def forces(made, solver, start=0.0):
         """From a warm start of this acceleration."""
@@ -186,6 +190,9 @@ def sweeps_and_masses(found):
 def convex_cone_is_coulomb(found):
     import sympy
 
+    from course.contact import scenes, solve
+    from course.oracles.mujoco import contact
+
     mu, v, g = sympy.symbols("mu v g", positive=True)
     # One block: minimise |v - v_free|^2 with u_n = mu u_t: u_t = v / (1 + mu^2).
     u = sympy.Symbol("u", positive=True)
@@ -221,6 +228,9 @@ def convex_cone_is_coulomb(found):
     "models, solved, leave {rigid_mm:.0e} mm.",
 )
 def heavy_on_light_sinks(found):
+    from course.contact import scenes
+    from course.oracles.mujoco import contact
+
     heavy = found.given("heavy", 100.0)
 
     def depth(mass, solver="Newton"):
@@ -259,6 +269,9 @@ def heavy_on_light_sinks(found):
     source="MuJoCo 4.0 documentation, Computation; Drake documentation, Contact modeling",
 )
 def mujoco_is_velocity_level(found):
+    from course.contact import scenes, solve
+    from course.oracles.mujoco import contact
+
     short, long = found.given("short_ms", 0.5), found.given("long_ms", 4.0)
 
     def force(ms, integrator="Euler"):
@@ -301,6 +314,7 @@ def mujoco_is_velocity_level(found):
 )
 def constraints_take_larger_steps(found):
     from course.charts.contact.models import measured_limit
+    from course.contact import scenes
 
     dt = found.given("dt_ms", 20.0) * 1e-3
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from course.control import sampled
 from course.derivations import Symbol, claim
 
 SYMBOLS = {
@@ -19,6 +18,9 @@ SYMBOLS = {
 
 def _growth(kp, kd, *, dt=1.0, delay=0.0, rate="exact", inertia=1.0, damping=0.0, tau=0.0):
     """Growth per sample of PD on a joint."""
+
+    from course.control import sampled
+
     plant = sampled.held(*sampled.joint_system(inertia, damping), dt, delay)
     law = sampled.pid_law(kp, 0.0, kd, dt=dt, rate=rate, tau=tau)
     return sampled.growth(sampled.loop_matrix(plant, law))
@@ -48,6 +50,8 @@ def _edge(kp, kd, **loop):
 )
 def p_at_any_gain(found):
     import sympy
+
+    from course.control import sampled
 
     J, b, w = sympy.symbols("J b w", positive=True)
     # K e^(-i w T) = J w^2 - i b w: its size is the gain, its angle the delay
@@ -108,6 +112,8 @@ def _held_inertia():
 def pd_exact_rate(found):
     import sympy
 
+    from course.control import sampled
+
     kp, V, J, kd, h = sympy.symbols("kp V J kd h", positive=True)
     _, angle, speed = _held_inertia()
     product, middle, _ = _coefficients(kp * angle + V * speed)
@@ -142,6 +148,8 @@ def pd_exact_rate(found):
 )
 def pd_difference(found):
     import sympy
+
+    from course.control import sampled
 
     p, c = sympy.symbols("p c", positive=True)
     z, angle, _ = _held_inertia()
@@ -181,6 +189,8 @@ def pd_difference(found):
 )
 def pd_sample_late(found):
     import sympy
+
+    from course.control import sampled
 
     P, V = sympy.symbols("P V", positive=True)
     z, angle, speed = _held_inertia()

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from course.control import Actuator, Encoder, Gains, Joint, run_joint, sampled, step_metrics
 from course.derivations import Symbol, claim
 
 SYMBOLS = {
@@ -20,17 +19,25 @@ J, B = 0.5, 0.5  # the joint of the worked example [kg m^2, N m s/rad]
 
 def _step(gains, *, joint=None, delay=0.0, dt=1e-3, seconds=8.0, target=1.0, **more):
     """(record, metrics) of a step."""
+
+    from course.control import Actuator, Encoder, Joint, run_joint, step_metrics
+
     run = run_joint(joint or Joint(J, B), Actuator(delay=delay), Encoder(), gains, target, dt,
                     seconds, **more)  # fmt: skip
     return run, step_metrics(run.times, run.q, target)
 
 
 def _overshoot(kp, ki, kd, **loop):
+    from course.control import Gains
+
     return _step(Gains(kp, ki, kd, rate="exact"), **loop)[1].overshoot
 
 
 def _growth(kp, ki, kd, delay=0.0, dt=1e-3, tau=0.0):
     """Growth per sample of a set of gains on the joint."""
+
+    from course.control import sampled
+
     plant = sampled.held(*sampled.joint_system(J, B), dt, delay)
     return sampled.growth(sampled.loop_matrix(plant, sampled.pid_law(kp, ki, kd, dt=dt, tau=tau)))
 
@@ -52,6 +59,8 @@ def _growth(kp, ki, kd, delay=0.0, dt=1e-3, tau=0.0):
 )
 def p_alone_overshoots(found):
     import sympy
+
+    from course.control import Joint
 
     s, kp, inertia, friction = sympy.symbols("s kp J b", positive=True)
     bare = sympy.discriminant(inertia * s**2 + friction * s + kp, s)
@@ -85,6 +94,8 @@ def p_alone_overshoots(found):
     "twice the Coulomb part.",
 )
 def integral_removes_the_error(found):
+    from course.control import Gains, Joint
+
     gains = Gains(20, 20, 6, rate="exact")
     held = Joint(J, B, -2.0)
 
@@ -141,6 +152,8 @@ def _as_printed(seconds, steps=1000):
     "with the number itself is {off:.3f} rad away.",
 )
 def listing_friction(found):
+    from course.control import sampled
+
     inertia = found.given("inertia", 0.5)
     times, angles, sent, _ = _as_printed(1.0)
 
@@ -169,6 +182,8 @@ def listing_friction(found):
     "{first_n_m:.0f} N m, the limit, from the derivative of the error.",
 )
 def listing_settles(found):
+    from course.control import step_metrics
+
     _, angles, sent, _ = _as_printed(3.0)
     long = _as_printed(60.0)
     metrics = step_metrics(long[0], long[1], 1.0)
@@ -193,7 +208,7 @@ def listing_settles(found):
     "{none_n_m:.0f}.",
 )
 def error_derivative_kick(found):
-    from course.control import Controller
+    from course.control import Controller, Gains
 
     dt = 1 / found.given("rate_hz", 1000)
 
@@ -260,6 +275,8 @@ def overshoot_means_p(found):
 def tenth_of_p(found):
     import sympy
 
+    from course.control import sampled
+
     s, J_, b, kp, kd, zeta, w = sympy.symbols("s J b kp kd zeta w", positive=True)
     wanted = sympy.Poly(s**2 + 2 * zeta * w * s + w**2, s).all_coeffs()
     got = sympy.Poly(s**2 + (b + kd) / J_ * s + kp / J_, s).all_coeffs()
@@ -295,6 +312,8 @@ def tenth_of_p(found):
     "zeta = {best:.3f}, in {share:.0%} of the time of critical damping.",
 )
 def critical_settles_fastest(found):
+    from course.control import Actuator, Encoder, Gains, Joint, run_joint, step_metrics
+
     band = found.given("band_percent", 2) / 100
 
     def settling(zeta):
@@ -319,6 +338,8 @@ def critical_settles_fastest(found):
     "sluggish at P = {low:g} and unstable at {high:g}, in units of J/dt^2.",
 )
 def overdamped_cure(found):
+    from course.control import Gains, sampled
+
     V, low, high = found.given("V", 0.85), found.given("low", 0.02), found.given("high", 0.3)
     unit = J / 1e-3**2
 
@@ -356,6 +377,8 @@ def overdamped_cure(found):
     "gain as well, so a constant amplitude does not say that the gain is the ultimate one.",
 )
 def every_joint_has_ku(found):
+    from course.control import Gains, sampled
+
     dt = 1 / found.given("rate_hz", 1000)
     gain, period = sampled.ultimate_gain(*sampled.joint_system(J, B), dt)
     found.figure("gain", gain)
@@ -380,6 +403,8 @@ def every_joint_has_ku(found):
     "kilohertz without further delay it is {held:.0f} and {held_s:.2f} s.",
 )
 def quoted_ku_tu(found):
+    from course.control import sampled
+
     said, said_s = found.given("said", 45), found.given("said_s", 0.45)
     lateness = np.geomspace(3e-4, 1, 4000)
     table = np.array([sampled.delay_limit(J, B, T) for T in lateness])
@@ -405,6 +430,8 @@ def quoted_ku_tu(found):
     "{said:.0f}.",
 )
 def quoted_gains_overshoot(found):
+    from course.control import Gains, sampled
+
     late, said = found.given("late_ms", 10.64) / 1000, found.given("said", 45)
     kp, ki, kd = (found.given(n, v) for n, v in (("kp", 27.0), ("ki", 120.0), ("kd", 1.5)))
 
@@ -477,6 +504,8 @@ def ziegler_nichols_is_safe(found):
     "{p_later:.0%}.",
 )
 def one_gain_one_symptom(found):
+    from course.control import Gains
+
     def metrics(kp, ki, kd):
         return _step(Gains(kp, ki, kd, rate="exact"), seconds=15.0)[1]
 
