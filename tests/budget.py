@@ -23,7 +23,11 @@ CHAPTER = {chapter.number: chapter.topic for chapter in CHAPTERS}
 PROVE = os.environ.get("COURSE_PROVE") == "1"
 
 LINES, SECONDS = 7_500, 60.0
-LINES_OF = {"rigid_body": 21_400, "drills": 15_300}
+# What is above the budget of a chapter has a ceiling of its own until it is back within it.
+LINES_OF = {
+    "rigid_body": 21_400, "drills": 15_300, "kinematics": 9_300, "contact": 10_400,
+    "control": 10_400,
+}  # fmt: skip
 SECONDS_OF = {"learning": 90.0, "rigid_body": 150.0, "drills": 150.0, "vector_env": 120.0}
 
 # Beginnings of the names of tests. What is run with every topic: the frame that all stand in.
