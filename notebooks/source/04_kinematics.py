@@ -14,7 +14,8 @@ predict("inward_from_stretched")
 # %% [markdown]
 # ![Two links follow a target](attachment:kinematics.arm.png)
 #
-# *Here the arm is bent, and reaches its target. The question is about an arm that is not bent at all.*
+# *Here the arm is bent, and reaches its target (dashed: the two ways to do so). The question is about an arm that is
+# not bent at all; a damped step is one that holds back, see section 1.*
 
 # %%
 simulation()
@@ -91,7 +92,8 @@ show("fk_is_a_product")
 #
 # $$T_{\text{hand}} = A_1\,R_z(q_1)\;A_2\,R_z(q_2)\cdots A_n\,R_z(q_n)\;T_{\text{tool}} .$$
 #
-# There is one answer, it always exists, and it is smooth. For two links in a plane it is
+# There is one answer, it always exists, and it is smooth. For two links in a plane, $q_2$ measured from the first
+# link, it is
 #
 # $$x = l_1\cos q_1 + l_2\cos(q_1+q_2), \qquad y = l_1\sin q_1 + l_2\sin(q_1+q_2) .$$
 
@@ -164,8 +166,8 @@ for i in range(2):
 #
 # That is the *geometric* Jacobian. Its lower rows are an angular velocity, which is the derivative of no three angles.
 #
-# The same matrix carries forces the other way. By the principle of **virtual work** a wrench $F$ at the tip asks the
-# motors for $\tau = J^\mathsf{T}F$ to hold against it. A check of both, on the 7-R arm: small motions by $J$, and the
+# The same matrix carries forces the other way. By the principle of **virtual work** a force and torque $F$ (a *wrench*)
+# that pulls at the tip asks the motors for $\tau = -J^\mathsf{T}F$ to hold against it. A check of both, on the 7-R arm: small motions by $J$, and the
 # torques that a pull at the hand changes.
 
 # %%
@@ -470,7 +472,7 @@ print(f"mass of the first link: fitted {abs(theta[0]):.2f} kg, true {arm.mass[0]
 #
 # ## 2 · Design: three levels, three rates
 #
-# An arm is commanded on three levels, each faster than the one above, because each loop must be quick compared with
+# An arm is commanded on three levels, each at least as fast as the one above, as each loop must be quick compared with
 # what it closes around. (That all of it must run at a kilohertz is not so: what must, is what holds the torque.)
 
 # %%
@@ -723,7 +725,7 @@ TradeOff(result)
 said("ik_residual", "An ordinary", "A target on")
 
 # %% [markdown]
-# Damping that stays keeps a share of each error: a straight line where the others fall off. On the edge of the annulus,
+# Damping that stays keeps a share of each error, where the others gain more with each step. On the edge of the annulus,
 # where the answer itself is singular, only steps that let go of the damping arrive.
 #
 # ### The smallest model that answers the question
@@ -873,8 +875,8 @@ show("second_task")
 # $1/s_{\min}$</td> <td>damp; slow down; plan around it in joint space</td></tr>
 # <tr><td>nothing moves, the error stays</td> <td>$J^\mathsf{T}e=0$: stretched, target along the arm</td> <td>print
 # $\lvert J^\mathsf{T}e\rvert$ beside $\lvert e\rvert$</td> <td>bend the elbow a little; another start</td></tr>
-# <tr><td>it converges, ever more slowly</td> <td>fixed damping, or a target on the edge</td> <td>plot the error on a
-# logarithmic axis: a line that bends upwards</td> <td>Levenberg-Marquardt; adaptive damping</td></tr>
+# <tr><td>it converges, ever more slowly</td> <td>fixed damping, and a target on the edge</td> <td>ratio of
+# one error to the next: it goes to one</td> <td>Levenberg-Marquardt; adaptive damping</td></tr>
 # <tr><td>it converges, but slowly everywhere, and FK is right</td> <td>$J$ is wrong (tool offset, frame of the
 # angular rows)</td> <td>$J$ against central differences</td> <td>one point and one frame for $J$ and error</td></tr>
 # </table>
@@ -887,8 +889,6 @@ predict("error_that_stays")
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
 # <tr><td>the robot stops at a limit although IK converged</td> <td>limits not held, or off by a full turn</td>
 # <td>`within(chain, q)`</td> <td>limits in every step; restarts</td></tr>
-# <tr><td>the wrist turns the long way</td> <td>$q$ and $-q$ of the quaternion's error</td> <td>norm of the rotation
-# error over the steps: it grows</td> <td>the one with $w\ge0$</td></tr>
 # <tr><td>a tip sags under load by what it weighs</td> <td>gravity or payload missing in the model</td> <td>torques at
 # rest in two postures</td> <td>fit the base parameters</td></tr>
 # </table>
@@ -1191,6 +1191,8 @@ show("flow_samples_all")
 figures(read("learned_seeds"), summary="Shares solved and answers covered")
 
 # %% [markdown]
+# Ours ties with the table in steps, and covers no more: here training bought nothing that a table does not have.
+#
 # **Differentiable kinematics.** Forward kinematics is a product of smooth functions, so a gradient runs through it:
 # from a loss on grasps, pictures or contacts back to joint angles, and even to link lengths. The Jacobian of section 5
 # by PyTorch's reverse mode is that gradient, row by row. It is exact, and costs what the chart says; what a gradient

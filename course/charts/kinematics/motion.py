@@ -120,7 +120,7 @@ def jacobian_precision(
     }
     timed = interleaved([calls(run) for _, run in ways.values()], repeats=repeats, sample=0.01)
     right = Panel(
-        "The analytic one costs least and errs least", "time of one Jacobian [s]", left.y,
+        "The analytic one costs least", "time of one Jacobian [s]", left.y,
         scale="log", footer=machine(max(t.busy for t in timed)),
     )  # fmt: skip
     for (name, (wrong, _)), time in zip(ways.items(), timed, strict=True):
