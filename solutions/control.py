@@ -54,7 +54,7 @@ def ultimate_gain(inertia: float, damping: float, dt: float, delay: float) -> tu
     while growth(high) < 1.0:
         high *= 2.0
     low = 0.0
-    for _ in range(60):
+    for _ in range(48):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if growth(middle) < 1.0 else (low, middle)
     values = np.linalg.eigvals(loop(high))

@@ -49,6 +49,8 @@ SMOKE = (
 # What `make check` leaves out, as it takes long: processes, browsers, whole catalogues, compiling.
 SLOW = (
     "tests/contact/test_model_charts.py",
+    "tests/control/test_solutions.py::test_gain_and_period",
+    "tests/control/test_solutions.py::test_the_inertia_comes_out",
     "tests/derivations/test_derivations.py",
     "tests/derivations/test_mutations.py",
     "tests/drills/test_attacks_judges.py",

@@ -64,7 +64,7 @@ def test_the_chapter_has_its_exercises_in_their_places():
 # --- the ultimate gain ----------------------------------------------------------------------------
 
 
-@examples(40)
+@examples(20)
 @given(numbers(-2.6, 0.8), numbers(0.0, 12.0), numbers(-3.0, -1.0), numbers(-1.5, 1.0))
 def test_gain_and_period_are_those_of_the_open_loop(friction, late, power, heavy):
     """The chapter's function looks at the frequency response, the answer at eigenvalues."""
@@ -224,7 +224,7 @@ def test_a_world_that_is_turned_leaves_the_torques_as_they_are(rng):
 # --- identification -------------------------------------------------------------------------------
 
 
-@examples(10)
+@examples(6)
 @given(rngs(), numbers(0.0, 1e-4))
 def test_the_inertia_comes_out_of_a_log_of_mujoco(rng, noise):
     """The joint is MuJoCo's, with its own friction and gravity, in steps of a fiftieth sample."""
