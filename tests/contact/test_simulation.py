@@ -169,6 +169,15 @@ def test_the_constraint_never_passes_it(speed, timestep, x):
         assert now.state["bodies"][CONSTRAINT, 0] <= near + 1e-9
 
 
+@pytest.mark.parametrize("model", [PENALTY, CONSTRAINT])
+def test_nothing_acts_across_a_gap_that_stays_open(model):
+    controls = CONTROLS.new(hand=(0.0, 0.8))
+    body, force = np.array([0.0, 0.8, 0.3, -1.0]), np.ones(2)
+    touch.step(controls, 0.005, model, body, force)
+    assert not force.any()
+    assert body[3] == pytest.approx(-1.0 + 0.005 * (HOLD / MASS - GRAVITY), abs=1e-14)
+
+
 def test_a_share_of_an_overlap_is_taken_back_in_each_step():
     controls = CONTROLS.new(friction=0.0, hand=(0.0, -1.6))
     body, force = np.array([0.0, 0.1, 0.0, 0.0]), np.zeros(2)
