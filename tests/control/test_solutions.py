@@ -239,7 +239,7 @@ def test_the_inertia_comes_out_of_a_log_of_mujoco(rng, noise):
     t = dt * np.arange(count)
     tau = truth * (12.0 * np.sin(2.5 * t + 1.0) + 12.0 * np.sin(6.0 * t) + 9.0 * np.sin(13.0 * t))
     tau = tau + 0.7 * weight
-    data.qvel[0] = rng.uniform(-2.0, 2.0)
+    data.qpos[0], data.qvel[0] = rng.uniform([-0.8, -2.0], [0.8, 2.0])
     q = np.zeros(count)
     for i in range(count):
         q[i], data.qfrc_applied[0] = data.qpos[0], tau[i]
