@@ -167,8 +167,8 @@ for i in range(2):
 # That is the *geometric* Jacobian. Its lower rows are an angular velocity, which is the derivative of no three angles.
 #
 # The same matrix carries forces the other way. By the principle of **virtual work** a force and torque $F$ (a *wrench*)
-# that pulls at the tip asks the motors for $\tau = -J^\mathsf{T}F$ to hold against it. A check of both, on the 7-R arm: small motions by $J$, and the
-# torques that a pull at the hand changes.
+# that pulls at the tip asks the motors for $\tau = -J^\mathsf{T}F$ to hold against it. A check of both, on the 7-R arm:
+# small motions by $J$, and the torques that a pull at the hand changes.
 
 # %%
 J, still = jacobian(arm, q), np.zeros(7)
