@@ -1,6 +1,6 @@
 """Compile the hot loops of the course in reading order, so that nobody waits for them later.
 
-`python -m tools.warm` (or `make warm`) calls `warm()` of each chapter that is there and has one.
+`python -m tools.warm` (or `make warm`) calls `warm()` of each chapter that has one.
 `--background` leaves that to a process of its own and returns at once: it has the lowest priority,
 writes nothing and ends by itself, whatever becomes of the caller. Ended half-way it leaves what it
 has compiled so far: numba puts each finished file in its place in one go, and what was not written
@@ -10,6 +10,7 @@ is compiled again. A reader who needs a function meanwhile waits for it, or comp
 
 import argparse
 import importlib
+import importlib.util
 import os
 import subprocess
 import sys
@@ -29,7 +30,9 @@ def topics() -> list[str]:
     """What there is to compile, in reading order."""
     found = []
     for chapter in CHAPTERS:
-        found += [*READ_WITH.get(chapter.topic, ()), *([chapter.topic] if chapter.there else [])]
+        found += [*READ_WITH.get(chapter.topic, ()), chapter.topic]
+    # The code of a chapter may be there before its notebook.
+    found = [topic for topic in found if importlib.util.find_spec(f"course.{topic}")]
     return [topic for topic in found if hasattr(importlib.import_module(f"course.{topic}"), "warm")]
 
 

@@ -835,8 +835,8 @@ predict("chalk_on_the_board")
 
 # %% [markdown]
 # This is **Painlevé**'s rod (1895), here at 60 degrees to the ground. It has a limit of $\mu$, computed below. Under
-# it a force holds the end, so the impulse goes with the step. Above it no force does. A time-stepping scheme answers with
-# an impulse that does not shrink: the rod is stopped at once although nothing collided.
+# it a force holds the end, so the impulse goes with the step. Above it no force does. A time-stepping scheme answers
+# with an impulse that does not shrink: the rod is stopped at once although nothing collided.
 
 # %%
 angle = np.radians(60.0)
