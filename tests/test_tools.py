@@ -24,7 +24,7 @@ def test_every_module_that_compiles_is_warmed_in_reading_order() -> None:
     compiling = {
         path.relative_to(ROOT / "course").parts[0].removesuffix(".py")
         for path in (ROOT / "course").rglob("*.py")
-        if re.search(r"(?<!\w)compiled\(", path.read_text(encoding="utf-8"))
+        if re.search(r"(?<!\w)(?:compiled|loop)\(", path.read_text(encoding="utf-8"))
     }
     assert compiling - {"compiled", "charts", "derivations", "simulations"} == set(found)
 

@@ -27,8 +27,9 @@ def _notebook(chapter: int) -> str:
 
 
 def shown(claim: Claim) -> bool:
-    """Whether the chapter's notebook names the claim."""
-    return f'"{claim.id}"' in _notebook(claim.chapter)
+    """Whether the notebook of its chapter or of a later one names the claim."""
+    later = range(claim.chapter, len(CHAPTERS))
+    return any(f'"{claim.id}"' in _notebook(chapter) for chapter in later)
 
 
 def _as_data(claim: Claim, outcome: Outcome | None, error: str) -> dict[str, Any]:
