@@ -28,10 +28,7 @@ LINES_OF = {
     "rigid_body": 21_400, "drills": 15_300, "kinematics": 9_300, "contact": 10_400,
     "control": 10_400,
 }  # fmt: skip
-SECONDS_OF = {
-    "learning": 90.0, "rigid_body": 150.0, "drills": 150.0, "vector_env": 120.0,
-    "contact": 70.0, "control": 70.0,
-}  # fmt: skip
+SECONDS_OF = {"learning": 90.0, "rigid_body": 150.0, "drills": 150.0, "vector_env": 120.0}
 
 # Beginnings of the names of tests. What is run with every topic: the frame that all stand in.
 SMOKE = (
