@@ -10,6 +10,8 @@ BIN := $(VENV)/bin
 # Written last, so it is there only when everything before it worked.
 STAMP := $(VENV)/installed
 EXTRAS := learning,oracles,lab,test
+# The same for the other simulators of chapter 3, which `make lab` does without.
+PLATFORMS := $(VENV)/installed-platforms
 # What the first install announces: what `python -m tools.sizes` printed after one with PyTorch's
 # build without CUDA (Linux, Python 3.11).
 PACKAGES := 180
@@ -25,7 +27,7 @@ unexport PYTHONPATH PYTHONHOME
 QUIET := COURSE_QUIET=1 DRILLS_PROGRESS=none OPENBLAS_NUM_THREADS=1
 
 .NOTPARALLEL:
-.PHONY: help setup lab check test prove lint types pytest nbval warm charts notebooks clean
+.PHONY: help setup platforms lab check test prove lint types pytest nbval warm charts notebooks clean
 
 # `make test TOPIC=contact` and `make prove TOPIC=contact`: one topic, and the framework's smoke tests.
 TOPIC ?=
@@ -93,6 +95,20 @@ setup: ## make .venv with the pinned packages, if it isn't there
 	{ echo "$$place"; python_of $(BIN)/python; echo "$$wanted"; } > $(STAMP); \
 	echo "$(VENV) is ready"
 
+# Written with the pins and the Python it was made for, beside the stamp of the set-up: whatever makes
+# .venv anew takes it away. A Python without a wheel leaves that simulator out (pyproject.toml says
+# which), and the chapter's table says so.
+platforms: setup ## add the other simulators of chapter 3 (161 MB to download, 510 MB on disk)
+	@set -e; \
+	wanted="$$(sed -n 3p $(STAMP)) $$(sed -n 2p $(STAMP))"; \
+	[ "$$(cat $(PLATFORMS) 2>/dev/null)" != "$$wanted" ] || exit 0; \
+	rm -f $(PLATFORMS); \
+	echo "adding the other simulators to $(VENV); $(LOG) has the details"; \
+	$(BIN)/python -m pip install -c constraints.txt -e '.[platforms]' >>$(LOG) 2>&1 || { \
+		tail -n 12 $(LOG) >&2; \
+		echo "installing failed: the last lines are above, all of it is in $(LOG)" >&2; exit 1; }; \
+	echo "$$wanted" > $(PLATFORMS)
+
 lab: setup ## set up, then open the course in JupyterLab, in copies under work/
 	@echo "compiling the chapters in the background"
 	@$(BIN)/python -m tools.warm --background
@@ -102,10 +118,10 @@ check: setup lint types ## lint, types and the quick tests, in about three minut
 	$(QUIET) $(BIN)/pytest -q --quick $(OF_TOPIC) -n 2 --dist worksteal
 	@echo "the quick tests passed; make test runs all"
 
-test: setup lint types warm pytest nbval ## set up, then run every test, or those of TOPIC=contact
+test: setup platforms lint types warm pytest nbval ## set up, then run every test, or those of TOPIC=contact
 	@echo "all tests passed"
 
-prove: setup warm ## the long proofs: many seeds, the whole hostile suite, properties at random
+prove: setup platforms warm ## the long proofs: many seeds, the whole hostile suite, properties at random
 	$(QUIET) COURSE_PROVE=1 $(BIN)/pytest $(OF_TOPIC) -n 2 --dist worksteal
 	@echo "all proofs passed"
 
@@ -127,7 +143,7 @@ nbval: warm ## the notebooks, run again and compared with what they show
 warm: setup ## compile and keep every hot loop of the chapters
 	@$(BIN)/python -m tools.warm
 
-charts: setup ## rebuild every chart of the README, and the data behind it
+charts: setup platforms ## rebuild every chart of the README, and the data behind it
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m course.charts
 	$(BIN)/python -m tools.gallery
 

@@ -55,6 +55,7 @@ CHAPTERS = (
         "The role",
         "Which parts make up a robot's software, and how fast does each have to answer?",
         "The stack as a graph",
+        there=True,
     ),
     Chapter(
         1,
@@ -78,6 +79,7 @@ CHAPTERS = (
         "One scene on several simulators",
         "Which simulator for which job, and why do they disagree?",
         "The same scene, side by side",
+        there=True,
     ),
     Chapter(
         4,
@@ -93,6 +95,7 @@ CHAPTERS = (
         "Motion planning",
         "How does a robot get from here to there without hitting anything?",
         "A tree that grows around obstacles",
+        there=True,
     ),
     Chapter(
         6,
@@ -100,6 +103,7 @@ CHAPTERS = (
         "Control",
         "Which command makes the joint do what the plan says?",
         "A joint that tracks a step",
+        there=True,
     ),
     Chapter(
         7,
@@ -107,6 +111,7 @@ CHAPTERS = (
         "Perception",
         "From a depth picture to the place and orientation of an object: how, and how well?",
         "A point cloud of a table, step by step",
+        there=True,
     ),
     Chapter(
         8,
@@ -114,6 +119,7 @@ CHAPTERS = (
         "From simulation to the real robot",
         "What differs between the two, and how is it measured and bridged?",
         "A simulated arm beside its imperfect twin",
+        there=True,
     ),
     Chapter(
         9,
@@ -121,6 +127,7 @@ CHAPTERS = (
         "Robot learning",
         "When does a learned policy beat a written one, and what does it cost to train?",
         "A policy that learns to reach",
+        there=True,
     ),
     Chapter(
         10,
@@ -128,6 +135,7 @@ CHAPTERS = (
         "Middleware and real time",
         "How do the parts talk to each other, and what happens when a message is late?",
         "A graph of nodes and topics",
+        there=True,
     ),
     Chapter(
         11,
@@ -135,6 +143,7 @@ CHAPTERS = (
         "The whole pipeline",
         "Perception, planning, control and physics together: where do the errors add up?",
         "An arm that finds its target and reaches for it",
+        there=True,
     ),
     Chapter(
         12,

@@ -101,6 +101,26 @@ def vector(
     return array
 
 
+def bounds(name: str, value: Any, size: int) -> NDArray[np.float64]:
+    """Bounds of so many numbers, of each its own or one for all; infinite where there is none.
+
+    Returns:
+        A new array, shape (size,).
+
+    Raises:
+        ValueError: for another shape, NaN, or what is no number.
+    """
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.array(np.nan)
+    if array.shape not in ((), (size,)):
+        raise refused(f"{name}.shape", array.shape, f"() or ({size},)")
+    if np.isnan(array).any():
+        raise refused(name, value, "an array of numbers, which may be infinite")
+    return np.full(size, array)
+
+
 def one_of(name: str, value: T, allowed: Iterable[T]) -> T:
     """One of the values in `allowed`; anything else raises ValueError."""
     known = list(allowed)

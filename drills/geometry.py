@@ -42,22 +42,22 @@ def clearances(a: ArrayLike, b: ArrayLike, discs: ArrayLike) -> Array:
     it is that to the end point (Ericson, Real-Time Collision Detection, 2005, sec. 5.1.2).
 
     Args:
-        a: one end, shape (2,) [m].
-        b: the other end, shape (2,) [m]; it may equal a.
+        a: one end, shape (2,) or, of many segments, (m, 2) [m].
+        b: the other end, same shape [m]; it may equal a.
         discs: rows (x, y, radius), shape (n, 3) [m].
 
     Returns:
-        Gaps, shape (n,) [m]; negative where the segment enters the disc.
+        Gaps, shape (n,) or (m, n) [m]; negative where the segment enters the disc.
     """
     a, b = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     x, y, radius = np.asarray(discs, dtype=float).reshape(-1, 3).T
-    dx, dy = b - a
-    length = math.hypot(dx, dy)
-    from_a = np.hypot(x - a[0], y - a[1])
-    from_b = np.hypot(x - b[0], y - b[1])
-    behind = (x - a[0]) * dx + (y - a[1]) * dy <= 0.0
-    beyond = (x - b[0]) * dx + (y - b[1]) * dy >= 0.0
-    height = np.abs((x - a[0]) * dy - (y - a[1]) * dx) / (length or 1.0)
+    ax, ay, bx, by = (end[..., k, None] for end in (a, b) for k in (0, 1))
+    dx, dy = bx - ax, by - ay
+    length = np.hypot(dx, dy)
+    from_a, from_b = np.hypot(x - ax, y - ay), np.hypot(x - bx, y - by)
+    behind = (x - ax) * dx + (y - ay) * dy <= 0.0
+    beyond = (x - bx) * dx + (y - by) * dy >= 0.0
+    height = np.abs((x - ax) * dy - (y - ay) * dx) / np.where(length, length, 1.0)
     return np.where(behind, from_a, np.where(beyond, from_b, height)) - radius
 
 

@@ -233,7 +233,7 @@ def off(got: Any, wrong: Any) -> float:
     """The largest error of a value against another, infinite where it is none of that shape."""
     wrong = np.asarray(wrong, dtype=float)
     try:
-        return float(np.max(np.abs(as_float64(got, wrong.shape) - wrong)))
+        return float(np.max(np.abs(as_float64(got, wrong.shape) - wrong), initial=0.0))
     except Mismatch:
         return np.inf
 

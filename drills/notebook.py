@@ -352,7 +352,7 @@ def _card_for(obj: Any, name: str | None) -> Card:
     for one in cards:
         if one.entry == defined:
             return one
-    near = difflib.get_close_matches(defined, [one.entry for one in cards], n=3, cutoff=0.5)
+    near = difflib.get_close_matches(defined, [one.entry for one in cards], n=3, cutoff=0.7)
     meant = f" Did you mean {listed(near)}?" if near else ""
     raise Unusable(f"No exercise asks for {defined}.{meant}")
 

@@ -109,7 +109,11 @@ def findings_of(name: str, effort: Effort = Effort()) -> list[Finding]:
     """Everything that is proved of one exercise."""
     card, exercise = catalogue.card(name), exercises.of(name)
     steps = (_texts, _examples, _starter, _solution, _slips)
-    return [finding for step in steps for finding in step(card, exercise, effort)]
+    InProcess.memory = {}  # all slips are asked alike, and each is compared with the others
+    try:
+        return [finding for step in steps for finding in step(card, exercise, effort)]
+    finally:
+        InProcess.memory = None
 
 
 def _texts(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:
@@ -128,13 +132,9 @@ def _texts(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:
 
 
 def _examples(card: Card, exercise: Exercise, effort: Effort) -> Iterator[Finding]:
-    bad = [text for text in exercise.examples if not _example_runs(card, exercise, text)]
+    bad = [text for text in exercise.examples if example_result(card, exercise, text) is None]
     detail = f"these fail: {bad}" if bad else f"{len(exercise.examples)} examples"
     yield Finding(card.name, "public examples run", bool(exercise.examples) and not bad, detail)
-
-
-def _example_runs(card: Card, exercise: Exercise, text: str) -> bool:
-    return example_result(card, exercise, text) is not None
 
 
 def example_result(card: Card, exercise: Exercise, text: str) -> Any:

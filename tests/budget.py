@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import subprocess
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 
 import hypothesis
@@ -26,15 +27,29 @@ LINES, SECONDS = 7_500, 60.0
 # What is above the budget of a chapter has a ceiling of its own until it is back within it.
 LINES_OF = {
     "rigid_body": 21_400, "drills": 15_300, "kinematics": 9_300, "contact": 10_400,
-    "control": 10_400,
+    "control": 13_470, "planning": 12_510, "perception": 9_950, "sim_to_real": 9_790,
+    "learning": 8_040, "pipeline": 8_060, "middleware": 9_530, "platforms": 8_440,
 }  # fmt: skip
-SECONDS_OF = {"learning": 90.0, "rigid_body": 150.0, "drills": 150.0, "vector_env": 120.0}
+SECONDS_OF = {
+    "learning": 90.0, "rigid_body": 135.0, "drills": 150.0,
+    "control": 70.0, "planning": 90.0, "sim_to_real": 80.0,
+}  # fmt: skip
+
+# A topic above its seconds is told, and fails the run only above so many times its seconds, as
+# processor time itself is uncertain: the same tests of contact, of the same commit, took 55 and
+# 71 s on two quiet machines of the same kind.
+SPREAD = 1.5
 
 # Beginnings of the names of tests. What is run with every topic: the frame that all stand in.
 SMOKE = (
     "tests/test_project.py",
     "tests/test_check.py",
-    "tests/measure/",
+    "tests/measure/test_figure.py",
+    "tests/measure/test_scene.py",
+    "tests/measure/test_stability.py",
+    "tests/measure/test_success.py",
+    "tests/measure/test_timing.py",
+    "tests/measure/test_work_precision.py",
     "tests/derivations/test_framework.py",
     "tests/simulations/test_record.py",
     "tests/simulations/test_pen.py",
@@ -64,8 +79,13 @@ SLOW = (
     "tests/interview/test_questions.py",
     "tests/kinematics/test_solutions.py::test_torques_are_those_of_pinocchio_and_mujoco",
     "tests/kinematics/test_charts.py",
+    "tests/learning/test_evaluate.py::test_settings_are",
+    "tests/learning/test_ppo.py::test_the_point_is_learned",
     "tests/notebooks/test_browser.py",
     "tests/notebooks/test_lab",
+    "tests/perception/test_cloud_charts.py",
+    "tests/platforms/test_readers.py::test_what_a_reader_does",
+    "tests/platforms/test_simulators.py",
     "tests/rigid_body/test_charts.py",
     "tests/rigid_body/test_differentiable.py::test_recovers_parameters",
     "tests/rigid_body/test_integrators.py::test_compiled_and_plain_source_agree",
@@ -105,6 +125,11 @@ def lines_allowed(topic: str) -> int:
 def seconds_allowed(topic: str) -> float:
     """Seconds of processor time that the tests of a topic may take, once its loops are compiled."""
     return SECONDS_OF.get(topic, SECONDS)
+
+
+def too_costly(seconds: Mapping[str, float]) -> list[str]:
+    """The topics that took more than `SPREAD` times the seconds that they may take."""
+    return [topic for topic, spent in seconds.items() if spent > SPREAD * seconds_allowed(topic)]
 
 
 def exercise_topics() -> dict[str, str]:

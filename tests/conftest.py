@@ -23,13 +23,17 @@ from tests.budget import (
     PROVE,
     QUICK_SECONDS,
     ROOT,
+    SPREAD,
     TOPICS,
     is_quick,
     is_smoke,
     seconds_allowed,
+    too_costly,
     topic_of,
 )
 
+# Small matrices are slower with threads, and threads that wait for each other use processor time.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # A learner's own settings are not for the tests, which make work folders of their own.
 for _name in [name for name in os.environ if name.startswith("DRILLS_")]:
     del os.environ[_name]
@@ -111,8 +115,8 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     if hasattr(session.config, "workeroutput"):
         session.config.workeroutput["seconds"] = dict(_SECONDS)
         return
-    costly = [topic for topic, spent in _SECONDS.items() if spent > seconds_allowed(topic)]
-    if session.config.getoption("--quick") and sum(_SECONDS.values()) > QUICK_SECONDS:
+    costly = too_costly(_SECONDS)
+    if session.config.getoption("--quick") and sum(_SECONDS.values()) > SPREAD * QUICK_SECONDS:
         costly.append("the quick tests")
     # Processor time grows too where more wants to run than there are cores: then it only tells.
     quiet = os.getloadavg()[0] < 1.5 * (os.cpu_count() or 1) + 1.0
@@ -158,6 +162,7 @@ def pytest_terminal_summary(terminalreporter) -> None:
         for topic, spent in sorted(_SECONDS.items(), key=lambda entry: -entry[1]):
             allowed = seconds_allowed(topic)
             told = f"{topic:<14} {spent:6.1f} s of {allowed:g}"
+            told += f", fails: above {SPREAD:g} times" if topic in too_costly(_SECONDS) else ""
             terminalreporter.write_line(told, red=spent > allowed)
         if terminalreporter.config.getoption("--quick"):
             told = f"{'quick tests':<14} {sum(_SECONDS.values()):6.1f} s of {QUICK_SECONDS:g}"

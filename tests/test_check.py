@@ -41,11 +41,20 @@ POSITIVE = "a positive finite number"
         (check.vector, ([1.0], ()), ".shape is (1,)", "()"),
         (check.vector, ([[1.0, math.nan]],), "[0, 1] is nan", "a finite number"),
         (check.vector, (math.inf, (), (2,)), " is inf", "a finite number"),
+        (check.bounds, ([1.0, 2.0], 3), ".shape is (2,)", "() or (3,)"),
+        (check.bounds, (math.nan, 3), " is nan", "an array of numbers, which may be infinite"),
     ],
 )
 def test_the_error_says_name_value_and_what_is_allowed(kind, arguments, found, allowed) -> None:
     with pytest.raises(ValueError, match=f"^{re.escape(f'x{found}, allowed is {allowed}')}$"):
         kind("x", *arguments)
+
+
+def test_one_bound_is_that_of_all_and_none_is_handed_back() -> None:
+    given = np.array([1.0, math.inf])
+    found = check.bounds("limit", given, 2)
+    assert found is not given and found.tolist() == [1.0, math.inf]
+    assert check.bounds("limit", math.inf, 2).tolist() == [math.inf] * 2
 
 
 def test_a_unit_is_named() -> None:

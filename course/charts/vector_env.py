@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.charts import chart
+from course.kinematics.two_link import TwoLink
+from course.learning import Settings, clone, dagger, evaluate, ppo, roll
 from course.measure.figure import Panel, Series
 from course.measure.timing import Timing, calls, interleaved
 from course.measure.work_precision import machine
@@ -17,8 +19,8 @@ from course.oracles.gymnasium import async_vector_env, sync_vector_env
 from course.oracles.mujoco.reach import MujocoArmReach, MujocoArmReachVector
 from course.vector_env import ArmReach, ArmReachVector, ProcessVectorEnv, VectorizedEnv
 from course.vector_env.busy import Busy
-from course.vector_env.reach import RADIUS
-from course.vector_env.training import JUDGES, play, train
+from course.vector_env.reach import MAX_STEPS, RADIUS, ReachTask, table
+from course.vector_env.training import JUDGES, features, play, train
 
 Array = NDArray[np.float64]
 
@@ -378,3 +380,95 @@ def learning_curve_reach(seeds: int = 8, generations: int = 30) -> Iterator[Pane
             f"{by_hand[k - 1]:{form}} by hand"
         )
         yield panel
+
+
+class Arm:
+    """The arm as a task for imitation: its observation (8,) says all of its state."""
+
+    def starts(self, number: int, rng: np.random.Generator) -> Array:
+        """First observations, (number, 8)."""
+        task = ReachTask(table(TwoLink(), number), MAX_STEPS)
+        return task.start(np.arange(number), [rng] * number)
+
+    def step(self, states: Array, actions: Array, rng: np.random.Generator) -> Array:
+        """Observations a control step later, also of an arm that is there already."""
+        task = ReachTask(table(TwoLink(), len(states)), MAX_STEPS)
+        c1, s1, c2, s2, *rates, dx, dy = states.T
+        task.q[:], task.v[:] = (np.arctan2(s1, c1), np.arctan2(s2, c2)), rates
+        near, far = task.arm[5], task.arm[6]  # the links' lengths
+        task.target[0] = near * c1 + far * (c1 * c2 - s1 * s2) - dx
+        task.target[1] = near * s1 + far * (s1 * c2 + c1 * s2) - dy
+        return task.move(np.asarray(actions, dtype=np.float32), 1)[0]
+
+    def expert(self, states: Array, rng: np.random.Generator) -> Array:
+        """The law written by hand, within the torques' limits, (N, 2)."""
+        return np.clip(features(states) @ BY_HAND[0].T, -1.0, 1.0)
+
+    def reached(self, act: Any, number: int) -> float:
+        """Share of so many common targets that a policy reaches within an episode."""
+        rng = np.random.default_rng(9)
+        way = roll(self, act, self.starts(number, rng), MAX_STEPS, rng).states[:, 1:, 6:]
+        return float((np.hypot(*np.moveaxis(way, 2, 0)) < RADIUS).any(axis=1).mean())
+
+
+@chart(columns=2)
+def arm_learned(
+    number: int = 100, rounds: int = 2, seeds: int = 3, judged: int = 500, fit: int = 2000,
+    steps: int = 500_000,
+) -> Iterator[Panel]:  # fmt: skip
+    """The hard end: torques of an arm, copied from a written law, and learned from reward.
+
+    Args:
+        number, rounds: of demonstrations in a round, and rounds of DAgger after the first.
+        seeds, judged: of training, and targets that judge; fit: steps of a training of the net.
+        steps: of the arm, for PPO.
+    """
+    arm, most = Arm(), number * (1 + rounds)
+    learn = partial(clone, rate=2e-3)
+    small: dict[str, Any] = {"width": 64, "steps": fit}
+    ways = {
+        "DAgger": [(number, rounds, small)],
+        "cloned": [(number, 0, small), (most, 0, small)],
+        "cloned, a better fit": [(most, 0, {"width": 128, "steps": 2 * fit})],
+    }
+    by_hand = arm.reached(arm.expert, judged)
+    panel = Panel("Copied, at equal labels", "runs of 2 s that were labelled", "targets reached",
+                  lines=[("y", by_hand, "the law itself")], ylim=(0.0, 1.0))  # fmt: skip
+    for label, kinds in ways.items():
+        x, rows = [], []
+        for first, more, how in kinds:
+            each = []
+            for seed in range(seeds):
+                taught, rng = partial(learn, seed=seed, **how), np.random.default_rng(seed)
+                told = dagger(arm, arm.expert, taught, arm.starts, MAX_STEPS, rng, number=first,
+                              rounds=more)  # fmt: skip
+                each.append([arm.reached(one.policy, judged) for one in told])
+            x += [first * (k + 1) for k in range(1 + more)]
+            rows += list(zip(*each, strict=True))
+        found = np.array(rows)
+        said = ", ".join(f"{k} runs {r.mean():.2f} ({r.min():.2f} to {r.max():.2f})"
+                         for k, r in zip(x, found, strict=True))  # fmt: skip
+        note = f"{label}: {said}; the law itself {by_hand:.2f}"
+        low, high = found.min(axis=1), found.max(axis=1)
+        panel.series.append(Series(label, x, found.mean(axis=1), low=low, high=high, note=note))
+    yield panel
+    rated, curves = ArmReachVector(200, autoreset_mode="SameStep"), []
+    for seed in range(seeds):
+        envs, curve = ArmReachVector(64, autoreset_mode="SameStep"), []
+        settings = Settings(hidden=(64, 64), rate=3e-3)
+        rounds_of = max(1, steps // 2048)
+        for k, one in enumerate(ppo(envs, settings, steps=steps, seed=seed), 1):
+            if k * 5 // rounds_of > (k - 1) * 5 // rounds_of:
+                success = evaluate(one.policy, rated, JUDGES[0]).success.mean()
+                curve.append((one.steps, float(success)))
+        curves.append(curve)
+    at, share = np.moveaxis(np.array(curves), 2, 0)
+    middle = share.mean(axis=0)
+    panel = Panel("From reward: torques of PPO", "environment steps", "targets reached",
+                  lines=[("y", by_hand, "the law itself")], ylim=(0.0, 1.0))  # fmt: skip
+    panel.series.append(Series(
+        "PPO, 64 wide", at[0], middle, low=share.min(axis=0), high=share.max(axis=0),
+        note=f"PPO, 64 wide: {middle[-1]:.2f} ({share[:, -1].min():.2f} to "
+             f"{share[:, -1].max():.2f}) after {at[0, -1]:,.0f} steps, {seeds} seeds",
+    ))  # fmt: skip
+    yield panel

@@ -234,11 +234,12 @@ def pgs(
 
 
 @functools.cache
-def _edges(d: int, edges: int) -> Array:
+def _edges(d: int, edges: int, around: bool) -> Array:
     """Directions of a pyramid's edges in the scaled friction rows, shape (edges, d - 1)."""
     if d == 3:
-        angles = 2.0 * math.pi * np.arange(edges) / edges
-        return np.round(np.column_stack((np.cos(angles), np.sin(angles))), 15)
+        angles = 2.0 * math.pi * (np.arange(edges) + 0.5 * around) / edges
+        reach = 1.0 / math.cos(math.pi / edges) if around else 1.0
+        return np.round(reach * np.column_stack((np.cos(angles), np.sin(angles))), 15)
     return np.repeat(np.eye(d - 1), 2, axis=0) * np.tile([1.0, -1.0], d - 1)[:, None]
 
 
@@ -288,7 +289,9 @@ def lemke(M: ArrayLike, q: ArrayLike, pivots: int = 1000) -> tuple[Array, int, b
     return z[n : 2 * n], taken, leaving == 2 * n
 
 
-def lcp(problem: Problem, *, edges: int = 4, tolerance: float = 1e-9) -> Solution:
+def lcp(
+    problem: Problem, *, edges: int = 4, around: bool = False, tolerance: float = 1e-9
+) -> Solution:
     """Coulomb's law with a pyramid, exactly (Stewart and Trinkle 1996; Anitescu and Potra 1997).
 
     Unknowns: normal impulse, share on each edge, and the slip that the edges have in common.
@@ -296,12 +299,14 @@ def lcp(problem: Problem, *, edges: int = 4, tolerance: float = 1e-9) -> Solutio
     Args:
         edges: of the pyramid where there are two tangents, an even number from 4 on; else each
             friction row has two.
+        around: whether the pyramid stands around the cone instead of in it; with four edges
+            friction then has a limit on each axis by itself, a box.
         tolerance: of the residual [m/s].
     """
     if count("edges", edges, 4) % 2:
         raise refused("edges", edges, "an even number from 4 on")
     n, d, _ = problem.jacobian.shape
-    faces = _edges(d, edges) if d > 1 else np.zeros((0, 0))
+    faces = _edges(d, edges, around) if d > 1 else np.zeros((0, 0))
     m = len(faces)
     # B: normal and edges of every contact -> its scaled rows.
     one = np.zeros((d, 1 + m))

@@ -449,6 +449,42 @@ def rotation(q, out, at):
 
 
 @register_jitable
+def _from_point(half, radius, radius_y, sign, dims, qx, qy, i, out, pair):
+    """`measure` where one core is a point, y, and the other a box about its origin, x: no search.
+
+    half and radius are those of x [m]; sign is 1.0 if x is the first shape, -1.0 if the second.
+    """
+    rotation((qx[3, i], qx[4, i], qx[5, i], qx[6, i]), pair, _TURN)
+    apart = (qy[0, i] - qx[0, i], qy[1, i] - qx[1, i], qy[2, i] - qx[2, i])
+    p = turned_back(pair, _TURN, apart)
+    near = (
+        min(max(p[0], -half[0]), half[0]),
+        min(max(p[1], -half[1]), half[1]),
+        min(max(p[2], -half[2]), half[2]),
+    )
+    v = _added(p, -1.0, near)
+    core = math.sqrt(dot(v, v))
+    if core > 1e-140:
+        v = (v[0] / core, v[1] / core, v[2] / core)
+    else:  # inside: out through the nearest face
+        k, core = 0, abs(p[0]) - half[0]
+        for c in range(1, dims):
+            if abs(p[c]) - half[c] > core:
+                k, core = c, abs(p[c]) - half[c]
+        side = math.copysign(1.0, p[k])
+        v = (side * (k == 0), side * (k == 1), side * (k == 2))
+        near = _added(p, -core, v)
+    v, near = turned(pair, _TURN, v), turned(pair, _TURN, near)
+    on_x = _added(_added((qx[0, i], qx[1, i], qx[2, i]), 1.0, near), radius, v)
+    out[0, i] = core - radius - radius_y
+    out[1, i], out[2, i], out[3, i] = sign * v[0], sign * v[1], sign * v[2]
+    a, b = (4, 7) if sign > 0.0 else (7, 4)
+    out[a, i], out[a + 1, i], out[a + 2, i] = on_x
+    out[b, i], out[b + 1, i], out[b + 2, i] = _added(on_x, out[0, i], v)
+    out[10, i] = out[11, i] = 0.0
+
+
+@register_jitable
 def measure(va, vb, halves, sizes, qa, qb, i, out, work):
     """Write column i of out: the distance of shape a at qa[:, i] from shape b at qb[:, i].
 
@@ -520,8 +556,15 @@ def _distances(va, vb, halves, sizes, qa, qb, out):
     faces = (np.empty((room, 3), np.int64), np.empty((room, 3), np.int64))
     keys = (np.empty((room, 4)), np.empty(room))
     work = places + faces + keys + (np.empty((room, 6), np.int64), np.empty(room, np.int64))
+    boxes = va.shape[1] == vb.shape[1] == 1 and not va.any() and not vb.any()
+    ra, rb, dims = sizes[0], sizes[1], int(sizes[3])
     for i in range(qa.shape[1]):
-        measure(va, vb, halves, sizes, qa, qb, i, out, work)
+        if boxes and not halves[3:].any():
+            _from_point(halves[:3], ra, rb, 1.0, dims, qa, qb, i, out, places[1])
+        elif boxes and not halves[:3].any():
+            _from_point(halves[3:], rb, ra, -1.0, dims, qb, qa, i, out, places[1])
+        else:
+            measure(va, vb, halves, sizes, qa, qb, i, out, work)
 
 
 @functools.cache

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numba
@@ -292,11 +292,6 @@ def rod(angle: float, friction: float, speed: float = 1.0, spin: float = 0.0) ->
         np.diag([1.0, 1.0, 1.0 / 3.0]), rows, np.zeros(1), force,
         np.full((1, 1), finite("friction", friction, 0.0)), np.zeros(3), v,
     )  # fmt: skip
-
-
-def with_friction(scene: Scene, friction: float) -> Scene:
-    """The same scene with another coefficient everywhere."""
-    return replace(scene, friction=np.full_like(scene.friction, finite("friction", friction, 0.0)))
 
 
 def warm() -> None:

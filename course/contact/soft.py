@@ -32,7 +32,6 @@ class Softness:
         solref: (time constant [s], damping ratio); negative: (-stiffness, -damping) by unit of
             effective mass [1/s^2, 1/s].
         solimp: (d at r = 0, d at r = width, width [m], midpoint, power).
-        solreffriction: like solref, for friction rows of elliptic cones; (0, 0) for solref's.
         impratio: how much harder friction is than the normal.
         cone: one of `CONES`.
         margin: distance at which a contact begins to push [m].
@@ -44,7 +43,6 @@ class Softness:
 
     solref: ArrayLike = (0.02, 1.0)
     solimp: ArrayLike = (0.9, 0.95, 0.001, 0.5, 2.0)
-    solreffriction: ArrayLike = (0.0, 0.0)
     impratio: float = 1.0
     cone: str = "pyramidal"
     margin: float = 0.0
@@ -52,10 +50,9 @@ class Softness:
     weight: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        for name in ("solref", "solreffriction"):
-            pair = vector(name, getattr(self, name), (2,))
-            if pair[0] * pair[1] < 0.0 or (name == "solref" and not pair.any()):
-                raise refused(name, pair, "two positive numbers or two negative ones")
+        pair = vector("solref", self.solref, (2,))
+        if pair[0] * pair[1] < 0.0 or not pair.any():
+            raise refused("solref", pair, "two positive numbers or two negative ones")
         vector("solimp", self.solimp, (5,), low=0.0)
         positive("impratio", self.impratio)
         one_of("cone", self.cone, CONES)
@@ -126,9 +123,7 @@ def rows_of(problem: Problem, softness: Softness) -> Rows:
     if split:
         R *= 2.0 * mu[:, :1] ** 2 / softness.impratio
     elif d > 1:
-        # Friction rows have no stiffness, may have a damping of their own, and R mu^2 in common.
-        if np.any(softness.solreffriction):
-            b = softness.stiffness(softness.solreffriction, problem.dt)[1]
+        # Friction rows have no stiffness, and R mu^2 in common.
         reference[:, 1:] = -b * speed[:, 1:]
         R[:, 1:] = R[:, :1] / softness.impratio * (mu[:, :1] / mu) ** 2
     back = np.zeros((n * d, touching.size * m))

@@ -27,6 +27,7 @@ from course.control.laws import (
 )
 from course.control.optimal import box_qp, horizon, lqr, mpc
 from course.control.pid import Controller, Gains
+from course.control.residual import Learned, learn
 from course.control.sampled import (
     Margins,
     growth,
@@ -39,57 +40,18 @@ from course.control.sampled import (
 )
 from course.control.sampling import cem, mppi, predictive
 from course.control.touch import Probe, TouchLaw, run_touch
-from course.control.tracking import JointLaw, track
+from course.control.tracking import JointLaw, rollouts, track
 from course.drills import PID, closed_loop
 
 __all__ = [
-    "PID",
-    "Actuator",
-    "Adaptive",
-    "Controller",
-    "Encoder",
-    "Gains",
-    "Joint",
-    "JointLaw",
-    "JointModel",
-    "Log",
-    "Margins",
-    "Probe",
-    "Record",
-    "StepMetrics",
-    "TouchLaw",
-    "admittance",
-    "box_qp",
-    "cem",
-    "closed_loop",
-    "computed_torque",
-    "diagnose",
-    "feedforward",
-    "friction_compensation",
-    "growth",
-    "held",
-    "horizon",
-    "hybrid",
-    "identify",
-    "impedance",
-    "joint_system",
-    "loop_matrix",
-    "lqr",
-    "margins",
-    "mpc",
-    "mppi",
-    "operational_space",
-    "pd",
-    "pd_gravity",
-    "pid_law",
-    "predictive",
-    "run_joint",
-    "run_touch",
-    "step_metrics",
-    "track",
-    "ultimate_gain",
-    "warm",
-]
+    "PID", "Actuator", "Adaptive", "Controller", "Encoder", "Gains", "Joint", "JointLaw",
+    "JointModel", "Learned", "Log", "Margins", "Probe", "Record", "StepMetrics", "TouchLaw",
+    "admittance", "box_qp", "cem", "closed_loop", "computed_torque", "diagnose", "feedforward",
+    "friction_compensation", "growth", "held", "horizon", "hybrid", "identify", "impedance",
+    "joint_system", "learn", "loop_matrix", "lqr", "margins", "mpc", "mppi", "operational_space",
+    "pd", "pd_gravity", "pid_law", "predictive", "rollouts", "run_joint", "run_touch",
+    "step_metrics", "track", "ultimate_gain", "warm",
+]  # fmt: skip
 
 
 def warm() -> None:
@@ -103,5 +65,6 @@ def warm() -> None:
     run_touch(Probe(), TouchLaw(), 0.0, 1e-3, 1e-2)
     arm = TwoLink()
     track(arm, JointLaw("pd", arm, 1.0, 1.0), lambda t: np.zeros((3, 2, t.size)), 1e-3, 1e-3)
+    rollouts(arm, np.zeros((1, 1, 2)), 1e-3, (np.zeros(2), np.zeros(2)))
     lqr(np.eye(1), np.eye(1), np.eye(1), np.eye(1))
     box_qp(np.eye(1), np.zeros(1), 0.0, 1.0)

@@ -317,7 +317,7 @@ def run_joint(
     drive = np.array([actuator.limit, actuator.rate, rest, *delay, encoder.line], dtype=float)
     wanted = np.full(n, 1.0) * vector("setpoint", setpoint, (), (n,), unit="rad")
     kick = np.full(n, 1.0) * vector("extra", extra, (), (n,), unit="N m")
-    jam = np.broadcast_to(np.asarray(blocked, dtype=bool), (n,)).copy()
+    jam = np.full(n, 1.0) * vector("blocked", blocked, (), (n,)) != 0.0
     noise = np.zeros(n)
     if encoder.noise > 0.0:
         noise = encoder.noise * np.random.default_rng(encoder.seed).standard_normal(n)
@@ -365,6 +365,7 @@ def step_metrics(
     if step == 0.0:
         raise refused("target", target, "an angle that is not the first one")
     finite("band", band, POSITIVE, 1.0)
+    finite("rest", rest, 0.0, 1.0)
     done = (angle - angle[0]) / step
     inside = np.abs(done - 1.0) <= band
     out = np.flatnonzero(~inside)

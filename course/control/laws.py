@@ -58,7 +58,7 @@ def pd_gravity(
     """`pd`, and what holds the arm up where it is. At a still target it has no steady error."""
     here = np.asarray(q, dtype=float)
     zero = np.zeros(here.shape)
-    return pd(q, v, q_ref, v_ref, kp, kd) + _torque(chain, here, zero, zero, gravity)
+    return pd(q, v, q_ref, v_ref, kp, kd) + needed(chain, here, zero, zero, gravity)
 
 
 def feedforward(
@@ -68,7 +68,7 @@ def feedforward(
     """`pd`, and the torques of the reference motion, which can be computed beforehand."""
     here = np.asarray(q, dtype=float)
     place, rate = like("q_ref", q_ref, here), like("v_ref", v_ref, here)
-    ahead = _torque(chain, place, rate, like("a_ref", a_ref, here), gravity)
+    ahead = needed(chain, place, rate, like("a_ref", a_ref, here), gravity)
     return pd(q, v, q_ref, v_ref, kp, kd) + ahead
 
 
@@ -98,7 +98,7 @@ def computed_torque(
     v, a = like("v", v, q), like("a_ref", a_ref, q)
     if half:
         q, v = q + half * v + 0.5 * half**2 * a, v + half * a
-    return _torque(chain, q, v, a + pd(q, v, q_ref, v_ref, kp, kd), gravity)
+    return needed(chain, q, v, a + pd(q, v, q_ref, v_ref, kp, kd), gravity)
 
 
 def friction_compensation(
@@ -334,7 +334,10 @@ def like(name: str, value: ArrayLike, other: Array) -> Array:
     return np.asarray(np.broadcast_to(array, other.shape))
 
 
-def _torque(arm: Arm, q: Array, v: Array, a: Array, gravity: ArrayLike) -> Array:
+def needed(
+    arm: Arm, q: ArrayLike, v: ArrayLike, a: ArrayLike, gravity: ArrayLike = DOWNWARDS
+) -> Array:
+    """The torques of a motion by either kind of model, shape of q [N m]."""
     if isinstance(arm, TwoLink):
         return arm.inverse_dynamics(q, v, a)
     return inverse_dynamics(arm, q, v, a, gravity=gravity)
@@ -356,7 +359,7 @@ def _task(
     pose, J = tip(chain, q), jacobian(chain, q)[chosen]
     goal = vector("target", target, (3,), (7,), (3, None), (7, None))
     if len(goal) == 3:
-        count("max(rows)", max(chosen), 0, 2)
+        count("max(rows)", max(chosen, default=-1), 0, 2)
         e = (goal.T - pose[:3].T).T[chosen]
     else:
         e = pose_error(np.broadcast_to(goal.T, pose.T.shape).T, pose)[chosen]

@@ -15,7 +15,7 @@ from numba import types
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, refused, vector
+from course.check import bounds, count, refused, vector
 from course.compiled import MATRIX, VECTOR, loop
 
 Array = NDArray[np.float64]
@@ -60,20 +60,34 @@ def _eliminate(M, X):
             X[i, c] /= M[i, i]
 
 
-def _double(A, G, H):
-    """H becomes the solution, and how many doublings that took; 0 for one that does not settle."""
+@register_jitable
+def _gain(A, B, R, P, K, M):
+    """K = (R + B^T P B)^-1 B^T P A and M = A - B K."""
+    PB = _product(P, B)
+    left, right = _product(np.ascontiguousarray(B.T), PB), _product(np.ascontiguousarray(PB.T), A)
+    _eliminate(left + R, right)
+    K[:] = right
+    M[:] = A - _product(B, K)
+
+
+def _regulate(A, B, Q, R, P, K, M):
+    """P, K and M = A - B K, and how many doublings that took; 0 where nothing settles."""
     n = A.shape[0]
+    H, X, gain = Q.copy(), A.copy(), np.ascontiguousarray(B.T)
+    _eliminate(R.copy(), gain)
+    G, count = _product(B, gain), 0
     for k in range(60):
-        # W = (I + G H)^-1 [A, G]: one elimination for both.
-        M, W = _product(G, H), np.empty((n, 2 * n))
+        # W = (I + G H)^-1 [X, G]: one elimination for both.
+        N, W = _product(G, H), np.empty((n, 2 * n))
         for i in range(n):
-            M[i, i] += 1.0
-        W[:, :n], W[:, n:] = A, G
-        _eliminate(M, W)
+            N[i, i] += 1.0
+        W[:, :n], W[:, n:] = X, G
+        _eliminate(N, W)
         left, right = W[:, :n].copy(), W[:, n:].copy()
-        after = _product(np.ascontiguousarray(A.T), _product(H, left))
-        G += _product(_product(A, right), np.ascontiguousarray(A.T))
-        A = _product(A, left)
+        turned = np.ascontiguousarray(X.T)
+        after = _product(turned, _product(H, left))
+        G += _product(_product(X, right), turned)
+        X = _product(X, left)
         size, change = 0.0, 0.0
         for i in range(n):
             for j in range(i + 1):
@@ -85,11 +99,59 @@ def _double(A, G, H):
         if not size < 1e100:
             return 0
         if change <= 1e-16 * size:
-            return k + 1
+            count = k + 1
+            break
+    if count == 0:
+        return 0
+    # One Newton step takes off what the doublings rounded; its Lyapunov equation doubles too.
+    _gain(A, B, R, H, K, M)
+    X = M.copy()
+    turned = np.ascontiguousarray(K.T)
+    S = Q + _product(turned, _product(R, K)) - H
+    S += _product(np.ascontiguousarray(X.T), _product(H, X))
+    for _ in range(count):
+        S += _product(np.ascontiguousarray(X.T), _product(S, X))
+        X = _product(X, X)
+    P[:] = H + 0.5 * (S + S.T)
+    _gain(A, B, R, P, K, M)
+    # It is stable if some power of M is small; one of 2^40 is where a radius of 1 - 1e-12 is.
+    X = M.copy()
+    for _ in range(42):
+        X = _product(X, X)
+        size = np.abs(X).max()
+        if n * size < 1.0:
+            return count
+        if not size < 1e100:
+            return 0
     return 0
 
 
-_riccati = loop(_double, numba.int64(MATRIX, MATRIX, MATRIX))
+_riccati = loop(_regulate, numba.int64(MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX, MATRIX))
+
+
+def _share(W, shift):
+    """Whether W + shift I, shift in units of its largest entry, is positive definite and W
+    symmetric: by Cholesky."""
+    n, L = W.shape[0], W.copy()
+    size = np.abs(W).max()
+    for i in range(n):
+        L[i, i] += shift * size
+        for j in range(i + 1):
+            if abs(W[i, j] - W[j, i]) > 1e-12 * size:
+                return False
+            total = L[i, j]
+            for k in range(j):
+                total -= L[i, k] * L[j, k]
+            if i > j:
+                L[i, j] = total / L[j, j]
+            elif total < 0.0 or (total == 0.0 and shift < 0.0):
+                return False
+            else:
+                L[i, i] = np.sqrt(total) if total > 0.0 else 1.0
+    return True
+
+
+_definite = loop(_share, numba.boolean(MATRIX, numba.float64))
 
 
 class Regulator(NamedTuple):
@@ -98,14 +160,19 @@ class Regulator(NamedTuple):
     Attributes:
         K: the law is u = -K x, shape (m, n).
         P: x^T P x is the cost that is left, shape (n, n).
-        radius: spectral radius of A - B K, below 1.
+        closed: A - B K, shape (n, n).
         doublings: how many it took: 2^doublings samples of the horizon.
     """
 
     K: Array
     P: Array
-    radius: float
+    closed: Array
     doublings: int
+
+    @property
+    def radius(self) -> float:
+        """Spectral radius of A - B K, below 1."""
+        return float(np.abs(np.linalg.eigvals(self.closed)).max())
 
 
 def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Regulator:
@@ -121,27 +188,17 @@ def lqr(A: ArrayLike, B: ArrayLike, Q: ArrayLike, R: ArrayLike) -> Regulator:
         ValueError: for weights that are not so, (A, B) that can't be stabilised, and a mode that
             does not decay and costs nothing.
     """
-    A = vector("A", A, (None, None))
-    n = len(A)
-    A = np.array(vector("A", A, (n, n)), order="C")
-    B = np.ascontiguousarray(vector("B", B, (n, None)))
-    Q, R = weight("Q", Q, n, 0.0), weight("R", R, B.shape[1], 1e-14)
-    P, gain = Q.copy(), np.linalg.solve(R, B.T)
-    doublings = _riccati(A.copy(), B @ gain, P)
+    A, B = np.ascontiguousarray(vector("A", A, (None, None))), vector("B", B, (len(A), None))
+    n, m = B.shape
+    if A.shape[1] != n:
+        raise refused("A.shape", A.shape, f"({n}, {n})")
+    B = np.ascontiguousarray(B)
+    Q, R = weight("Q", Q, n, 1e-12), weight("R", R, m, -1e-14)
+    P, K, closed = np.empty((n, n)), np.empty((m, n)), np.empty((n, n))
+    doublings = _riccati(A, B, Q, R, P, K, closed)
     if not doublings:
         raise _why(A, B, Q)
-    # One Newton step takes off what the doublings rounded; its Lyapunov equation doubles too.
-    K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-    M = A - B @ K
-    S = Q + K.T @ R @ K + M.T @ P @ M - P
-    for _ in range(doublings):
-        S, M = S + M.T @ S @ M, M @ M
-    P += 0.5 * (S + S.T)
-    K = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
-    radius = float(np.abs(np.linalg.eigvals(A - B @ K)).max())
-    if not radius < 1.0 - 1e-12:
-        raise _why(A, B, Q)
-    return Regulator(K, P, radius, doublings)
+    return Regulator(K, P, closed, doublings)
 
 
 def _why(A: Array, B: Array, Q: Array) -> ValueError:
@@ -159,16 +216,14 @@ def _why(A: Array, B: Array, Q: Array) -> ValueError:
     return refused("(A, B)", (A.shape, B.shape), "a system whose Riccati equation can be resolved")
 
 
-def weight(name: str, value: ArrayLike, n: int, least: float) -> Array:
-    """A symmetric matrix (n, n) whose eigenvalues are at least this share of the largest entry."""
-    W = vector(name, value, (n, n))
-    size = np.abs(W).max()
-    low = float(np.linalg.eigvalsh(W)[0])
-    enough = low > least * size if least else low >= -1e-12 * size
-    if np.abs(W - W.T).max() > 1e-12 * size or not enough:
-        kind = "positive definite" if least else "positive semidefinite"
+def weight(name: str, value: ArrayLike, n: int, shift: float) -> Array:
+    """A symmetric matrix (n, n) that is positive definite with this share of its largest entry
+    added to the diagonal: a little above 0 for semidefinite ones."""
+    W = np.ascontiguousarray(vector(name, value, (n, n)))
+    if not _definite(W, shift):
+        kind = "positive definite" if shift < 0.0 else "positive semidefinite"
         raise refused(name, W, f"a symmetric, {kind} matrix")
-    return np.ascontiguousarray(0.5 * (W + W.T))
+    return W
 
 
 # --- a quadratic programme with a box -------------------------------------------------------------
@@ -288,13 +343,13 @@ def box_qp(
     H = vector("H", H, (n, n))
     if np.abs(H - H.T).max() > 1e-9 * np.abs(H).max():
         raise refused("H", H, "a symmetric matrix")
-    bounds = [np.broadcast_to(np.asarray(x, dtype=float), (n,)).copy() for x in (low, high)]
-    if not (bounds[0] <= bounds[1]).all():
+    least, most = bounds("low", low, n), bounds("high", high, n)
+    if not ((least <= most) & (least < np.inf) & (most > -np.inf)).all():
         raise refused("(low, high)", (low, high), "bounds that do not cross")
     x = np.zeros(n) if start is None else np.array(vector("start", start, (n,)))
     free = np.empty(n, dtype=bool)
-    iterations = _box_loop(np.ascontiguousarray(H), g, *bounds, x, free)
-    if iterations < 0:
+    iterations = _box_loop(H := np.ascontiguousarray(H), g, least, most, x, free)
+    if iterations < 0 or (iterations == 0 and not _definite(H, -1e-15)):
         raise refused("H", H, "a positive definite matrix")
     return BoxQP(x, free, iterations)
 
@@ -347,7 +402,7 @@ def mpc(plan: Horizon, x: ArrayLike, limit: ArrayLike, last: Any = None) -> Arra
         last: the plan of the sample before, where this one starts, moved on by a sample.
     """
     m = plan.inputs
-    top = np.broadcast_to(np.asarray(limit, dtype=float), (m,))
+    top = bounds("limit", limit, m)
     if not (top > 0.0).all():
         raise refused("limit", limit, "positive numbers")
     top = np.tile(top, len(plan.H) // m)

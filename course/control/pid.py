@@ -148,8 +148,7 @@ class Controller:
         Raises:
             ValueError: for a value that is not finite; the controller is then as it was before.
         """
-        for name, value in (("setpoint", setpoint), ("measurement", measurement), ("speed", speed)):
-            finite(name, value)
+        _finite(setpoint=setpoint, measurement=measurement, speed=speed)
         return float(update(self._numbers, self.state, setpoint, measurement, speed))
 
     def _without_integral(self, setpoint: float, measurement: float) -> float:
@@ -158,15 +157,22 @@ class Controller:
 
     def change(self, gains: Gains, setpoint: float, measurement: float) -> None:
         """Other gains without a bump: the command for these values stays, by the integral."""
+        _finite(setpoint=setpoint, measurement=measurement)
         before = self._without_integral(setpoint, measurement)
         self.gains, self._numbers = gains, gains.numbers(self.dt)
         self.state[0] += before - self._without_integral(setpoint, measurement)
 
     def take_over(self, command: float, setpoint: float, measurement: float) -> None:
         """From manual to automatic without a bump: the next command continues a person's [u]."""
+        _finite(command=command, setpoint=setpoint, measurement=measurement)
         self.state[1:] = 0.0, measurement - self.gains.rate_weight * setpoint, 1.0, command
         integrated = self.gains.ki * (setpoint - measurement) * self.dt
         self.state[0] = command - self._without_integral(setpoint, measurement) - integrated
+
+
+def _finite(**values: float) -> None:
+    for name, value in values.items():
+        finite(name, value)
 
 
 def rates(y: ArrayLike, dt: float, rate: str = "filtered", tau: float = 0.0) -> Array:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -89,7 +89,7 @@ def held(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> Held:
     Raises:
         ValueError: for shapes that do not fit, dt that is not positive, a negative delay.
     """
-    A = vector("A", A, (None, None))
+    A = vector("A", A, (len(np.atleast_1d(A)),) * 2)
     B = vector("B", B, (A.shape[0],))
     whole, rest = split_delay(delay, dt)
     first, late = _driven(A, B, rest)
@@ -113,8 +113,8 @@ def stepped(
     (its documentation, Computation, Numerical integration). The delay is rounded to a step.
     """
     h = positive("dt", dt, unit="s") / count("steps", steps, 1)
-    slow = 1.0 / (1.0 + h * damping / inertia)
-    pull = -h * stiffness / inertia * slow
+    slow = 1.0 / (1.0 + h * finite("damping", damping, 0.0) / positive("inertia", inertia))
+    pull = -h * finite("stiffness", stiffness, 0.0) / inertia * slow
     one = np.array([[1.0 + h * pull, h * slow], [pull, slow]])
     kick = h / inertia * slow * np.array([h, 1.0])
     whole, rest = split_delay(delay, dt)
@@ -175,6 +175,8 @@ def pid_law(
     """  # fmt: skip
     one_of("rate", rate, RATES)
     finite("tau", tau, 0.0, unit="s")
+    positive("dt", dt, unit="s")
+    kp, ki, kd = (finite(n, gain) for n, gain in (("kp", kp), ("ki", ki), ("kd", kd)))
     # The state is (integral, rate, last or predicted place); rows that nothing reads are cut.
     A, B = np.zeros((3, 3)), np.zeros((3, 2))
     rated, seen = np.zeros(3), np.zeros(2)  # the rate's estimate as rows of c and y
@@ -222,7 +224,7 @@ def loop_matrix(plant: Held, law: Law) -> Array:
 
 def growth(matrix: ArrayLike) -> float:
     """Growth per sample in the long run: the largest modulus of an eigenvalue."""
-    return float(np.max(np.abs(np.linalg.eigvals(np.asarray(matrix, dtype=float)))))
+    return float(np.max(np.abs(np.linalg.eigvals(vector("matrix", matrix, (None, None))))))
 
 
 def open_loop(plant: Held, law: Law, w: ArrayLike) -> NDArray[np.complex128]:
@@ -277,6 +279,20 @@ def _crossings(plant: Held, law: Law) -> tuple[Array, list[tuple[float, float]]]
     return roots(lambda value: np.abs(value) - 1.0), swings
 
 
+def crossings(plant: Held, law: Law) -> Margins:
+    """The margins of a stable loop as its frequency response has them.
+
+    Its delay is lag over frequency; what the hold does to a part of a sample is left out.
+    """
+    w, swings = _crossings(plant, law)
+    gain = min((factor for factor, _ in swings if factor >= 1.0), default=math.inf)
+    lower = max((factor for factor, _ in swings if factor < 1.0), default=0.0)
+    if not w.size:
+        return Margins(gain, lower, math.inf, math.inf)
+    lag = np.mod(np.angle(open_loop(plant, law, w)) + math.pi, 2.0 * math.pi)
+    return Margins(gain, lower, float(np.min(lag)), float(np.min(lag / w)))
+
+
 def margins(A: ArrayLike, B: ArrayLike, law: Law, dt: float, delay: float = 0.0) -> Margins:
     """Gain, phase and delay margin of a law on a plant, all of one sampled loop.
 
@@ -291,21 +307,16 @@ def margins(A: ArrayLike, B: ArrayLike, law: Law, dt: float, delay: float = 0.0)
 
     if not holds(0.0):
         return Margins(0.0, 0.0, 0.0, 0.0)
-    plant = held(A, B, dt, delay)
-    w, swings = _crossings(plant, law)
-    gain = min((factor for factor, _ in swings if factor >= 1.0), default=math.inf)
-    lower = max((factor for factor, _ in swings if factor < 1.0), default=0.0)
-    if not w.size:
-        return Margins(gain, lower, math.inf, math.inf)
-    lag = np.mod(np.angle(open_loop(plant, law, w)) + math.pi, 2.0 * math.pi)
-    # Lag over frequency would be the delay, but for what the hold does to a part of a sample.
-    step = float(np.min(lag / w)) / 8.0
+    found = crossings(held(A, B, dt, delay), law)
+    if found.delay == math.inf:
+        return found
+    step = found.delay / 8.0
     last = next((k for k in range(1, 40) if not holds(k * step)), 40) * step
     low, high = last - step, last
     for _ in range(30):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if holds(middle) else (low, middle)
-    return Margins(gain, lower, float(np.min(lag)), low)
+    return replace(found, delay=low)
 
 
 def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> tuple[float, float]:
@@ -386,4 +397,5 @@ def passive_stiffness(damping: float, dt: float, delay: float = 0.0) -> float:
     Colgate and Schenkel, Passivity of a class of sampled-data systems, 1997, with the delay added
     to half a sample.
     """
-    return 2.0 * finite("damping", damping, 0.0) / (positive("dt", dt, unit="s") + 2.0 * delay)
+    late = 0.5 * positive("dt", dt, unit="s") + finite("delay", delay, 0.0, unit="s")
+    return finite("damping", damping, 0.0) / late

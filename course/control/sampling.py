@@ -1,7 +1,7 @@
 """Plans by trying: MPPI, the cross-entropy method and predictive sampling over any rollout.
 
 A rollout is a function from plans (K, N, m), K of them over N samples of m inputs, to their costs
-(K,). A cost that is not a number counts as infinite: what a simulator gave up on is no winner. Each
+(K,). A cost that is not finite counts as infinite: what a simulator gave up on is no winner. Each
 function takes a plan and returns a better one; `shifted` moves it on by a sample for the next call.
 """
 
@@ -126,5 +126,5 @@ def _costs(rollout: Rollout, tries: Array) -> Array:
         cost = np.array(rollout(tries), dtype=float)
     if cost.shape != tries.shape[:1]:
         raise refused("rollout(plans).shape", cost.shape, f"one cost a plan, {tries.shape[:1]}")
-    cost[np.isnan(cost)] = np.inf
+    cost[~np.isfinite(cost)] = np.inf
     return cost

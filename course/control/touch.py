@@ -15,7 +15,7 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import finite, positive, vector
+from course.check import count, finite, positive, vector
 from course.compiled import MATRIX, VECTOR, loop
 from course.control.joint import Record
 from course.control.sampled import Law, System, joint_system, pid_law, split_delay
@@ -86,7 +86,7 @@ class TouchLaw:
         if self.mass == 0.0:
             kp, kd = np.array([self.stiffness, self.damping]) + self.force_gain * seen
             return pid_law(kp, 0.0, kd, dt=dt, rate="exact")
-        slow = 1.0 / (1.0 + dt * self.give / self.mass)
+        slow = 1.0 / (1.0 + positive("dt", dt, unit="s") * self.give / self.mass)
         speed = slow * np.array([-dt / self.mass * self.hold, 1.0])
         push = -slow * dt / self.mass * seen
         A, B = np.array([dt * speed + [1.0, 0.0], speed]), np.array([dt * push, push])
@@ -205,6 +205,7 @@ def run_touch(
         A `Record`, whose `torque` is the force on the wall and whose `measured` the place wanted.
     """
     n = round(positive("seconds", seconds, unit="s") / positive("dt", dt, unit="s"))
+    count("seconds / dt", n, 1)
     wanted = np.full(n, 1.0) * vector("target", target, (), (n,), unit="m")
     walls = np.full(n, 1.0) * vector(
         "surface", probe.surface if surface is None else surface, (), (n,), unit="m"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numba
@@ -11,11 +12,11 @@ import numpy as np
 from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, finite, one_of, positive, refused, vector
+from course.check import bounds, count, finite, one_of, positive, refused, vector
 from course.compiled import MATRIX, VECTOR, loop
 from course.control.joint import Record
 from course.control.laws import Arm, computed_torque, feedforward, gain, like, pd, pd_gravity
-from course.kinematics import Chain, TwoLink, forward_dynamics
+from course.kinematics import TwoLink, forward_dynamics
 from course.kinematics.motion import CUBE
 from course.kinematics.two_link import TORQUES
 from course.kinematics.two_link import acceleration as two_link_acceleration
@@ -67,7 +68,7 @@ class JointLaw:
 
 
 @register_jitable
-def _two_link_torque(arm, i, q1, q2, v1, v2, a1, a2):
+def two_link_torque(arm, i, q1, q2, v1, v2, a1, a2):
     """Torques of a motion by column i of `TwoLink.column`, as in its module's equations."""
     a, b, d = arm[0, i], arm[1, i], arm[2, i]
     c, s = np.cos(q2), np.sin(q2)
@@ -75,6 +76,29 @@ def _two_link_torque(arm, i, q1, q2, v1, v2, a1, a2):
     t1 = (a + 2.0 * b * c) * a1 + (d + b * c) * a2 - b * s * v2 * (2.0 * v1 + v2)
     t2 = (d + b * c) * a1 + d * a2 + b * s * v1 * v1 + arm[4, i] * v2 + hanging
     return t1 + arm[3, i] * v1 + arm[9, i] * np.cos(q1) + hanging, t2
+
+
+@register_jitable
+def _held(body, q, v, h, steps):
+    """States of two-link arms, columns of `body`, after steps of h under their torques."""
+    for _ in range(steps):
+        a1 = two_link_acceleration(q, v, body)
+        s2 = v + 0.5 * h * a1
+        a2 = two_link_acceleration(q + 0.5 * h * v, s2, body)
+        s3 = v + 0.5 * h * a2
+        a3 = two_link_acceleration(q + 0.5 * h * s2, s3, body)
+        s4 = v + h * a3
+        a4 = two_link_acceleration(q + h * s3, s4, body)
+        q = q + h / 6.0 * (v + 2.0 * s2 + 2.0 * s3 + s4)
+        v = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+    return q, v
+
+
+def _rollouts(arm, plans, dt, substeps, q, v):
+    """Every plan (T, 2, K) from the states q[0], v[0] on, into q and v (T + 1, 2, K)."""
+    for k in range(plans.shape[0]):
+        arm[TORQUES] = plans[k]
+        q[k + 1], v[k + 1] = _held(arm, q[k], v[k], dt / substeps, substeps)
 
 
 def _track(kind, model, arm, gains, half, references, dt, substeps, limit, q, v, tau):
@@ -96,27 +120,16 @@ def _track(kind, model, arm, gains, half, references, dt, substeps, limit, q, v,
             u1 = gains[0, 0] * e1 + gains[0, 1] * e2 + gains[2, 0] * d1 + gains[2, 1] * d2
             u2 = gains[1, 0] * e1 + gains[1, 1] * e2 + gains[3, 0] * d1 + gains[3, 1] * d2
             if kind == 3:
-                u1, u2 = _two_link_torque(model, i, q1, q2, v1, v2, r[4] + u1, r[5] + u2)
+                u1, u2 = two_link_torque(model, i, q1, q2, v1, v2, r[4] + u1, r[5] + u2)
             elif kind > 0:
-                g1, g2 = _two_link_torque(model, i, q1, q2, 0.0, 0.0, 0.0, 0.0)
+                g1, g2 = two_link_torque(model, i, q1, q2, 0.0, 0.0, 0.0, 0.0)
                 if kind == 2:
-                    g1, g2 = _two_link_torque(model, i, r[0], r[1], r[2], r[3], r[4], r[5])
+                    g1, g2 = two_link_torque(model, i, r[0], r[1], r[2], r[3], r[4], r[5])
                 u1, u2 = u1 + g1, u2 + g2
             tau[k, 0, i] = min(max(u1, -limit[0]), limit[0])
             tau[k, 1, i] = min(max(u2, -limit[1]), limit[1])
         body[TORQUES] = tau[k]
-        here, speed = q[k], v[k]
-        for _ in range(substeps):
-            a1 = two_link_acceleration(here, speed, body)
-            s2 = speed + 0.5 * h * a1
-            a2 = two_link_acceleration(here + 0.5 * h * speed, s2, body)
-            s3 = speed + 0.5 * h * a2
-            a3 = two_link_acceleration(here + 0.5 * h * s2, s3, body)
-            s4 = speed + h * a3
-            a4 = two_link_acceleration(here + h * s3, s4, body)
-            here = here + h / 6.0 * (speed + 2.0 * s2 + 2.0 * s3 + s4)
-            speed = speed + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-        q[k + 1], v[k + 1] = here, speed
+        q[k + 1], v[k + 1] = _held(body, q[k], v[k], h, substeps)
 
 
 _track_loop = loop(
@@ -126,6 +139,34 @@ _track_loop = loop(
         VECTOR, CUBE, CUBE, CUBE,
     ),
 )  # fmt: skip
+
+_rollouts_loop = loop(_rollouts, numba.void(MATRIX, CUBE, numba.float64, numba.int64, CUBE, CUBE))
+
+
+def rollouts(
+    arm: TwoLink, plans: ArrayLike, dt: float, state: tuple[ArrayLike, ArrayLike], substeps: int = 1
+) -> tuple[Array, Array]:
+    """Where each of K plans of torques takes two links, compiled: what `mppi` and its like judge.
+
+    Args:
+        arm: as it is believed to be.
+        plans: torques, shape (K, T, 2), each held for a sample [N m].
+        dt: sample time [s].
+        state: (q, v) at the start, shape (2,) each or (2, K).
+        substeps: Runge-Kutta steps in a sample.
+
+    Returns:
+        q and v, shape (T + 1, 2, K), the first the start; NaN where a plan diverged.
+    """
+    plans = np.ascontiguousarray(np.transpose(vector("plans", plans, (None, None, 2)), (1, 2, 0)))
+    T, _, K = plans.shape
+    q, v = np.empty((2, T + 1, 2, K))
+    for i, (row, start) in enumerate(zip((q, v), state, strict=True)):
+        given = vector(f"state[{i}]", start, (2,), (2, K))
+        row[0] = given.reshape(2, -1)
+    body = np.repeat(arm.column(), K, axis=1)
+    _rollouts_loop(body, plans, positive("dt", dt), count("substeps", substeps, 1), q, v)
+    return q, v
 
 
 def track(
@@ -160,7 +201,7 @@ def track(
     T = count("round(seconds / dt)", round(positive("seconds", seconds, unit="s") / dt), 1)
     count("substeps", substeps, 1)
     n = 2 if isinstance(chain, TwoLink) else chain.n
-    most = np.broadcast_to(np.asarray(limit, dtype=float), (n,)).copy()
+    most = bounds("limit", limit, n)
     if not (most > 0.0).all():
         raise refused("limit", limit, "positive numbers [N m]")
     times, half = np.linspace(0.0, T * dt, T + 1), 0.5 * float(getattr(law, "preview", 0.0))
@@ -186,7 +227,8 @@ def track(
         many, kind = np.repeat(rows, size, axis=2), KINDS.index(law.kind)
         _track_loop(kind, *arms, gains, half, many, dt, substeps, most, q, v, tau)
     else:
-        move = _motion(chain, size, gravity)
+        if isinstance(chain, TwoLink):
+            body = np.repeat(chain.column(), size, axis=1)
         for k in range(T):
             if not (np.isfinite(q[k]).all() and np.isfinite(v[k]).all()):
                 break
@@ -196,8 +238,14 @@ def track(
                 q[k].reshape(shape), v[k].reshape(shape), *(x.reshape(shape) for x in motion)
             )
             tau[k] = np.clip(np.reshape(given, (n, size)).T, -most, most).T
+            if isinstance(chain, TwoLink):
+                _rollouts_loop(body, tau[k : k + 1], dt, substeps, q[k : k + 2], v[k : k + 2])
+                continue
             with np.errstate(over="ignore", invalid="ignore"):  # NaN says that it diverged
-                q[k + 1], v[k + 1] = _runge_kutta(move, q[k], v[k], tau[k], dt / substeps, substeps)
+                q[k + 1], v[k + 1] = _runge_kutta(
+                    partial(forward_dynamics, chain, gravity=gravity), q[k], v[k], tau[k],
+                    dt / substeps, substeps,
+                )  # fmt: skip
     whole = [np.moveaxis(x[:, :, 0] if single else x, 0, -1) for x in (q, v, tau)]
     torque = np.concatenate([whole[2], whole[2][..., -1:]], axis=-1)
     return Record(times, whole[0], whole[1], torque, whole[2], whole[0][..., :-1], now[0])
@@ -206,18 +254,6 @@ def track(
 def _motions(reference: Any, n: int, T: int) -> list[Array]:
     named = zip(("q_ref", "v_ref", "a_ref"), reference, strict=True)
     return [vector(name, value, (n, T)) for name, value in named]
-
-
-def _motion(chain: Arm, size: int, gravity: ArrayLike) -> Callable[[Array, Array, Array], Array]:
-    if isinstance(chain, Chain):
-        return lambda q, v, tau: forward_dynamics(chain, q, v, tau, gravity=gravity)
-    body = np.repeat(chain.column(), size, axis=1)
-
-    def accelerate(q: Array, v: Array, tau: Array) -> Array:
-        body[TORQUES] = tau
-        return np.asarray(two_link_acceleration(q, v, body))
-
-    return accelerate
 
 
 def _runge_kutta(

@@ -156,6 +156,23 @@ def _pair(name: str, value: ArrayLike, like: ArrayLike) -> Array:
 
 
 @register_jitable
+def accelerations(q1, q2, v1, v2, arm, i):
+    """Joint accelerations (a1, a2) of column i of `arm`, see `acceleration`."""
+    a, b, d = arm[0, i], arm[1, i], arm[2, i]
+    c, s = np.cos(q2), np.sin(q2)
+    f1 = arm[11, i] - arm[3, i] * v1 + b * s * v2 * (2.0 * v1 + v2)
+    f2 = arm[12, i] - arm[4, i] * v2 - b * s * v1 * v1
+    # Most arms lie flat, and two cosines are a third of the cost.
+    if arm[9, i] != 0.0 or arm[10, i] != 0.0:
+        hanging = arm[10, i] * np.cos(q1 + q2)
+        f1 -= arm[9, i] * np.cos(q1) + hanging
+        f2 -= hanging
+    m11, m12 = a + 2.0 * b * c, d + b * c
+    inverse = 1.0 / (m11 * d - m12 * m12)
+    return (d * f1 - m12 * f2) * inverse, (m11 * f2 - m12 * f1) * inverse
+
+
+@register_jitable
 def acceleration(q, v, arm):
     """Joint accelerations of N arms, shape (2, N) [rad/s^2]; to be called by compiled loops.
 
@@ -163,19 +180,7 @@ def acceleration(q, v, arm):
     """
     result = np.empty_like(v)
     for i in range(q.shape[1]):
-        a, b, d = arm[0, i], arm[1, i], arm[2, i]
-        c, s = np.cos(q[1, i]), np.sin(q[1, i])
-        f1 = arm[11, i] - arm[3, i] * v[0, i] + b * s * v[1, i] * (2.0 * v[0, i] + v[1, i])
-        f2 = arm[12, i] - arm[4, i] * v[1, i] - b * s * v[0, i] * v[0, i]
-        # Most arms lie flat, and two cosines are a third of the cost.
-        if arm[9, i] != 0.0 or arm[10, i] != 0.0:
-            hanging = arm[10, i] * np.cos(q[0, i] + q[1, i])
-            f1 -= arm[9, i] * np.cos(q[0, i]) + hanging
-            f2 -= hanging
-        m11, m12 = a + 2.0 * b * c, d + b * c
-        inverse = 1.0 / (m11 * d - m12 * m12)
-        result[0, i] = (d * f1 - m12 * f2) * inverse
-        result[1, i] = (m11 * f2 - m12 * f1) * inverse
+        result[0, i], result[1, i] = accelerations(q[0, i], q[1, i], v[0, i], v[1, i], arm, i)
     return result
 
 

@@ -20,8 +20,8 @@ from course.measure.stability import Map
 def document(panels: Sequence[Panel]) -> Any:
     """What a data file holds: all that is drawn, numbers to six digits.
 
-    Of a curve of more than 200 points no more are kept. `panels_of` gives the panels back, so that
-    a picture is drawn anew without measuring.
+    Of a line of more than 200 points no more are kept, of points alone all. `panels_of` gives the
+    panels back, so that a picture is drawn anew without measuring.
     """
     for panel in panels:
         if panel.data is not None:
@@ -45,7 +45,8 @@ def _series_document(series: Series, log_x: bool) -> dict[str, Any]:
     size = len(series.x)
     # Evenly as they are seen.
     even = np.geomspace(1, size, 200) - 1 if log_x else np.linspace(0, size - 1, 200)
-    few = np.unique(even.round().astype(int)).tolist() if size > 200 else range(size)
+    thinned = size > 200 and series.style != ""
+    few = np.unique(even.round().astype(int)).tolist() if thinned else range(size)
     columns = {"x": series.x, "y": series.y, "low": series.low, "high": series.high}
     columns["theory"] = series.expected if series.theory else None
     found: dict[str, Any] = {"label": series.label, "key": series.key}

@@ -199,8 +199,11 @@ class Words:
 
 def arrange(figure: Figure, every: Sequence[Words]) -> None:
     """Give all words of a figure their places."""
-    figure.draw_without_rendering()  # the layout: from here on pixels are known
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        engine.execute(figure)  # of a drawing only the layout: from here on pixels are known
     for words in every:
+        words.ax.apply_aspect()
         room = words.ax.get_window_extent()
         sizes = [name.box.height + 2.0 for name in words.right]
         heights = spread([name.end[1] for name in words.right], sizes, room.y0, room.y1)

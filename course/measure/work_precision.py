@@ -576,12 +576,13 @@ def _first_run(
     return Point(parameter, off, spent, never, never, never)
 
 
-def machine(busy: float = 0.0) -> str:
+def machine(busy: float = 0.0, *, libraries: Sequence[str] = ("mujoco",)) -> str:
     """Processor, cores and versions, for the footer of a chart.
 
     Args:
         busy: share of the timed rounds in which the machine had other work, see
             `course.measure.timing`.
+        libraries: packages that the chart compares or trains with, beside NumPy and Numba.
     """
     name = platform.processor() or platform.machine()
     try:
@@ -592,7 +593,7 @@ def machine(busy: float = 0.0) -> str:
     except OSError:
         name = platform.machine()
     versions = [f"Python {platform.python_version()}"]
-    for package in ("numpy", "numba", "mujoco"):
+    for package in ("numpy", "numba", *libraries):
         try:
             versions.append(f"{package} {metadata.version(package)}")
         except metadata.PackageNotFoundError:

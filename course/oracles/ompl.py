@@ -1,18 +1,17 @@
-"""OMPL's RRT asked for a path of a point among discs in the plane.
+"""OMPL's planners, asked what the course's are: same world, step, goal rule, start.
 
-The question is that of the `rrt` drill, and the algorithm is the same one: goal bias, nearest node,
-a step of at most `range`, one edge check, and a solution as soon as a new node can be joined to the
-goal by a free edge no longer than the step. OMPL does the sampling, the search for the nearest node
-and the tree; three of its parts are replaced, through classes that its bindings let one derive:
+OMPL does the sampling, the search for the nearest node and the tree. What is replaced, through
+classes that its bindings let one derive:
 
-- the motion validator, by an exact test of the segment against the discs (`exact=True`). OMPL's
-  own, `DiscreteMotionValidator`, tries points along the edge (`exact=False`, at `resolution`);
-- the goal, so that joining a new node to it is checked: OMPL's own goal region would call a node
+- the motion validator, by a test of ours. OMPL's own, `DiscreteMotionValidator`, tries states along
+  the edge at a resolution, each by a state test of ours;
+- RRT's goal, so that joining a new node to it is checked: OMPL's own goal region would call a node
   within the step of the goal a solution whatever stands between;
 - the condition to stop, which counts samples instead of time: OMPL asks it once before each.
 
 These parts run in Python, called from OMPL's loop. `Plan.callback_seconds` is their share of the
-time, so that OMPL is not charged for it unawares.
+time, so that OMPL is not charged for it unawares; what the calls themselves add in the binding is
+not in it, `binding_seconds` measures it.
 
 OMPL's random numbers come from one seed a process; it is set anew before each plan, and the random
 generators made for the plan follow it.
@@ -20,17 +19,25 @@ generators made for the plan follow it.
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import count, refused
+from course.check import count, one_of, refused
+from course.planning import World
+from course.planning.worlds import DISC, LAST_SIDE
 
 Array = NDArray[np.float64]
+PLANNERS = {"rrt": "RRT", "rrt_connect": "RRTConnect", "rrt_star": "RRTstar"}
+# A test of ours on states of OMPL, which are read by index.
+StateTest = Callable[[Any], bool]
+EdgeTest = Callable[[Any, Any], bool]
 
 
 @dataclass(frozen=True)
@@ -38,10 +45,11 @@ class Plan:
     """What OMPL answered.
 
     Attributes:
-        path: from start to goal, shape (k, 2) [m], or None if none was found.
-        nodes: the tree, shape (m, 2) [m], in no particular order, the goal with it if reached.
+        path: from start to goal, shape (k, n), or None if none was found.
+        nodes: the tree, shape (m, n), in no particular order, the goal with it if reached.
         samples: how many targets were drawn, those of the goal included.
-        checks: how many edges were checked.
+        checks: how many edges were checked by a test of ours.
+        state_checks: how many states were.
         seconds: time in OMPL's `solve`, that of the callbacks included [s].
         callback_seconds: time in the parts written in Python [s].
     """
@@ -52,6 +60,12 @@ class Plan:
     checks: int
     seconds: float
     callback_seconds: float
+    state_checks: int = 0
+
+    @property
+    def own_seconds(self) -> float:
+        """Time in OMPL itself and in its binding [s]."""
+        return self.seconds - self.callback_seconds
 
 
 def _ompl() -> tuple[Any, Any, Any]:
@@ -63,6 +77,379 @@ def _ompl() -> tuple[Any, Any, Any]:
         util.LogLevel.LOG_NONE
     )  # it reports every plan, and every seed after the first
     return base, geometric, util
+
+
+def defaults(dim: int = 2) -> dict[str, Any]:
+    """What OMPL chooses where nothing is said, asked of itself on the unit cube.
+
+    Returns:
+        The planner it takes for a plain query, its longest edge and its resolution as shares of the
+        diagonal, and the goal bias of RRT.
+    """
+    base, geometric, _ = _ompl()
+    information = _information(base, np.array([[0.0] * dim, [1.0] * dim]))
+    information.setup()
+    setup = geometric.SimpleSetup(information)
+    first = information.getStateSpace().allocState()
+    for i in range(dim):
+        first[i] = 0.5
+    setup.setStartAndGoalStates(first, first)
+    setup.setup()
+    connect, rrt_planner = geometric.RRTConnect(information), geometric.RRT(information)
+    connect.setProblemDefinition(setup.getProblemDefinition())
+    connect.setup()
+    return {
+        "planner": setup.getPlanner().getName(),
+        "range": connect.getRange() / math.sqrt(dim),
+        "resolution": information.getStateValidityCheckingResolution(),
+        "goal_bias": rrt_planner.getGoalBias(),
+    }
+
+
+def approximate(samples: int = 200, seed: int = 1) -> tuple[bool, bool, float]:
+    """An RRT of OMPL asked for a state behind a wall that has no opening.
+
+    Returns:
+        Whether its answer counts as true, whether the problem has an exact solution, and by how
+        much the path ends short of the goal.
+    """
+    base, geometric, util = _ompl()
+    util.RNG.setSeed(count("seed", seed, 1))
+    information = _information(base, np.array([[0.0, 0.0], [1.0, 1.0]]))
+    information.setStateValidityChecker(lambda q: abs(q[0] - 0.5) > 0.1)
+    setup = geometric.SimpleSetup(information)
+    ends = [information.getStateSpace().allocState() for _ in range(2)]
+    for q, x in zip(ends, (0.1, 0.9), strict=True):
+        q[0], q[1] = x, 0.5
+    setup.setStartAndGoalStates(*ends)
+    setup.setPlanner(geometric.RRT(information))
+    asked = itertools.count(1)
+    status = setup.solve(base.PlannerTerminationCondition(lambda: next(asked) > samples))
+    problem = setup.getProblemDefinition()
+    return bool(status), problem.hasExactSolution(), problem.getSolutionDifference()
+
+
+def _information(base: Any, bounds: Array) -> Any:
+    space = base.RealVectorStateSpace(bounds.shape[1])
+    limits = base.RealVectorBounds(bounds.shape[1])
+    for axis, (low, high) in enumerate(bounds.T.tolist()):
+        limits.setLow(axis, low)
+        limits.setHigh(axis, high)
+    space.setBounds(limits)
+    return base.SpaceInformation(space)
+
+
+def solve(
+    bounds: ArrayLike,
+    start: ArrayLike,
+    goal: ArrayLike,
+    method: str,
+    step: float,
+    max_samples: int,
+    seed: int,
+    state: StateTest | None,
+    edge: EdgeTest | None,
+    *,
+    goal_bias: float = 0.05,
+    resolution: float = 0.01,
+) -> Plan:
+    """One plan by OMPL (Sucan, Moll and Kavraki, 2012).
+
+    Args:
+        bounds: rows low and high, shape (2, n).
+        start, goal: free states, shape (n,).
+        method: a key of `PLANNERS`. RRT* takes its neighbours by radius, as ours, and uses the
+            whole budget; RRT joins the goal by a checked edge of at most a step.
+        step: the longest edge, OMPL's `range`.
+        max_samples: how many targets to draw at most.
+        seed: of OMPL's random numbers, positive.
+        state: whether a state is free; without it all are, and OMPL calls no Python for it.
+        edge: whether an edge is; without it OMPL tries states along it.
+        goal_bias: probability that a target is the goal, of "rrt" and "rrt_star".
+        resolution: spacing of states along an edge, as a share of the diagonal.
+
+    Raises:
+        ValueError: for an unknown method or a seed that is not positive.
+        ImportError: if OMPL is not installed.
+    """
+    base, geometric, util = _ompl()
+    one_of("method", method, PLANNERS)
+    util.RNG.setSeed(count("seed", seed, 1))  # for 0 OMPL draws one of its own
+    information = _information(base, np.asarray(bounds, dtype=float))
+    begin, end = np.asarray(start, dtype=float).tolist(), np.asarray(goal, dtype=float).tolist()
+    n = len(begin)
+    asked, checks, states, spent = 0, 0, 0, 0.0
+    motion_validator: Any = base.MotionValidator
+    sampleable_region: Any = base.GoalSampleableRegion
+
+    def edge_test(a, b) -> bool:
+        return information.checkMotion(a, b) if edge is None else edge(a, b)
+
+    class Motions(motion_validator):
+        def checkMotion(self, a, b) -> bool:
+            nonlocal checks, spent
+            begun = time.perf_counter()
+            checks += 1
+            free = edge_test(a, b)
+            spent += time.perf_counter() - begun
+            return free
+
+    class JoinedGoal(sampleable_region):
+        def distanceGoal(self, state) -> float:
+            nonlocal checks, spent
+            begun = time.perf_counter()
+            distance = math.dist([state[i] for i in range(n)], end)
+            if distance <= step:
+                checks += 1
+                if edge_test(state, aim):
+                    distance = 0.0
+            spent += time.perf_counter() - begun
+            return distance
+
+        def sampleGoal(self, state) -> None:
+            for i in range(n):
+                state[i] = end[i]
+
+        def maxSampleCount(self) -> int:
+            return 1
+
+    def is_valid(q) -> bool:
+        nonlocal spent, states
+        begun = time.perf_counter()
+        states += 1
+        assert state is not None
+        free = state(q)
+        spent += time.perf_counter() - begun
+        return free
+
+    def enough() -> bool:
+        nonlocal asked
+        asked += 1
+        return asked > max_samples
+
+    if state is not None:
+        information.setStateValidityChecker(is_valid)
+    if edge is not None:
+        information.setMotionValidator(Motions(information))
+    else:
+        information.setStateValidityCheckingResolution(resolution)
+    information.setup()
+    problem = base.ProblemDefinition(information)
+    first, aim = (information.getStateSpace().allocState() for _ in range(2))
+    for i in range(n):
+        first[i], aim[i] = begin[i], end[i]
+    problem.addStartState(first)
+    if method == "rrt":
+        region = JoinedGoal(information)
+        region.setThreshold(float(np.finfo(float).tiny))
+    else:
+        region = base.GoalState(information)
+        region.setState(aim)
+    problem.setGoal(region)
+    planner = getattr(geometric, PLANNERS[method])(information)
+    planner.setRange(float(step))
+    if method != "rrt_connect":
+        planner.setGoalBias(float(goal_bias))
+    if method == "rrt_star":
+        planner.setKNearest(False)
+    planner.setProblemDefinition(problem)
+    planner.setup()
+    asked, checks, states, spent = 0, 0, 0, 0.0
+
+    begun = time.perf_counter()
+    planner.solve(base.PlannerTerminationCondition(enough))
+    seconds = time.perf_counter() - begun
+
+    tree = base.PlannerData(information)
+    planner.getPlannerData(tree)
+
+    def row(q: Any) -> list[float]:
+        return [q[i] for i in range(n)]
+
+    nodes = [row(tree.getVertex(i).getState()) for i in range(tree.numVertices())]
+    path = None
+    if problem.hasExactSolution():
+        solution = problem.getSolutionPath()
+        path = [row(solution.getState(i)) for i in range(solution.getStateCount())]
+        if path[-1] != end:
+            path.append(end)
+            nodes.append(end)
+    return Plan(
+        path=None if path is None else np.array(path),
+        nodes=np.array(nodes),
+        samples=min(asked, max_samples),
+        checks=checks,
+        seconds=seconds,
+        callback_seconds=spent,
+        state_checks=states,
+    )
+
+
+def roadmap(
+    bounds: ArrayLike, milestones: int, seed: int, state: StateTest, edge: EdgeTest
+) -> tuple[Array, NDArray[np.int64]]:
+    """A roadmap by OMPL's PRM (Kavraki et al., 1996), which joins a state to its ten nearest.
+
+    Only grown: `solve` would expand it in turns that are limited by time, so that no two are alike.
+
+    Returns:
+        Its free states, shape (m, n), and the pairs of them that are joined, shape (e, 2).
+    """
+    base, geometric, util = _ompl()
+    util.RNG.setSeed(count("seed", seed, 1))
+    information = _information(base, np.asarray(bounds, dtype=float))
+    motion_validator: Any = base.MotionValidator
+
+    class Motions(motion_validator):
+        def checkMotion(self, a, b) -> bool:
+            return edge(a, b)
+
+    information.setStateValidityChecker(state)
+    information.setMotionValidator(Motions(information))
+    information.setup()
+    planner = geometric.PRM(information)
+    planner.setProblemDefinition(base.ProblemDefinition(information))
+    planner.setup()
+    grown = base.PlannerTerminationCondition(lambda: planner.milestoneCount() >= milestones)
+    planner.growRoadmapPtc(grown)
+    graph = base.PlannerData(information)
+    planner.getPlannerData(graph)
+    n, many = np.shape(bounds)[1], graph.numVertices()
+    states = [graph.getVertex(i).getState() for i in range(many)]
+    pairs = [(i, j) for i in range(many) for j in graph.getEdges(i) if i < j]
+    return np.array([[q[k] for k in range(n)] for q in states]), np.array(pairs).reshape(-1, 2)
+
+
+def points_along(bounds: ArrayLike, state: StateTest, resolution: float) -> EdgeTest:
+    """OMPL's own test of an edge: states along it, of which `state` is asked.
+
+    Args:
+        bounds: rows low and high, shape (2, n).
+        state: whether a state is free.
+        resolution: their spacing at most, as a share of the diagonal.
+    """
+    base, _, _ = _ompl()
+    information = _information(base, np.asarray(bounds, dtype=float))
+    information.setStateValidityChecker(state)
+    information.setStateValidityCheckingResolution(resolution)
+    information.setup()
+    ends = [information.getStateSpace().allocState() for _ in range(2)]
+
+    def edge(a: Any, b: Any) -> bool:
+        for end, q in zip(ends, (a, b), strict=True):
+            for i in range(np.shape(bounds)[1]):
+                end[i] = float(q[i])
+        return bool(information.checkMotion(*ends))
+
+    return edge
+
+
+# --- a world of the course ------------------------------------------------------------------------
+
+
+def tests(world: World) -> tuple[StateTest, EdgeTest]:
+    """The compiled tests of a world, for states of OMPL."""
+    n, (free, joined) = world.dim, world.kernels
+    here, there = np.empty(n), np.empty(n)
+    obstacles, body = world.obstacles, world.body
+
+    def state(q: Any) -> bool:
+        for i in range(n):
+            here[i] = q[i]
+        return bool(free(obstacles, body, here))
+
+    def edge(a: Any, b: Any) -> bool:
+        for i in range(n):
+            here[i], there[i] = a[i], b[i]
+        return bool(joined(obstacles, body, here, there))
+
+    return state, edge
+
+
+def plain(world: World) -> StateTest:
+    """The state test of a world in pure Python: what most who use OMPL from Python write. Of the
+    plane and of planar arms over lists, of an arm of capsules the course's source, not compiled.
+
+    Raises:
+        ValueError: for a world of another kind.
+    """
+    one_of("world.kind", world.kind, ("plane", "planar arm", "capsule arm"))
+    if world.kind == "capsule arm":
+        n, tables = world.dim, (world.obstacles, world.body)
+        return lambda q: bool(world.state_free(*tables, np.array([q[i] for i in range(n)])))
+    rings: list[list[tuple[float, float]]] = [[]]
+    round_ones = []
+    for kind, x, y, u, _ in world.obstacles.tolist():
+        if kind == DISC:
+            round_ones.append((x, y, u))
+            continue
+        rings[-1].append((x, y))
+        if kind == LAST_SIDE:
+            rings.append([])
+    sides = [list(zip(ring, ring[1:] + ring[:1], strict=True)) for ring in rings[:-1]]
+    links = world.body.tolist()
+
+    def inside(x: float, y: float, ring: list[Any]) -> bool:
+        odd = False
+        for (ax, ay), (bx, by) in ring:
+            if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+                odd = not odd
+        return odd
+
+    def point(q: Any) -> bool:
+        x, y = q[0], q[1]
+        for u, v, radius in round_ones:
+            if (x - u) ** 2 + (y - v) ** 2 <= radius * radius:
+                return False
+        return not any(inside(x, y, ring) for ring in sides)
+
+    def apart(x: float, y: float, ax: float, ay: float, bx: float, by: float) -> float:
+        dx, dy = bx - ax, by - ay
+        t = min(max(((x - ax) * dx + (y - ay) * dy) / (dx * dx + dy * dy), 0.0), 1.0)
+        return math.hypot(x - ax - t * dx, y - ay - t * dy)
+
+    def meet(a: Any, b: Any, c: Any, d: Any) -> bool:
+        def left(p: Any, q: Any, r: Any) -> bool:
+            return (q[0] - p[0]) * (r[1] - p[1]) > (q[1] - p[1]) * (r[0] - p[0])
+
+        return left(a, b, c) != left(a, b, d) and left(c, d, a) != left(c, d, b)
+
+    def arm(q: Any) -> bool:
+        x = y = angle = 0.0
+        for i, (length, radius) in enumerate(links):
+            angle += q[i]
+            u, v = x + length * math.cos(angle), y + length * math.sin(angle)
+            for cx, cy, size in round_ones:
+                if apart(cx, cy, x, y, u, v) <= size + radius:
+                    return False
+            for ring in sides:
+                if inside(u, v, ring):
+                    return False
+                for a, b in ring:
+                    near = min(
+                        apart(*a, x, y, u, v), apart(x, y, *a, *b), apart(u, v, *a, *b)
+                    )  # fmt: skip
+                    if near <= radius or meet((x, y), (u, v), a, b):
+                        return False
+            x, y = u, v
+        return True
+
+    return point if world.kind == "plane" else arm
+
+
+def binding_seconds(samples: int = 2000, seed: int = 1) -> float:
+    """What a call from OMPL into Python costs beside the function called [s].
+
+    An RRT among nothing, to a goal it may not reach, with a test of edges in Python that only says
+    yes, against OMPL's own tests, of a single state an edge: the difference a call.
+    """
+    query = ([[0.0] * 2, [1.0] * 2], [0.1] * 2, [0.9] * 2, "rrt_star", 0.1, samples, seed)
+    own = solve(*query, None, None, resolution=0.5)
+    called = solve(*query, None, lambda a, b: True)
+    return (called.own_seconds - own.own_seconds) / max(1, called.checks)
+
+
+# --- the question of the drill --------------------------------------------------------------------
 
 
 def rrt(
@@ -88,7 +475,7 @@ def rrt(
         max_samples: how many targets to draw at most.
         seed: of OMPL's random numbers, positive.
         goal_bias: probability that a target is the goal.
-        exact: check edges exactly, or by OMPL's points along the edge.
+        exact: check edges exactly, in pure Python, or by OMPL's points along the edge.
         resolution: spacing of those points, as a share of the world's diagonal.
 
     Returns:
@@ -98,116 +485,20 @@ def rrt(
         ValueError: if start or goal is in collision or out of bounds, or the seed is not positive.
         ImportError: if OMPL is not installed.
     """
-    base, geometric, util = _ompl()
-    count("seed", seed, 1)  # for 0 OMPL draws one of its own
-    start, goal = np.asarray(start, dtype=float), np.asarray(goal, dtype=float)
     low, high = np.asarray(bounds, dtype=float)
     obstacles = [tuple(row) for row in np.asarray(discs, dtype=float).reshape(-1, 3).tolist()]
+
+    def edge(a: Any, b: Any) -> bool:
+        return _is_free(a[0], a[1], b[0], b[1], obstacles)
+
     for name, point in (("start", start), ("goal", goal)):
-        inside = bool(((low <= point) & (point <= high)).all())
-        x, y = point.tolist()
-        if not inside or not _is_free(x, y, x, y, obstacles):
-            raise refused(name, point, "a free point within the bounds")
-
-    util.RNG.setSeed(seed)
-    space = base.RealVectorStateSpace(2)
-    limits = base.RealVectorBounds(2)
-    for axis in range(2):
-        limits.setLow(axis, float(low[axis]))
-        limits.setHigh(axis, float(high[axis]))
-    space.setBounds(limits)
-    information = base.SpaceInformation(space)
-    goal_x, goal_y = goal.tolist()
-    asked, checks, spent = 0, 0, 0.0
-    motion_validator: Any = base.MotionValidator
-    sampleable_region: Any = base.GoalSampleableRegion
-
-    class ExactMotions(motion_validator):
-        def checkMotion(self, a, b) -> bool:
-            nonlocal checks, spent
-            begun = time.perf_counter()
-            checks += 1
-            free = _is_free(a[0], a[1], b[0], b[1], obstacles)
-            spent += time.perf_counter() - begun
-            return free
-
-    class JoinedGoal(sampleable_region):
-        def distanceGoal(self, state) -> float:
-            nonlocal checks, spent
-            begun = time.perf_counter()
-            x, y = state[0], state[1]
-            distance = math.hypot(goal_x - x, goal_y - y)
-            if distance <= step:
-                checks += 1
-                if _is_free(x, y, goal_x, goal_y, obstacles):
-                    distance = 0.0
-            spent += time.perf_counter() - begun
-            return distance
-
-        def sampleGoal(self, state) -> None:
-            state[0], state[1] = goal_x, goal_y
-
-        def maxSampleCount(self) -> int:
-            return 1
-
-    def is_valid(state) -> bool:
-        nonlocal spent
-        begun = time.perf_counter()
-        free = _is_free(state[0], state[1], state[0], state[1], obstacles)
-        spent += time.perf_counter() - begun
-        return free
-
-    def enough() -> bool:
-        nonlocal asked
-        asked += 1
-        return asked > max_samples
-
-    information.setStateValidityChecker(is_valid)
-    if exact:
-        information.setMotionValidator(ExactMotions(information))
-    else:
-        information.setStateValidityCheckingResolution(resolution)
-    information.setup()
-    problem = base.ProblemDefinition(information)
-    first = space.allocState()
-    first[0], first[1] = start.tolist()
-    problem.addStartState(first)
-    region = JoinedGoal(information)
-    region.setThreshold(float(np.finfo(float).tiny))
-    problem.setGoal(region)
-    planner = geometric.RRT(information)
-    planner.setRange(float(step))
-    planner.setGoalBias(float(goal_bias))
-    planner.setProblemDefinition(problem)
-    planner.setup()
-
-    begun = time.perf_counter()
-    planner.solve(base.PlannerTerminationCondition(enough))
-    seconds = time.perf_counter() - begun
-
-    found = problem.hasExactSolution()
-    tree = base.PlannerData(information)
-    planner.getPlannerData(tree)
-    nodes = [_xy(tree.getVertex(i).getState()) for i in range(tree.numVertices())]
-    path = None
-    if found:
-        states = problem.getSolutionPath()
-        path = [_xy(states.getState(i)) for i in range(states.getStateCount())]
-        if path[-1] != (goal_x, goal_y):
-            path.append((goal_x, goal_y))
-            nodes.append((goal_x, goal_y))
-    return Plan(
-        path=None if path is None else np.array(path),
-        nodes=np.array(nodes),
-        samples=min(asked, max_samples),
-        checks=checks,
-        seconds=seconds,
-        callback_seconds=spent,
-    )
-
-
-def _xy(state) -> tuple[float, float]:
-    return state[0], state[1]
+        place = np.asarray(point, dtype=float)
+        if not ((low <= place) & (place <= high)).all() or not edge(place, place):
+            raise refused(name, place, "a free point within the bounds")
+    return solve(
+        bounds, start, goal, "rrt", step, max_samples, seed, lambda q: edge(q, q),
+        edge if exact else None, goal_bias=goal_bias, resolution=resolution,
+    )  # fmt: skip
 
 
 def _is_free(ax: float, ay: float, bx: float, by: float, discs: list[tuple[float, ...]]) -> bool:

@@ -195,6 +195,43 @@ class Arm:
 
         return jacobians if what == "jacobian" else dynamics
 
+    def follow(self, motion: Array, kp: Array, kd: Array, dt: float) -> Callable[[], Array]:
+        """A loop of computed torque with half-sample preview, by `rnea`, RK4 by `aba`.
+
+        Arguments and what comes back are those of `oracles.mujoco.chain.follow`; an arm whose order
+        of joints is Pinocchio's.
+        """
+        rnea, aba = self._library.rnea, self._library.aba
+        model, data, damping, half = self.model, self.data, self._damping, 0.5 * dt
+        q0 = motion[0, :, 0] - half * motion[1, :, 0] + 0.5 * half**2 * motion[2, :, 0]
+        start = q0, motion[1, :, 0] - half * motion[2, :, 0]
+
+        def move(q: Array, v: Array, tau: Array) -> Array:
+            return np.asarray(aba(model, data, q, v, tau - damping * v))
+
+        def run() -> Array:
+            places = np.empty((motion.shape[2] + 1, len(q0)))
+            places[0], v = start
+            q = places[0]
+            for k in range(motion.shape[2]):
+                wanted, rate, a = motion[:, :, k]
+                ahead, fast = q + half * v + 0.5 * half**2 * a, v + half * a
+                a = a + kp * (wanted - ahead) + kd * (rate - fast)
+                tau = rnea(model, data, ahead, fast, a) + damping * fast
+                a1 = move(q, v, tau)
+                s2 = v + half * a1
+                a2 = move(q + half * v, s2, tau)
+                s3 = v + half * a2
+                a3 = move(q + half * s2, s3, tau)
+                s4 = v + dt * a3
+                a4 = move(q + dt * s3, s4, tau)
+                q = q + dt / 6.0 * (v + 2.0 * s2 + 2.0 * s3 + s4)
+                v = v + dt / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+                places[k + 1] = q
+            return places
+
+        return run
+
     def usual_ik(
         self,
         target: Array,

@@ -1,13 +1,18 @@
-"""Stable-Baselines3's interface of vector environments around those of `course.vector_env`."""
+"""Stable-Baselines3: its interface around the vector environments of the course, and its PPO."""
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from course.check import refused
+from course.check import one_of, refused
+from course.learning.network import one_thread
+from course.learning.ppo import Settings
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
@@ -110,3 +115,98 @@ def vec_env(envs: Any) -> VecEnv:
             return [f"<{wrapper_class.__name__}<" in written[i] for i in chosen]
 
     return Adapter()
+
+
+class Curve(NamedTuple):
+    """A learner's way: after so many environment steps and so much processor time, how good.
+
+    Attributes:
+        steps: shape (k,).
+        seconds: processor time of learning, what judging takes left out, (k,) [s].
+        scores: shape (k,).
+    """
+
+    steps: NDArray[np.int64]
+    seconds: NDArray[np.float64]
+    scores: NDArray[np.float64]
+
+
+def ppo(
+    envs: Any, settings: Settings, judge: Any, *, steps: int, seed: int, every: int = 1
+) -> Curve:
+    """The library's PPO with the settings of ours: same networks, same starts, same normalisers.
+
+    It updates the normalisers at every step, ours once in an iteration; it normalises advantages in
+    each minibatch; its Adam keeps each layer's weights apart. What ours has beside these settings
+    (`shared`, `crossing`, `bootstrap`) has to be as by default, as the library knows no other.
+
+    Args:
+        envs: see `vec_env`.
+        settings: of `course.learning.ppo`.
+        judge: function (policy) -> score, where policy(observations (n, d)) are mean actions.
+        steps: of all environments together.
+        seed: of weights, environments and all that is drawn.
+        every: iterations between two scores.
+
+    Returns:
+        Its learning curve.
+    """
+    batch, venv = settings.horizon * envs.num_envs, vec_env(envs)
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.callbacks import BaseCallback
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    for name in ("shared", "crossing", "bootstrap"):
+        one_of(name, getattr(settings, name), (name != "crossing",))
+    wrapped = VecNormalize(
+        venv, norm_obs=settings.normalise_observations, norm_reward=settings.scale_rewards,
+        gamma=settings.discount, clip_reward=np.inf,
+    )  # fmt: skip
+    infinite = {math.inf: None}
+    rows: list[tuple[int, float, float]] = []
+
+    class Watch(BaseCallback):
+        def _on_step(self) -> bool:
+            return True
+
+        def _on_rollout_start(self) -> None:  # after the update of the iteration before
+            if self.num_timesteps and self.num_timesteps // batch % every == 0:
+                self.look()
+
+        def look(self) -> None:
+            spent = time.process_time() - self.started
+
+            def policy(observations: Any) -> Any:
+                return self.model.predict(wrapped.normalize_obs(observations), deterministic=True)[
+                    0
+                ]
+
+            rows.append((self.num_timesteps, spent, judge(policy)))
+            self.started = time.process_time() - spent
+
+        started = 0.0
+
+    hidden, rate = list(settings.hidden), settings.rate
+    with one_thread():
+        model = PPO(
+            "MlpPolicy", wrapped, seed=seed, device="cpu", n_steps=settings.horizon,
+            learning_rate=(lambda left: rate * left) if settings.anneal else rate,
+            batch_size=batch // settings.minibatches, n_epochs=settings.epochs,
+            gamma=settings.discount, gae_lambda=settings.trace,
+            clip_range=min(settings.clip, 1e9), ent_coef=settings.entropy,
+            vf_coef=settings.value_weight, max_grad_norm=min(settings.longest_gradient, 1e9),
+            target_kl=infinite.get(settings.most_kl, settings.most_kl),
+            normalize_advantage=settings.normalise_advantages,
+            policy_kwargs={
+                "net_arch": {"pi": hidden, "vf": hidden}, "activation_fn": torch.nn.Tanh,
+                "log_std_init": math.log(settings.spread),
+            },
+        )  # fmt: skip
+        watch = Watch()
+        watch.started = time.process_time()
+        model.learn(steps // batch * batch, callback=watch)
+        if not rows or rows[-1][0] < model.num_timesteps:
+            watch.look()
+    table = np.array(rows)
+    return Curve(table[:, 0].astype(np.int64), table[:, 1], table[:, 2])

@@ -49,6 +49,7 @@ class Model:
         live_drag: drags and keys act on the running state; else the experiment starts anew from
             what they did to the controls.
         recorded: the pictures were computed beforehand, as a library had to come along.
+        aside: words that only a running panel shows, such as milliseconds, and no saved page.
     """
 
     title: str
@@ -64,6 +65,7 @@ class Model:
     press: Callable[[Any, Any, int], None] | None = None
     live_drag: bool = False
     recorded: bool = field(default=False)
+    aside: Callable[[], str] | None = None
 
 
 class Experiment:

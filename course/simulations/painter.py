@@ -13,6 +13,7 @@ from matplotlib import patches
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox, ScaledTranslation, TransformedBbox
+from numpy.typing import NDArray
 from PIL import Image
 
 from course.check import positive
@@ -146,6 +147,13 @@ def to_png(picture: Picture, sharpness: float = 1.5) -> bytes:
     return buffer.getvalue()
 
 
+def to_pixels(picture: Picture) -> NDArray[np.uint8]:
+    """The same picture as red, green and blue of each pixel, one dot each, (height, width, 3)."""
+    page = _page(picture, 1.0)
+    page.draw()
+    return np.asarray(page.buffer_rgba())[..., :3].copy()
+
+
 def film(model: Model, seconds: float = 4.0, rate: float = 10.0) -> bytes:
     """The first preset of a model from its start on, as an animated PNG that begins anew for ever.
 
@@ -162,9 +170,7 @@ def film(model: Model, seconds: float = 4.0, rate: float = 10.0) -> bytes:
     experiment.choose(next(iter(model.presets)))
     pictures = []
     for _ in range(count):
-        page = _page(experiment.picture(), 1.0)
-        page.draw()
-        pictures.append(np.asarray(page.buffer_rgba())[..., :3])
+        pictures.append(to_pixels(experiment.picture()))
         experiment.advance(1.0 / rate)
     # One palette for all, from some of them; its last place is for what has not changed.
     some = Image.fromarray(np.concatenate(pictures[:: max(1, count // 8)]))

@@ -52,7 +52,7 @@ class Panel(ipywidgets.VBox):
         self._preset = ipywidgets.Dropdown(
             options=list(model.presets), tooltip="Preset", layout={"width": "auto"}
         )
-        self._note = ipywidgets.HTML()
+        self._note, self.aside = ipywidgets.HTML(), ipywidgets.HTML()
         self._play = ipywidgets.Button(
             description="Play", icon="play", button_style="primary", layout={"width": "104px"}
         )
@@ -64,7 +64,8 @@ class Panel(ipywidgets.VBox):
         )
         buttons = ipywidgets.HBox([self._play, self._reset])
         side = ipywidgets.VBox(
-            [buttons, self._preset, self._note, *self.inputs.values()],
+            [buttons, self._preset, self._note, *self.inputs.values()]
+            + [self.aside] * (model.aside is not None),
             layout={"flex": "1 1 250px", "max_width": "346px"},
         )
         self.canvas.layout = ipywidgets.Layout(flex="3 1 400px", max_width="960px")
@@ -188,6 +189,8 @@ class Panel(ipywidgets.VBox):
 
     def _show(self) -> None:
         self.canvas.show(self.experiment.picture())
+        if self.model.aside is not None:
+            self.aside.value = html.escape(self.model.aside())
 
     def _show_note(self) -> None:
         note = self.model.presets[self._preset.value].note

@@ -259,6 +259,15 @@ def segment(pen, x0, y0, x1, y1, colour, width=1.5, alpha=1.0, on=0.0, off=0.0):
 
 
 @register_jitable
+def segments(pen, a, b, colour, width=1.5, alpha=1.0):
+    """Lines from points to points, rows of arrays (N, 2), as one line with gaps."""
+    ends = np.full((len(a), 3, 2), np.nan)
+    ends[:, 0], ends[:, 1] = a, b
+    flat = ends.reshape(-1, 2)
+    curve(pen, flat[:, 0], flat[:, 1], colour, width, alpha)
+
+
+@register_jitable
 def box(pen, left, right, bottom, top, fill, edge=NONE, width=1.5, alpha=1.0):
     """A rectangle with sides along the axes."""
     polygon(pen, fill, edge, width, alpha)
@@ -327,6 +336,27 @@ def theory(pen, x, y):
 def theory_key(pen, x, y, word):
     """What the dashed line means."""
     key(pen, x, y, word, INK, 1.6, 0.8, 5.0, 4.0)
+
+
+BUTTON, BUTTON_HIGH, _BUTTON_GAP = 1.1, 0.32, 0.08  # from one to the next; height; between two
+
+
+@register_jitable
+def buttons(pen, x, y, word, count):
+    """A row of buttons with words that follow each other in the table; (x, y) is their corner."""
+    for k in range(count):
+        left = x + BUTTON * k
+        box(pen, left, left + BUTTON - _BUTTON_GAP, y, y + BUTTON_HIGH, FAINT, GREY)
+        middle = left + 0.5 * (BUTTON - _BUTTON_GAP)
+        text(pen, middle, y + 0.5 * BUTTON_HIGH, word + k, INK, 13.0, CENTRE)
+
+
+@register_jitable
+def button_at(x, y, count, u, v):
+    """The number of the button at the point (u, v) of the window, -1 for none; see `buttons`."""
+    k = int(np.floor((u - x) / BUTTON))
+    inside = 0 <= k < count and u - x - BUTTON * k <= BUTTON - _BUTTON_GAP
+    return k if inside and y <= v <= y + BUTTON_HIGH else -1
 
 
 @register_jitable

@@ -6,8 +6,12 @@ many as are wanted come from one array expression. The seed is an array (1,) of 
 field `Field(np.uint64(0), shape=(1,))` of the state; drawing moves it on.
 """
 
+from typing import NamedTuple
+
 import numpy as np
-from numba.extending import register_jitable
+from numba import types
+from numba.extending import overload_method, register_jitable
+from numpy.typing import NDArray
 
 _GAMMA = np.uint64(0x9E3779B97F4A7C15)
 _FIRST, _SECOND = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
@@ -36,3 +40,35 @@ def normal(seed, out):
     """Fill `out` (N,) with numbers of a standard normal distribution (Box and Muller, 1958)."""
     u = (integers(seed, 2 * out.size) >> _11) * 2.0**-53
     out[:] = np.sqrt(-2.0 * np.log(1.0 - u[::2])) * np.cos(2.0 * np.pi * u[1::2])
+
+
+class Stream(NamedTuple):
+    """The numbers of a seed, one at a time, asked for as of a `numpy.random.Generator`: so that a
+    loop which is handed one runs on either."""
+
+    seed: NDArray[np.uint64]
+
+    def random(self) -> float:
+        """A number spread evenly over [0, 1)."""
+        return _one(uniform, self.seed)
+
+    def standard_normal(self) -> float:
+        """A number of a standard normal distribution."""
+        return _one(normal, self.seed)
+
+
+@register_jitable
+def _one(law, seed):
+    out = np.empty(1)
+    law(seed, out)
+    return out[0]
+
+
+@overload_method(types.BaseNamedTuple, "random")
+def _random(self):
+    return lambda self: _one(uniform, self.seed)
+
+
+@overload_method(types.BaseNamedTuple, "standard_normal")
+def _standard_normal(self):
+    return lambda self: _one(normal, self.seed)

@@ -6,6 +6,7 @@ on them, and all give what a loop over single environments gives, bit for bit:
 - `VectorizedEnv(env_fn, num_envs)`: one after the other, in this process;
 - `ProcessVectorEnv(env_fn, num_envs)`: in worker processes, with shared memory;
 - `ArmReachVector(num_envs)`: the closed-form two-link arm, all copies in one compiled call;
+- `PointReachVector(num_envs)`: a point pushed to a disc, whose best is known exactly;
 - `course.oracles.mujoco.reach.MujocoArmReachVector(num_envs)`: the same task in `mujoco.batch`.
 
 An episode ends in one of two ways, which are kept apart: `terminations` (the task is over, there is
@@ -27,7 +28,9 @@ no future to value) and `truncations` (the clock ran out, there is one). What fo
 
 import gymnasium
 
+from course.vector_env import point
 from course.vector_env.arrays import ArrayVectorEnv
+from course.vector_env.point import PointReach, PointReachVector
 from course.vector_env.processes import ProcessVectorEnv, WorkerError
 from course.vector_env.reach import ArmReach, ArmReachVector, kernels
 from course.vector_env.sequential import VectorizedEnv
@@ -36,6 +39,8 @@ __all__ = [
     "ArmReach",
     "ArmReachVector",
     "ArrayVectorEnv",
+    "PointReach",
+    "PointReachVector",
     "ProcessVectorEnv",
     "VectorizedEnv",
     "WorkerError",
@@ -46,6 +51,7 @@ __all__ = [
 # comes by these names.
 for _name, _single in (
     ("course/ArmReach-v0", "course.vector_env.reach:ArmReach"),
+    ("course/PointReach-v0", "course.vector_env.point:PointReach"),
     ("course/ArmReachMujoco-v0", "course.oracles.mujoco.reach:MujocoArmReach"),
 ):
     if _name not in gymnasium.registry:
@@ -55,3 +61,4 @@ for _name, _single in (
 def warm() -> None:
     """Compile, or load from the cache, everything here that is compiled."""
     kernels()
+    point.kernels()

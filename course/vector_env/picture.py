@@ -1,7 +1,5 @@
 """A picture of a reaching arm, drawn with the pen and the painter that all simulations share."""
 
-import io
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,8 +21,6 @@ def reach_picture(q: Array, target: Array, lengths: Array, radius: float) -> NDA
         Red, green and blue of each pixel, rows from the top, (SIDE, SIDE, 3).
     """
     # An environment that is not looked at needs neither of them.
-    from matplotlib.image import imread
-
     from course.simulations import painter, pen
 
     turned = np.cumsum(q)
@@ -47,5 +43,4 @@ def reach_picture(q: Array, target: Array, lengths: Array, radius: float) -> NDA
     pen.points(ink, x[:2], y[:2])
     pen.disc(ink, 0.02 * reach, pen.ORANGE)
     pen.point(ink, x[2], y[2])
-    dots = imread(io.BytesIO(painter.to_png(pen.picture(paper, ink), 1.0)), format="png")
-    return np.round(255.0 * dots[:, :, :3]).astype(np.uint8)
+    return painter.to_pixels(pen.picture(paper, ink))

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from course import contact
+from course.charts.contact.geometry import random_poses
 from course.contact import broad
 from course.contact.shapes import corners_in_space
 from tests.budget import examples
@@ -82,7 +83,7 @@ def test_a_plane_meets_everything_and_does_not_choose_the_axis():
 
 @pytest.mark.parametrize("name", draws.SHAPES)
 def test_bounds_hold_the_shape_and_touch_it_on_every_side(name):
-    shape, pose = draws.SHAPES[name], draws.poses(np.random.default_rng(4), 20)
+    shape, pose = draws.SHAPES[name], random_poses(np.random.default_rng(4), 20, 1.0)
     boxes = contact.bounds(shape, pose)
     assert boxes.shape == (2, 3, 20)
     core = corners_in_space(shape, pose)

@@ -8,10 +8,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course import contact
+from course.charts.contact.geometry import random_poses
 from course.contact.sweep import moved
 from course.rigid_body.quaternion import exp, rotate
 from tests.budget import examples
-from tests.contact import draws
 from tests.contact.draws import CUBE, SHAPES, at
 
 
@@ -80,7 +80,7 @@ def test_a_scene_has_the_contacts_of_its_pairs(margin):
     rng = np.random.default_rng(11)
     kinds = [*SHAPES.values(), contact.plane()]
     shapes = [kinds[k] for k in rng.integers(0, len(kinds), 40)]
-    poses = draws.poses(rng, 40, 2.0)
+    poses = random_poses(rng, 40, 2.0)
     found = contact.contacts(shapes, poses, margin)
     expected = []
     for i in range(40):
@@ -117,7 +117,7 @@ def test_the_manifold_supports_what_mujoco_supports():
 
 def flight(rng, n):
     """Two batches of poses apart, and velocities with turning that bring many of them together."""
-    pose_a, pose_b = draws.poses(rng, n, 2.0), draws.poses(rng, n, 2.0)
+    pose_a, pose_b = random_poses(rng, n, 2.0), random_poses(rng, n, 2.0)
     return pose_a, rng.normal(size=(6, n)) * 2.0, pose_b, rng.normal(size=(6, n)) * 2.0
 
 

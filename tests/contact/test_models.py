@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course.contact import Problem, residuals, solve
-from course.contact.models import defect, duality_gap, gauss_seidel, lemke
+from course.contact.models import defect, duality_gap, lemke
 from course.contact.scenes import (
     GRAVITY,
     Scene,
@@ -21,9 +21,7 @@ from course.contact.scenes import (
     rod,
     run,
     spinning_disc,
-    table,
     tower,
-    with_friction,
 )
 from course.rigid_body import planar_contact
 from tests.budget import examples
@@ -182,51 +180,16 @@ def test_a_penalty_block_creeps_where_the_others_stick() -> None:
 
 
 def test_a_damper_that_may_pull_holds_back_what_leaves() -> None:
-    scene = ball_drop(0.0)
-    problem = scene.problem(1e-3, np.array([-1e-4]), np.array([1.0]))
-    sprung = {"stiffness": 1e4, "damping": 50.0}
-    assert solve("penalty", problem, **sprung, pull=True).impulses[0, 0] == pytest.approx(
-        1e-3 * (1e4 * 1e-4 - 50.0)
-    )
-    assert solve("penalty", problem, **sprung).impulses[0, 0] == 0.0
-
-
-def braked(model: str, degrees: float, dt: float = 1e-3, **options: float) -> tuple[float, float]:
-    """(way to a stop over Coulomb's, its direction [degrees])."""
-    mu, speed, t = 0.5, 1.0, math.radians(degrees)
-    scene = block(0.0, mu, (speed * math.cos(t), speed * math.sin(t)))
-    end = run(scene, model, dt, round(1.6 * speed / (mu * GRAVITY) / dt), **options).q[:2, -1]
-    way = np.linalg.norm(end) / (speed**2 / (2.0 * mu * GRAVITY))
-    return float(way), math.degrees(math.atan2(end[1], end[0]))
-
-
-@pytest.mark.parametrize("degrees", [0.0, 22.5, 45.0])
-def test_the_pyramid_steers_and_stretches(degrees: float) -> None:
-    """Its edges on the axes: friction is limited by |f_x| + |f_y|, so it acts along the axis of
-    the faster component until both are equal."""
-    t = math.radians(degrees)
-    way, direction = braked("lcp", degrees)
-    assert way == pytest.approx(math.sqrt(1.0 + math.sin(2.0 * t) ** 2), rel=5e-3)
-    assert direction == pytest.approx(math.degrees(math.atan(math.sin(2.0 * t))), abs=0.3)
-    for model in ("pgs", "coulomb"):
-        way, direction = braked(model, degrees, 4e-3)
-        assert way == pytest.approx(1.0, rel=2e-2)
-        assert direction == pytest.approx(degrees, abs=1e-6)
-
-
-def test_more_edges_steer_less() -> None:
-    ways = [braked("lcp", 180.0 / edges, 4e-3, edges=edges)[0] for edges in (4, 8, 16)]
-    assert ways[0] > ways[1] > ways[2] > 0.98
+    problem = ball_drop(0.0).problem(1e-3, np.array([-1e-4]), np.array([1.0]))
+    for pull, force in ((True, 1e4 * 1e-4 - 50.0), (False, 0.0)):
+        found = solve("penalty", problem, stiffness=1e4, damping=50.0, pull=pull)
+        assert found.impulses[0, 0] == pytest.approx(1e-3 * force)
 
 
 def test_what_slides_on_the_convex_cone_separates() -> None:
-    """u_n = mu |u_t| at the end of a step that slides; then it flies and falls (mu v / (1 + mu^2)
-    is what one step leaves of mu v)."""
-    mu, speed, dt = 0.5, 1.0, 1e-3
-    first = solve("convex", block(0.0, mu, (speed, 0.0)).problem(dt))
-    assert first.velocity[2] == pytest.approx(mu * first.velocity[0], rel=1e-9)
-    hop = run(block(0.0, mu, (speed, 0.0)), "convex", dt, 120).q[2].max()
-    assert hop == pytest.approx((mu * speed / (1 + mu**2)) ** 2 / (2 * GRAVITY), rel=0.03)
+    """u_n = mu |u_t| at the end of a step that slides."""
+    first = solve("convex", block(0.0, 0.5, (1.0, 0.0)).problem(1e-3))
+    assert first.velocity[2] == pytest.approx(0.5 * first.velocity[0], rel=1e-9)
 
 
 @pytest.mark.parametrize("model", RIGID)
@@ -247,44 +210,6 @@ def test_a_tower_carries_its_weight_at_any_mass_ratio(model: str, ratio: float) 
     assert found.converged
     weights = GRAVITY * np.array([1.0 + ratio, ratio])
     assert found.impulses[:, 0] / 0.01 == pytest.approx(weights, rel=1e-6)
-
-
-def test_sweeps_grow_with_the_mass_on_top() -> None:
-    """Two bodies: the error falls by r / (1 + r) a sweep, so (1 + r) ln(1 / tolerance) sweeps."""
-    for ratio in (30.0, 300.0):
-        problem = tower([1.0, ratio]).problem(0.01)
-        truth = 0.01 * GRAVITY * np.array([1.0 + ratio, ratio])
-        g = np.zeros(2)
-        counted = 0
-        while np.max(np.abs(g / truth - 1.0)) > 1e-6:
-            gauss_seidel(
-                problem.scaled, problem.offset, g, 1, associated=False, sweeps=1, tolerance=1e-300
-            )
-            counted += 1
-        assert counted == pytest.approx((1.0 + ratio) * math.log(1e6), rel=0.05)
-
-
-def test_a_table_has_one_motion_and_many_forces() -> None:
-    problem = table((0.1, 0.05)).problem(0.01)
-    found = {model: solve(model, problem) for model in SOLVED}
-    for one in found.values():
-        assert one.converged
-        assert np.allclose(one.velocity, 0.0, atol=1e-9)
-        assert np.sum(one.impulses) == pytest.approx(10.0 * GRAVITY * 0.01, rel=1e-9)
-    lcp, pgs = found["lcp"].impulses[:, 0], found["pgs"].impulses[:, 0]
-    turn = np.array([1.0, -1.0, 1.0, -1.0])
-    assert np.max(np.abs(lcp - pgs)) > 0.01  # a vertex against a mean
-    assert np.allclose((lcp - pgs) - turn * (lcp - pgs)[0], 0.0, atol=1e-8)
-
-
-@pytest.mark.parametrize("model", SOLVED)
-def test_fingers_hold_a_glass_from_the_right_friction_on(model: str) -> None:
-    squeeze, mass = 5.0, 0.2
-    needed = mass * GRAVITY / (2.0 * squeeze)
-    held = run(pinch(squeeze, 1.001 * needed, mass), model, 0.01, 20)
-    lost = run(pinch(squeeze, 0.999 * needed, mass), model, 0.01, 20)
-    assert abs(held.v[3, -1]) < 1e-8
-    assert lost.v[3, -1] < -1e-3
 
 
 @pytest.mark.parametrize("model", SOLVED)
@@ -403,7 +328,7 @@ def test_bad_input_is_named(name: str, value: object, text: str) -> None:
 
 def test_friction_below_zero_and_asymmetric_masses_are_refused() -> None:
     with pytest.raises(ValueError, match="friction"):
-        with_friction(block(), -0.1)
+        block(friction=-0.1)
     with pytest.raises(ValueError, match="symmetric"):
         Problem(
             np.array([[1.0, 0.5], [0.0, 1.0]]), np.ones((1, 1, 2)), np.zeros(2), np.zeros(2),

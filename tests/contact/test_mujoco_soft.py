@@ -5,6 +5,7 @@ The long form, every combination over 1,000 steps, is in tests/prove/contact.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any
@@ -90,11 +91,13 @@ def test_reference_and_compliance_are_mujocos(cone: str) -> None:
 
 
 def test_our_own_block_and_tower_move_as_mujocos_do() -> None:
-    """Course's scene, forces and step; MuJoCo lends the inverse weights of its start pose."""
-    for cone in ("elliptic", "pyramidal"):
-        options = Options(cone=cone, friction=(0.5, 0.005, 0.0001))
+    """Course's scene, forces and step; MuJoCo lends the inverse weights of its start pose. Without
+    friction it takes a least coefficient; the pyramid's compliance is then 1e-10 of the usual."""
+    for cone, mu in itertools.product(("elliptic", "pyramidal"), (0.5, 0.0)):
+        options = Options(cone=cone, friction=(mu, 0.005, 0.0001))
+        off = 1e-11 if mu else 1e-7
         pairs = [
-            (scenes.block(0.2, 0.5, (1.0, 0.5)), mujoco_contact.block(options, 0.2, (1.0, 0.5))),
+            (scenes.block(0.2, mu, (1.0, 0.5)), mujoco_contact.block(options, 0.2, (1.0, 0.5))),
             (scenes.tower([1.0, 2.0, 0.5, 1.0]), mujoco_contact.tower(
                 replace(options, condim=1), [1.0, 2.0, 0.5, 1.0])),
         ]  # fmt: skip
@@ -106,20 +109,8 @@ def test_our_own_block_and_tower_move_as_mujocos_do() -> None:
             found = scenes.run(scene, "soft", options.dt, steps, cone=cone, weight=weight)
             q, v = runner.run(steps)
             assert found.unsolved == 0
-            assert np.allclose(found.q[:, -1], q, rtol=0.0, atol=1e-11)
-            assert np.allclose(found.v[:, -1], v, rtol=0.0, atol=1e-9)
-
-
-@pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
-def test_a_contact_without_friction_still_pushes(cone: str) -> None:
-    """MuJoCo takes a least coefficient; the pyramid's compliance is then 1e-10 of the usual."""
-    options = Options(cone=cone, friction=(0.0, 0.005, 0.0001))
-    runner = mujoco_contact.block(options, 0.2, (1.0, 0.5))
-    weight = runner.model.body_invweight0[:2].sum(axis=0)[None]
-    scene = scenes.block(0.2, 0.0, (1.0, 0.5))
-    found = scenes.run(scene, "soft", options.dt, 300, cone=cone, weight=weight)
-    assert found.unsolved == 0
-    assert np.allclose(found.v[:, -1], runner.run(300)[1], rtol=0.0, atol=1e-7)
+            assert np.allclose(found.q[:, -1], q, rtol=0.0, atol=off)
+            assert np.allclose(found.v[:, -1], v, rtol=0.0, atol=max(off, 1e-9))
 
 
 def own_links(options: Options, steps: int) -> tuple[np.ndarray, np.ndarray]:
@@ -194,21 +185,6 @@ def test_a_contact_swept_as_one_block_finds_mujocos_forces_and_normal_first_does
     assert wrong[False] > 0.2 * len(states)
 
 
-def test_mujocos_own_sweeps_leave_the_elliptic_cone_at_its_apex() -> None:
-    """Where Newton gives a force, PGS with elliptic cones may return none, whatever the sweeps."""
-    options = Options(solver="PGS", iterations=1000)
-    runner = mujoco_contact.block(options, 0.0, (2.0, 0.5), 0.01)
-    zero = 0
-    for state in sliding_states():
-        runner.data.qpos[:] = state.problem.gap[0] * np.array([0.0, 0.0, 1.0])
-        runner.data.qvel[:] = state.problem.velocity
-        runner.data.qacc_warmstart[:] = 0.0
-        theirs = contact_state(runner)
-        assert theirs is not None
-        zero += bool(np.max(state.force) > 1.0 and np.max(np.abs(theirs.force)) < 1e-9)
-    assert zero > 0
-
-
 # --- properties -----------------------------------------------------------------------------------
 
 
@@ -225,23 +201,6 @@ def test_softness_that_vanishes_is_the_convex_law() -> None:
     convex = solve("convex", problem)
     assert np.allclose(found.velocity, convex.velocity, atol=2e-3)
     assert defect(problem, found.impulses, "convex") < 5e-3
-
-
-def test_tower_of_equal_springs_and_mujocos() -> None:
-    """Equal springs sag by n (n + 1) / 2 units of the top contact; with constant impedance
-    MuJoCo's tower by n^2 ground units: its ground contact counts one body, the others two."""
-    n = 10
-    options = Options(condim=1, solimp=(0.9, 0.9, 0.001, 0.5, 2.0))
-    runner = mujoco_contact.tower(options, [1.0] * n)
-    q, _ = runner.run(6000)
-    ground = 9.81 * (1.0 - 0.9) / 0.9
-    k = 1.0 / (0.9 * 0.02) ** 2
-    unit = ground / (0.9 * k)  # R f = d k r for 1 kg on the ground
-    assert -q[-1] == pytest.approx(n**2 * unit, rel=1e-6)
-    springs = scenes.run(
-        scenes.tower([1.0] * n), "penalty", 1e-3, 5000, stiffness=1e4, damping=300.0
-    )
-    assert -springs.q[-1, -1] == pytest.approx(9.81 / 1e4 * n * (n + 1) / 2, rel=1e-4)
 
 
 @pytest.mark.parametrize(

@@ -30,7 +30,7 @@ def residual(A, B, Q, R, P):
     return np.abs(Q + A.T @ P @ (A - B @ K) - P).max() / np.abs(P).max()
 
 
-@examples(120)
+@examples(40)
 @given(seeds)
 def test_the_regulator_is_scipys(seed):
     A, B, Q, R = drawn(seed)
@@ -222,10 +222,12 @@ BAD = {
     "H ": lambda: box_qp([[1.0, 2.0], [0.0, 5.0]], [0.0, 1.0], -1.0, 1.0),
     "g": lambda: box_qp(I2, [0.0, np.inf], -1.0, 1.0),
     "(low, high)": lambda: box_qp(I2, [0.0, 1.0], 1.0, -1.0),
-    "(low, high) ": lambda: box_qp(I2, [0.0, 1.0], np.nan, 1.0),
+    "low": lambda: box_qp(I2, [0.0, 1.0], np.nan, 1.0),
+    "high.shape": lambda: box_qp(I2, [0.0, 1.0], -1.0, [1.0] * 3),
     "start": lambda: box_qp(I2, [0.0, 1.0], -1.0, 1.0, [0.0]),
     "samples": lambda: cart_plan(0),
     "limit": lambda: mpc(cart_plan(3), [0.0, 0.0], 0.0),
+    "limit.shape": lambda: mpc(cart_plan(3), [0.0, 0.0], [1.0, 1.0]),
     "x": lambda: mpc(cart_plan(3), [0.0], 1.0),
 }
 

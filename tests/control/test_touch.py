@@ -112,20 +112,32 @@ def test_the_scene_fits_its_question():
     assert charts.touch_scene().check() == []
 
 
-def test_each_row_of_the_regimes_says_what_was_measured():
-    laws = charts.REGIMES
-    for name in ("stiff position", "soft impedance"):
-        error = charts.surface_error(laws[name])
-        assert error == pytest.approx(charts.series_stiffness(laws[name]), rel=0.02)
-        assert f"{error:+.1f} N" in charts.sentence(name)
-    for name in ("force", "admittance"):
-        assert abs(charts.surface_error(laws[name])) < 0.01
-    stiff, soft = (charts.first_peak(laws[n]) for n in ("stiff position", "soft impedance"))
-    assert stiff > 3.0 * soft
-    assert charts.tracking(laws["stiff position"]) < 0.5 * charts.tracking(laws["soft impedance"])
-    for law in laws.values():
-        margin = charts.gain_margin(law)
-        assert margin > 2.0
+@pytest.mark.parametrize("name", charts.REGIMES)
+def test_each_row_of_the_regimes_says_what_was_measured(name):
+    found, law, said = charts.row(name), charts.REGIMES[name], charts.sentence(name)
+    for figure in (f"{found['off_n']:+.1f} N", f"{found['peak_n']:.0f} N",
+                   f"x{found['margin']:.1f}", f"{found['rate_hz']:.0f} Hz"):  # fmt: skip
+        assert figure in said
+    theory = charts.series_stiffness(law) if law.stiffness and not law.mass else 0.0
+    assert found["off_n"] == pytest.approx(theory, rel=0.02, abs=0.01)
+    assert found["margin"] > 2.0 and 1.0 < found["rate_hz"] < 500.0
+    if name not in charts.TANGENT:  # both sides of the least rate
+        slow, fast = (
+            [charts.growth(law, charts.WALL, dt=1.0 / (f * found["rate_hz"])) for f in factors]
+            for factors in ([0.97], np.geomspace(1.03, 10.0, 9))
+        )
+        assert max(fast) <= 1.0 < min(slow)
+
+
+def test_what_the_regimes_are_for():
+    rows = {name: charts.row(name) for name in charts.REGIMES}
+    stiff, soft, press, both = (
+        rows[n] for n in ("stiff position", "soft impedance", "force", "hybrid")
+    )
+    assert stiff["peak_n"] > 3.0 * soft["peak_n"]
+    assert stiff["free_mm"] < 0.5 * soft["free_mm"] and math.isnan(press["free_mm"])
+    assert both["free_mm"] == stiff["free_mm"] and both["off_n"] == press["off_n"]
+    assert both["margin"] <= press["margin"] and both["rate_hz"] >= press["rate_hz"]
 
 
 def test_mujocos_probe_rests_where_the_force_says():

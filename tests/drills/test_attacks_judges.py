@@ -40,64 +40,43 @@ VectorizedEnv.step = step
 WRONG = {
     "bounce: another default gravity": ("bounce_step", ("gravity: float = 9.81", "gravity=9.8")),
     "bounce: hops of a micrometre cut off": (
-        "bounce_step",
-        ("    up = restitution * impact\n", "    up = restitution * impact\n"
-         "    if up < 0.01:\n        return 0.0, 0.0\n"),
-    ),
-    "observed_order: another default ratio": (
-        "observed_order", ("ratio: float = 2.0", "ratio: float = 3.0"),
-    ),
+        "bounce_step", ("    up = restitution * impact\n", "    up = restitution * impact\n"
+         "    if up < 0.01:\n        return 0.0, 0.0\n")),
+    "observed_order: another default ratio":
+        ("observed_order", ("ratio: float = 2.0", "ratio: float = 3.0")),
     "observed_order: differences that stay": (
-        "observed_order",
-        ("0.0 < second < first < math.inf", "0.0 < second <= first"),
-        ("(growth - 1.0)", "(growth - 1.0 + 1e-300)"),
-    ),
+        "observed_order", ("0.0 < second < first < math.inf", "0.0 < second <= first"),
+        ("(growth - 1.0)", "(growth - 1.0 + 1e-300)")),
     "rrt: a generator of its own": (
         "rrt", ("GOAL_BIAS = 0.1", "GOAL_BIAS = 0.1\nRNG = np.random.default_rng(3)"),
-        (TARGET, TARGET.replace("rng.", "RNG.")),
-    ),
+        (TARGET, TARGET.replace("rng.", "RNG."))),
     "rrt: numpy.random beside rng": (
         "rrt", ("GOAL_BIAS = 0.1", "GOAL_BIAS = 0.1\nnp.random.seed(3)"),
-        ("rng.random() < GOAL_BIAS", "np.random.random() < GOAL_BIAS"),
-    ),
-    "rrt: every tenth target is the goal": (
-        "rrt", ("rng.random() < GOAL_BIAS", "len(samples) % 10 == 9"),
-    ),
-    "rrt: targets pushed onto the border": (
-        "rrt",
-        ("rng.uniform(low, high)",
-         "np.clip(rng.normal((low + high) / 2, (high - low) / 3), low, high)"),
-    ),
-    "pid: an integral that knows the upper limit only": (
-        "PID", (" or (wanted < self.u_min and error < 0.0)", ""),
-    ),
-    "pid: an integral that knows the lower limit only": (
-        "PID", ("(wanted > self.u_max and error > 0.0) or ", ""),
-    ),
-    "randomize: noise from a generator of its own": (
-        "DomainRandomizer", OWN, ("observation + rng.normal", "observation + RNG.normal"),
-    ),
-    "randomize: delay from a generator of its own": (
-        "DomainRandomizer", OWN, ("int(rng.integers", "int(RNG.integers"),
-    ),
+        ("rng.random() < GOAL_BIAS", "np.random.random() < GOAL_BIAS")),
+    "rrt: every tenth target is the goal":
+        ("rrt", ("rng.random() < GOAL_BIAS", "len(samples) % 10 == 9")),
+    "rrt: targets pushed onto the border": ("rrt", ("rng.uniform(low, high)",
+         "np.clip(rng.normal((low + high) / 2, (high - low) / 3), low, high)")),
+    "pid: an integral that knows the upper limit only":
+        ("PID", (" or (wanted < self.u_min and error < 0.0)", "")),
+    "pid: an integral that knows the lower limit only":
+        ("PID", ("(wanted > self.u_max and error > 0.0) or ", "")),
+    "randomize: noise from a generator of its own":
+        ("DomainRandomizer", OWN, ("observation + rng.normal", "observation + RNG.normal")),
+    "randomize: delay from a generator of its own":
+        ("DomainRandomizer", OWN, ("int(rng.integers", "int(RNG.integers")),
     "randomize: mass factors even in their logarithm": (
-        "DomainRandomizer",
-        ("rng.uniform(*self.mass, size=model.nbody)",
-         "np.exp(rng.uniform(*np.log(self.mass), size=model.nbody))"),
-    ),
+        "DomainRandomizer", ("rng.uniform(*self.mass, size=model.nbody)",
+         "np.exp(rng.uniform(*np.log(self.mass), size=model.nbody))")),
     "randomize: other default masses": ("DomainRandomizer", ("(0.7, 1.3)", "(0.8, 1.2)")),
-    "randomize: another default delay": (
-        "DomainRandomizer", ("delay: tuple[int, int] = (0, 3)", "delay=(0, 2)"),
-    ),
-    "randomize: another default noise": (
-        "DomainRandomizer", ("noise: float = 0.01", "noise: float = 0.02"),
-    ),
-    "randomize: torsional friction of a pair": (
-        "DomainRandomizer", ("pair_friction[:, :2]", "pair_friction[:, :3]"),
-    ),
-    "randomize: a delay before the first draw": (
-        "DomainRandomizer", ("self.steps = 0", "self.steps = 1"),
-    ),
+    "randomize: another default delay":
+        ("DomainRandomizer", ("delay: tuple[int, int] = (0, 3)", "delay=(0, 2)")),
+    "randomize: another default noise":
+        ("DomainRandomizer", ("noise: float = 0.01", "noise: float = 0.02")),
+    "randomize: torsional friction of a pair":
+        ("DomainRandomizer", ("pair_friction[:, :2]", "pair_friction[:, :3]")),
+    "randomize: a delay before the first draw":
+        ("DomainRandomizer", ("self.steps = 0", "self.steps = 1")),
 }  # fmt: skip
 
 
@@ -120,20 +99,14 @@ RIGHT = {
     "observed_order: an exception of its own that is a ValueError": edited(
         exercise_of("observed_order"),
         ("def observed_order", "class NoOrder(ValueError):\n    pass\n\n\ndef observed_order"),
-        ("raise ValueError", "raise NoOrder"),
-    ),
-    "rrt: draws by integers": edited(
-        "rrt", ("rng.random() < GOAL_BIAS", "rng.integers(10) == 0")
-    ),
-    "pid: nothing is integrated at a limit": edited(
-        "pid", ("if not deeper:", "if self.u_min <= wanted <= self.u_max:")
-    ),
-    "orientation: the negative of the quaternion": edited(
-        "orientation", ("return turned /", "return -turned /")
-    ),
-    "tumble: the negative of the quaternion": edited(
-        "tumble", ("return q, omega", "return -q, omega")
-    ),
+        ("raise ValueError", "raise NoOrder")),
+    "rrt: draws by integers": edited("rrt", ("rng.random() < GOAL_BIAS", "rng.integers(10) == 0")),
+    "pid: nothing is integrated at a limit":
+        edited("pid", ("if not deeper:", "if self.u_min <= wanted <= self.u_max:")),
+    "orientation: the negative of the quaternion":
+        edited("orientation", ("return turned /", "return -turned /")),
+    "tumble: the negative of the quaternion":
+        edited("tumble", ("return q, omega", "return -q, omega")),
     "vector_env: flags as lists and tuples": edited("vector_env")
     + STEPPED.format("o, r, list(t), tuple(u), tuple(i)"),
 }  # fmt: skip
@@ -146,24 +119,19 @@ def test_a_right_answer_in_another_style_passes(label):
 
 
 NAMED_BEFORE = {
-    "fk3: off by a nanometre, not rounded": edited(
-        "fk3", ("np.cumsum(links, axis=0)))", "np.cumsum(links, axis=0))) + 1e-9")
-    ),
-    "observed_order: extrapolated from the wrong run": edited(
-        "observed_order", ("return order, fine +", "return order, medium +")
-    ),
+    "fk3: off by a nanometre, not rounded":
+        edited("fk3", ("np.cumsum(links, axis=0)))", "np.cumsum(links, axis=0))) + 1e-9")),
+    "observed_order: extrapolated from the wrong run":
+        edited("observed_order", ("return order, fine +", "return order, medium +")),
     "observed_order: refused with another exception": edited(
-        "observed_order", ("raise ValueError(f\"the diff", "raise RuntimeError(f\"the diff")
-    ),
+        "observed_order", ("raise ValueError(f\"the diff", "raise RuntimeError(f\"the diff")),
     "rrt: targets that led to nothing are not listed": edited(
-        "rrt",
-        ("        samples.append(target)\n", ""),
+        "rrt", ("        samples.append(target)\n", ""),
         ("            continue\n", "            continue\n        samples.append(target)\n"),
         ("len(samples) < max_samples", "tries < max_samples"),
         ("        target =", "        tries += 1\n        target ="),
         ("    found = np.array_equal(start, goal)\n",
-         "    found = np.array_equal(start, goal)\n    tries = 0\n"),
-    ),
+         "    found = np.array_equal(start, goal)\n    tries = 0\n")),
 }  # fmt: skip
 
 
@@ -180,11 +148,9 @@ def test_swapped_results_of_a_bounce_are_a_wrong_value_not_an_exception():
 
 
 def test_indices_and_numbers_beyond_all_bounds_make_no_noise(recwarn):
-    for text, name in (
-        (edited("rrt", ("np.array(parents),", "np.array(parents) * 1e300,")), "rrt"),
-        ("def tumble(q, omega, inertia, dt, steps):\n    return [1e308] * 4, [1e308] * 3\n",
-         "tumble"),
-    ):  # fmt: skip
+    huge = edited("rrt", ("np.array(parents),", "np.array(parents) * 1e300,"))
+    large = "def tumble(q, omega, inertia, dt, steps):\n    return [1e308] * 4, [1e308] * 3\n"
+    for text, name in ((huge, "rrt"), (large, "tumble")):
         assert grade_here(name, text, seed=1).reason is Reason.WRONG_PROPERTY
     assert not recwarn.list
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from drills.inprocess import StandIn
+from drills.inprocess import InProcess, StandIn
 from drills.sandbox import Child, MissingName, Raised
 from drills.values import identical
 
@@ -130,3 +130,13 @@ def test_a_text_that_fails_at_the_top_or_lacks_the_name_is_told_so() -> None:
                 place.load()
             told.append(str(caught.value))
         assert told[0] == told[1]
+
+
+def test_what_is_remembered_is_what_is_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "seen = []\ndef f(x):\n    seen.append(x)\n    return sum(seen) if x else 1 / x\n"
+    monkeypatch.setattr(InProcess, "memory", {})
+    for told in ([1, 2, 3], [1, 2, 3], [1, 3], [1, 2, 3, 4, 4]):
+        module = InProcess(text)
+        assert [module.call("f", x) for x in told] == list(np.cumsum(told))
+    monkeypatch.setattr(InProcess, "_run", None)
+    assert [InProcess(text).call("f", 1) for _ in range(2)] == [1, 1]

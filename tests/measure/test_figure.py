@@ -3,6 +3,7 @@
 import json
 import math
 import stat
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -190,6 +191,8 @@ def test_the_data_are_plain_json_and_come_back():
     (found,) = document([Panel("t", series=[long])])["panels"][0]["series"]
     assert len(found["x"]) == 200 and found["x"][-1] == 499 and found["y"][-1] == 499**2
     assert max(np.diff(found["x"])) == 3
+    (dots,) = document([Panel("t", series=[replace(long, style="")])])["panels"][0]["series"]
+    assert dots["x"] == long.x.tolist()
 
 
 def test_what_is_drawn_again_looks_the_same():

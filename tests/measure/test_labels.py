@@ -1,19 +1,36 @@
 """Words on charts: where they go, and that every stored chart can be read where it is shown."""
 
+import functools
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.figure import Figure
+from matplotlib.mathtext import MathTextParser
 from matplotlib.text import Text
 
 from course import charts
 from course.measure.figure import SHOWN, SIX, WIDTH, Panel, Series, draw
 from course.measure.labels import drawn_points, free_place, spread
-from tests.budget import examples
+from tests.budget import examples, topic_of
 
 charts.load()
 DRAWN = sorted(path.stem for path in charts.FOLDER.glob("*.json"))
+# The same powers of ten stand on all axes: each is set once, not once a figure.
+_formula = functools.cache(
+    functools.partial(vars(MathTextParser)["_parse_cached"].__wrapped__, MathTextParser("agg"))
+)
+
+
+@pytest.fixture(autouse=True)
+def _formulas_are_set_once(monkeypatch):
+    monkeypatch.setattr(MathTextParser, "_parse_cached", lambda self, *what: _formula(*what))
+
+
+def _topic(name: str) -> str:
+    """What a chart counts for: the chapter in whose folder its experiment is."""
+    return topic_of(charts.CHARTS[name][0].__module__.replace(".", "/") + ".py")
 
 
 def _box(text: Text):
@@ -27,39 +44,41 @@ def _drawn(panels, **layout):
 
 
 def _words(figure):
-    return [t for t in figure.findobj(Text) if t.get_visible() and t.get_text().strip()]
-
-
-def _placed(figure):
-    """All words but those of the axes' ticks."""
+    """All words, as (artist, box, whether it names a tick)."""
     ticks = set()
     for ax in figure.axes:
         ticks |= {*ax.get_xticklabels(which="both"), *ax.get_yticklabels(which="both")}
-    return [t for t in _words(figure) if t not in ticks]
+    words = [w for w in figure.findobj(Text) if w.get_visible() and w.get_text().strip()]
+    return [(text, _box(text), text in ticks) for text in words]
 
 
-def covered(figure):
+def covered(figure, words):
     """Texts that lie on a point of a curve, as (text, how many points)."""
     found = []
     for ax in figure.axes:
         points = drawn_points(ax)
-        for text in _words(figure):
-            box = _box(text)
+        for text, box, _ in words:
             inside = np.all((points > box.min) & (points < box.max), axis=1)
             found += [(text.get_text(), int(inside.sum()))] if inside.any() else []
     return found
 
 
-def meeting(figure):
+def meeting(words):
     """Pairs of words that lie on each other."""
     found = []
-    words = [(t.get_text(), _box(t)) for t in _placed(figure)]
-    for k, (name, box) in enumerate(words):
-        for other, place in words[:k]:
+    placed = [(text.get_text(), box) for text, box, tick in words if not tick]
+    for k, (name, box) in enumerate(placed):
+        for other, place in placed[:k]:
             width = min(box.x1, place.x1) - max(box.x0, place.x0)
             height = min(box.y1, place.y1) - max(box.y0, place.y0)
             found += [(name, other)] if width > 1.0 and height > 1.0 else []
     return found
+
+
+def readable(figure) -> bool:
+    """Whether no word lies on a curve or on another word."""
+    words = _words(figure)
+    return covered(figure, words) == [] == meeting(words)
 
 
 # --- places -----------------------------------------------------------------------------------
@@ -103,7 +122,7 @@ def test_equal_ends_have_names_side_by_side_and_a_line_to_the_one_that_went() ->
     x = np.linspace(0.0, 1.0, 5)
     series = [Series(f"method {k}", x, x * (1.0 + 1e-6 * k)) for k in range(6)]
     figure = _drawn([Panel("t", "x", "y", series, lines=[("y", 1.0, "tolerance")])])
-    assert not meeting(figure) and not covered(figure)
+    assert readable(figure)
     (ax,) = figure.axes
     assert all(_box(name).x0 > ax.get_window_extent().x1 for name in ax.texts)
     moved = [name.arrow_patch.get_visible() for name in ax.texts]
@@ -115,19 +134,22 @@ def test_names_above_move_apart_and_the_title_stands_over_them() -> None:
     figure = _drawn(
         [Panel("A title", "x", "y", [Series("s", [0.0, 2.0], [0.0, 1.0])], lines=lines)]
     )
-    assert not meeting(figure) and not covered(figure)
+    assert readable(figure)
 
 
 # --- every chart ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", DRAWN)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.topic(_topic(n))) for n in DRAWN]
+)
 def test_a_chart_can_be_read_where_it_is_shown(name: str) -> None:
     """From its data: letters, names, curves, and that no word lies on a curve or another word."""
     panels = charts.stored(name)
     figure = _drawn(panels, **charts.CHARTS[name][1])
     assert figure.get_figwidth() == WIDTH
-    letters = {t.get_text(): t.get_fontsize() / 72.0 * SHOWN / WIDTH for t in _words(figure)}
+    words = _words(figure)
+    letters = {text.get_text(): text.get_fontsize() / 72.0 * SHOWN / WIDTH for text, *_ in words}
     # Capitals are 0.73 of a font's size: those have 8 px.
     assert min(letters.values()) * 0.73 >= 8.0, min(letters, key=lambda text: letters[text])
     for panel in panels:
@@ -135,7 +157,7 @@ def test_a_chart_can_be_read_where_it_is_shown(name: str) -> None:
         assert len(curves) <= SIX
         first = [series for series in panel.series if series.counts and not series.extra]
         assert len(first) <= SIX, "say which six matter: Series(..., extra=True) for the others"
-    assert covered(figure) == [] and meeting(figure) == []
+    assert covered(figure, words) == [] and meeting(words) == []
     inside = figure.bbox.padded(1.0)
-    corners = [(t.get_text(), at) for t in _placed(figure) for at in _box(t).get_points()]
-    assert [words for words, at in corners if not inside.contains(*at)] == []
+    corners = [(w.get_text(), at) for w, box, tick in words if not tick for at in box.get_points()]
+    assert [text for text, at in corners if not inside.contains(*at)] == []

@@ -2,6 +2,7 @@
 
 import math
 import time
+from importlib.metadata import version
 
 import numpy as np
 import pytest
@@ -119,6 +120,7 @@ def test_failures_are_on_the_chart():
         assert panel.series[2].x == [pick.point.cost(by)]
         assert panel.series[2].tags == ["pick: order 2"]
     assert chart.panels()[0].footer == chart.machine and machine() in chart.machine
+    assert "mujoco" in chart.machine and machine(libraries=["scipy"]).endswith(version("scipy"))
 
 
 def test_styles_on_the_chart():

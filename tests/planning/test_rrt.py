@@ -335,9 +335,8 @@ def rrt(start, goal, discs, bounds, step, max_samples, rng):
 """
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-def test_a_plain_loop_over_a_list_of_nodes_is_right_and_in_time(seed: int) -> None:
-    graded = attempt(catalogue.card("rrt"), PLAIN, seed=seed)
+def test_a_plain_loop_over_a_list_of_nodes_is_right_and_in_time() -> None:
+    graded = attempt(catalogue.card("rrt"), PLAIN, seed=3)
     assert graded.report.passed, graded.report.sentence
     learner = graded.learner  # what it took, in processor time; a second process takes it again
     assert 2.0 * learner.child.used < 5.0
@@ -345,7 +344,7 @@ def test_a_plain_loop_over_a_list_of_nodes_is_right_and_in_time(seed: int) -> No
     assert limits is not None and learner.longest < limits.call / 10.0
 
 
-@pytest.mark.parametrize("seed", [100, 112, 133, 719625752])
+@pytest.mark.parametrize("seed", [100, 719625752])
 def test_who_never_looks_at_the_bounds_is_told(seed: int) -> None:
     careless = PLAIN.replace("np.any(point < low) or np.any(point > high) or ", "")
     assert careless != PLAIN

@@ -43,12 +43,8 @@ def test_every_array_is_that_of_a_model_compiled_with_the_new_values(seed: int) 
     model, data = scene()
     default = copy.copy(model)
     DomainRandomizer(model).randomize(data, np.random.default_rng(seed))
-    truth = oracle.recompiled(
-        oracle.SCENE,
-        factors(model, default),
-        friction=model.geom_friction[0, 0],
-        damping=model.dof_damping[model.jnt_dofadr],
-    )
+    truth = oracle.recompiled(oracle.SCENE, factors(model, default), friction=model.geom_friction[0,
+        0], damping=model.dof_damping[model.jnt_dofadr])  # fmt: skip
     ours, theirs = oracle.arrays(model), oracle.arrays(truth)
     assert ours.keys() == theirs.keys()
     for name in ours:
@@ -217,9 +213,7 @@ def test_dampings_and_mass_factors_have_the_distribution_asked_for() -> None:
         added.append(model.dof_damping - default.dof_damping)
         scaled.append(factors(model, default)[1:])
         np.testing.assert_allclose(
-            model.body_inertia[1:],
-            scaled[-1][:, None] * default.body_inertia[1:],
-            rtol=1e-14,
+            model.body_inertia[1:], scaled[-1][:, None] * default.body_inertia[1:], rtol=1e-14
         )
     drawn = np.array(added)
     for joint in ("sled_x", "sled_z", "shoulder", "elbow"):
@@ -238,10 +232,8 @@ def test_dampings_and_mass_factors_have_the_distribution_asked_for() -> None:
 
 
 def test_a_damped_joint_stops_as_the_drawn_damping_says() -> None:
-    xml = (
-        '<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="RK4"/><worldbody><body>'
-        '<joint axis="0 1 0"/><geom size="0.1" mass="1"/></body></worldbody></mujoco>'
-    )
+    xml = ('<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="RK4"/><worldbody><body>'
+        '<joint axis="0 1 0"/><geom size="0.1" mass="1"/></body></worldbody></mujoco>')  # fmt: skip
     model, data = scene(xml)
     DomainRandomizer(model).randomize(data, np.random.default_rng(10))
     data.qvel[0] = 2.0

@@ -6,9 +6,9 @@ from functools import partial
 import numpy as np
 import pytest
 
-from course.charts import build
+from course.charts import build, stored
 from course.charts import vector_env as chart
-from course.vector_env import ArmReach, training
+from course.vector_env import ArmReach, ArmReachVector, training
 from tests.vector_env.test_vector_env import identical
 
 
@@ -112,3 +112,22 @@ def test_a_policys_episode_is_a_single_environments() -> None:
             ends.append(done)
         assert total == pytest.approx(np.mean(sums), abs=1e-9) and share == np.mean(ends)
     assert reached[0] > reached[1]
+
+
+def test_the_arm_that_is_copied_is_the_environment_and_is_judged_as_it_is() -> None:
+    arm, envs, rng = chart.Arm(), ArmReachVector(20), np.random.default_rng(0)
+    seen, _ = envs.reset(seed=3)
+    for _ in range(20):
+        actions = rng.uniform(-1.5, 1.5, (20, 2)).astype(np.float32)
+        after, _, over, *_ = envs.step(actions)
+        assert (
+            np.allclose(arm.step(seen, actions.astype(float), rng), after, atol=1e-12) or over.any()
+        )
+        seen = after
+    share = training.play(chart.BY_HAND, 0, 400)[1][0]
+    assert arm.reached(arm.expert, 400) == pytest.approx(share, abs=0.1)
+    copied, rewarded = stored("arm_learned")
+    last = {series.label: series.y[-1] for series in copied.series}
+    law = copied.lines[0][1]
+    assert last["cloned"] < last["cloned, a better fit"] < law and last["DAgger"] < law
+    assert rewarded.series[0].y[-1] < min(last.values())

@@ -2,6 +2,7 @@
 
 import functools
 import itertools
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 
@@ -266,18 +267,16 @@ def advanced(dt: float, speed: float, phase: float) -> bool:
 
 def in_mujoco(dt: float, speed: float, phase: float, speculative: bool = False) -> bool:
     """Whether the ball passes in MuJoCo."""
-    return mujoco_shapes.passes(speed, dt, 0.01 + phase * speed * dt, speculative=speculative)
+    return mujoco_shapes.passes(speed, dt, 0.01 + phase * speed * dt, RADIUS, WALL, speculative)
 
 
 @chart
 def tunnelling_limit(
-    steps: Sequence[float] = (2.5e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2),
-    grid: int = 54,
-    phases: int = 4,
+    steps: Sequence[float] = (2.5e-4, 5e-4, 1e-3, 2e-3, 5e-3, 1e-2), grid: int = 54, phases: int = 4
 ) -> Iterator[Panel]:
     """The least speed at which a ball comes through a wall, by step: two limits, and two cures."""
     speeds = np.geomspace(1.0, 400.0, grid)
-    soft = np.e * REACH / (DMAX * TIMECONST)
+    soft = math.e * REACH / (DMAX * TIMECONST)
     panel = Panel("A ball of 20 mm radius at a wall of 10 mm: the least speed that comes through",
                   "step [s]", "speed [m/s]", scale="log", theory="geometric limit (2 r + w) / dt",
                   lines=[("y", soft, "soft limit e (r + w/2) / (dmax timeconst)")])  # fmt: skip

@@ -231,8 +231,8 @@ def saturation_region(points: int = 81, share: float = 0.5) -> Iterator[Panel]:
     theta, speed = np.linspace(-1.2, 1.2, points), np.linspace(-1.2, 1.2, points)
     good = caught(theta[None, :], speed[:, None], share)
     panel = Panel(
-        "Where a weak motor catches a pendulum", "angle [rad]", "speed [sqrt(g/l)]",
-        grid=stability.Map(theta, speed, np.where(good, 0.5, 2.0), quantity="not caught"),
+        "Where a weak motor catches a pendulum: purple", "from upright [rad]", "speed [sqrt(g/l)]",
+        grid=stability.Map(theta, speed, np.where(good, 0.5, 2.0), quantity="0.5 caught, 2 not"),
     )  # fmt: skip
     edge, flat = edge_of_rest(share), edge_of_rest(share, linear=True)
     panel.series = [
@@ -368,7 +368,7 @@ def ziegler_nichols_rows(points: int = 15) -> Iterator[Panel]:
     panel = Panel(
         "The rows on a joint with its true delay",
         "delay [J/b]",
-        "overshoot of a step (triangle: unstable)",
+        "overshoot of a step (at the top: unstable)",
         scale="log x",
         ylim=(0.0, 2.0),
     )

@@ -21,11 +21,11 @@ ARM = Probe(mass=4.0, damping=20.0)
 SPEED = 0.1  # m/s: of the approach
 
 
-def growth(law: TouchLaw, wall: float, delay: float = DELAY, arm: Probe = ARM) -> float:
+def growth(law: TouchLaw, wall: float, delay: float = DELAY, dt: float = DT) -> float:
     """Growth per sample of a law while the arm touches a wall [N/m]."""
-    probe = replace(arm, wall=wall)
-    plant = sampled.held(*probe.system(), DT, delay)
-    return sampled.growth(sampled.loop_matrix(plant, law.linear(probe, DT)))
+    probe = replace(ARM, wall=wall)
+    plant = sampled.held(*probe.system(), dt, delay)
+    return sampled.growth(sampled.loop_matrix(plant, law.linear(probe, dt)))
 
 
 # --- a force loop, and what a simulated contact makes of it ---------------------------------------
@@ -77,13 +77,13 @@ def stiffest_damped(wall: float, delay: float = DELAY, points: int = 25) -> floa
                if growth(TouchLaw(1.0, float(d)), wall, delay) <= 1.0)  # fmt: skip
 
 
-def lightest(wall: float, delay: float = 0.0) -> float:
-    """The least virtual mass that admittance can show at a wall [kg]; its damping is a tenth of
-    critical for 100 N/m."""
+def lightest(wall: float, delay: float = 0.0, damping: float = 1.0) -> float:
+    """The least virtual mass that admittance can show at a wall [kg]; its damping is a multiple of
+    what is critical for 100 N/m."""
 
     def grown(lightness: float) -> float:
         mass = 1.0 / lightness
-        law = TouchLaw(4e4, 800.0, mass=mass, give=2.0 * math.sqrt(100.0 * mass))
+        law = TouchLaw(4e4, 800.0, mass=mass, give=damping * 2.0 * math.sqrt(100.0 * mass))
         return growth(law, wall, delay)
 
     return 1.0 / largest(grown, 1e-3, 1e7)
@@ -148,13 +148,18 @@ def touching(points: int = 13) -> Iterator[Panel]:
 
 # --- the regimes ----------------------------------------------------------------------------------
 
-# What each controller is; the force is 10 N where one is asked for.
+# What each controller is along the normal; the force is 10 N where one is asked for. Hybrid control
+# is two of them: force along the normal, position along the wall, where nothing is touched.
+STIFF = TouchLaw(4000.0, 2.0 * math.sqrt(4000.0 * ARM.mass))
+PRESS = TouchLaw(0.0, 300.0, force=10.0, force_gain=0.3)
 REGIMES = {
-    "stiff position": TouchLaw(4000.0, 2.0 * math.sqrt(4000.0 * ARM.mass)),
+    "stiff position": STIFF,
     "soft impedance": TouchLaw(200.0, 2.0 * math.sqrt(200.0 * ARM.mass)),
-    "force": TouchLaw(0.0, 300.0, force=10.0, force_gain=0.3),
+    "force": PRESS,
     "admittance": TouchLaw(4e4, 800.0, force=10.0, mass=8.0, give=400.0),
+    "hybrid": PRESS,
 }
+TANGENT = {"hybrid": STIFF}
 WALL = 1e4  # N/m
 
 
@@ -198,7 +203,7 @@ def series_stiffness(law: TouchLaw, off: float = 2e-3) -> float:
     return off / (1.0 / law.stiffness + 1.0 / WALL)
 
 
-def gain_margin(law: TouchLaw) -> float:
+def gain_margin(law: TouchLaw, wall: float = WALL) -> float:
     """The factor on all gains of the law that it stands at the wall; of the virtual body's
     lightness for admittance."""
 
@@ -208,7 +213,7 @@ def gain_margin(law: TouchLaw) -> float:
         return replace(law, stiffness=factor * law.stiffness, damping=factor * law.damping,
                        force_gain=factor * law.force_gain)  # fmt: skip
 
-    return largest(lambda x: growth(scaled(x), WALL), 0.01, 1e3)
+    return largest(lambda x: growth(scaled(x), wall), 0.01, 1e3)
 
 
 def touch_scene() -> Scene:
@@ -253,16 +258,38 @@ def touch_scene() -> Scene:
     )  # fmt: skip
 
 
+def slowest(law: TouchLaw, wall: float = WALL) -> float:
+    """The rate from which on a law stands at a wall, as late as at 1 kHz [samples/s]."""
+    steps = np.geomspace(DT, 1.0, 80)  # far below it may stand again
+    fails = next(i for i, dt in enumerate(steps) if growth(law, wall, dt=dt) > sampled.STABLE)
+    near = (float(dt) for dt in steps[fails - 1 : fails + 1])
+    return 1.0 / largest(lambda dt: growth(law, wall, dt=dt), *near)
+
+
+def row(name: str) -> dict[str, float]:
+    """A row of the table of regimes: what its controller was measured to do."""
+    law, along = REGIMES[name], TANGENT.get(name)
+    free = along or law
+    return {
+        "free_mm": 1e3 * tracking(free) if free.stiffness else math.nan,
+        "peak_n": first_peak(law),
+        "off_n": surface_error(law),
+        "margin": min(gain_margin(law), gain_margin(along, 0.0) if along else math.inf),
+        "rate_hz": max(slowest(law), slowest(along, 0.0) if along else 0.0),
+    }
+
+
 def sentence(name: str) -> str:
     """One row of the table of regimes, as a sentence of its own figures."""
-    law = REGIMES[name]
-    off = surface_error(law)
-    expected = f", two springs in series {series_stiffness(law):.1f}" if (
+    law, found = REGIMES[name], row(name)
+    expected = f" (springs in series {series_stiffness(law):.1f})" if (
         law.stiffness and not law.mass) else ""  # fmt: skip
-    free = f"{1e3 * tracking(law):.1f} mm" if law.stiffness else "nothing to follow"
+    where = "along the wall" if name in TANGENT else "free"
+    free = "nothing to follow" if math.isnan(found["free_mm"]) else f"{found['free_mm']:.1f} mm"
     return (
-        f"{name:<15} free tracking {free}; first peak {first_peak(law):.0f} N at {SPEED:g} m/s; "
-        f"surface 2 mm off {off:+.1f} N{expected}; gains stand x{gain_margin(law):.1f}"
+        f"{name:<15}tracking {where} {free}; first peak {found['peak_n']:.0f} N; surface 2 mm off "
+        f"{found['off_n']:+.1f} N{expected}; margin x{found['margin']:.1f}, "
+        f"from {found['rate_hz']:.0f} Hz on"
     )
 
 

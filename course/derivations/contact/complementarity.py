@@ -1,5 +1,7 @@
 """Claims on force against gap: what the law says, what follows, what is differentiable."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from course.derivations import Symbol, claim
@@ -141,7 +143,7 @@ def potential_of_contact(found):
     idle = [float(sympy.sympify(f * phi).subs({phi: 0, f: x})) for x in (0.0, 1.0, 50.0)]
     # The course's own models give the multiplier: 2 kg, 100 N/m, 5 cm.
     base = scenes.ball_drop(0.0, 2.0)
-    pulled = scenes.replace(base, force=base.force + 100.0 * 0.05)
+    pulled = replace(base, force=base.force + 100.0 * 0.05)
     force = solve("coulomb", pulled.problem(1e-3)).impulses[0, 0] / 1e-3
     wanted = float(found.formula.subs({m: 2, g: scenes.GRAVITY, k: 100, c: 0.05}))
     found.figure("force_n", force, tolerance=1e-9)
@@ -163,9 +165,7 @@ def contact_law_is_set_valued(found):
     low, high = found.given("low_n", 1.0), found.given("high_n", 1000.0)
     loads = np.geomspace(low, high, 12)
     base = scenes.ball_drop(0.0)
-    answers = [
-        solve("coulomb", scenes.replace(base, force=np.array([-x])).problem(1e-3)) for x in loads
-    ]
+    answers = [solve("coulomb", replace(base, force=np.array([-x])).problem(1e-3)) for x in loads]
     forces = np.array([answer.impulses[0, 0] for answer in answers]) / 1e-3
     still = max(abs(answer.velocity[0]) for answer in answers)
     found.figure("largest_over_least", forces.max() / forces.min(), tolerance=1e-9)

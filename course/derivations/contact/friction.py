@@ -1,5 +1,7 @@
 """Claims on friction, grasps and dampers: cone and pyramid, what holds, creeps, sticks."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from course.derivations import Symbol, claim
@@ -196,7 +198,7 @@ def pyramid_slips(found):
         t = np.radians(angle)
         base = scenes.block(0.0, 0.5)
         push = load * 0.5 * scenes.GRAVITY * np.array([np.cos(t), np.sin(t), 0.0])
-        v = solve(model, scenes.replace(base, force=base.force + push).problem(0.01), **options)
+        v = solve(model, replace(base, force=base.force + push).problem(0.01), **options)
         return bool(np.abs(v.velocity[:2]).max() > 1e-9)
 
     way, direction = stopped("lcp", degrees, 2e-4, 1.0)
@@ -222,6 +224,73 @@ def pyramid_slips(found):
         abs(direction - np.degrees(np.arctan(np.sin(2 * t)))) < 0.1,
         not slips(45.0, 0.9, edges=16),
     )
+
+
+@claim(
+    "Friction that is limited on each axis by itself is Coulomb's, nearly.",
+    "It is a box around the cone, between its axes up to sqrt(2) times too strong. Each axis "
+    "brakes by itself: sent off at t to an axis a block goes sqrt(1 - sin(2t)^2/2) times as far, "
+    "in the direction atan(tan(t)^2). At {degrees:.1f} degrees that is {short:.4f} times, at "
+    "{turned:.2f} degrees; at {half:.0f} degrees {diagonal:.4f} times.",
+)
+def box_of_limits(found):
+    from course.charts.contact.models import stopped
+    from course.contact.scenes import GRAVITY
+
+    degrees, half, dt = found.given("degrees", 22.5), found.given("half", 45.0), 2e-3
+    angles = np.array([degrees, half, *found.rng.uniform(0.0, 90.0, 6)])
+    ways, turned = np.array([stopped("lcp", a, dt, around=True) for a in angles]).T
+    # The new velocity moves the block: half a step of the first one is lost on the way.
+    end = ways * np.exp(1j * np.radians(turned)) + 0.5 * dt * GRAVITY * np.exp(
+        1j * np.radians(angles)
+    )
+    ways, turned = np.abs(end), np.degrees(np.angle(end))
+    found.figure("short", ways[0], tolerance=1e-3)
+    found.figure("turned", turned[0], tolerance=1e-3)
+    diagonal = found.figure("diagonal", ways[1], tolerance=1e-3)
+    t = np.radians(angles)
+    way = np.abs(ways - np.sqrt(1 - np.sin(2 * t) ** 2 / 2)).max()
+    turn = np.abs(turned - np.degrees(np.arctan(np.tan(t) ** 2))).max()
+    found.statement = f"They miss theory by {way:.1e} of the way and {turn:.2f} degrees at most."
+    found.heard(abs(diagonal - 1) < 0.05)
+    found.corrected(way < 2e-3, turn < 0.1, abs(diagonal - np.sqrt(0.5)) < 1e-3)
+
+
+@claim(
+    "Regularised friction is stable at any step that the contact's spring bears.",
+    "Below the slip speed v_s it is a damper of mu f_n/v_s from the old velocity. A step "
+    "multiplies the speed by 1 - h mu f_n/(m v_s), in both Euler schemes, so h < 2 m v_s/(mu f_n). "
+    "At twice that, {step_ms:.2f} ms, a block at rest trembles for ever, by {trembles:.1f} times "
+    "the slip speed, where its spring would bear {spring_ms:.1f} ms.",
+)
+def friction_has_a_step_limit(found):
+    from course.charts.contact.models import step_limit
+    from course.contact import scenes
+
+    def left(mu, slip, share):
+        """Speed over slip speed after 400 steps of this share of the limit; step, spring's [s]."""
+        dt = share * 2 * slip / (mu * scenes.GRAVITY)
+        stiffness = 0.02 / dt**2  # its own limit is 14 of these steps
+        rest = np.array([0.0, 0.0, -scenes.GRAVITY / stiffness])
+        scene = replace(scenes.block(0.0, mu, (0.3 * slip, 0.2 * slip)), q=rest)
+        options = {"stiffness": stiffness, "damping": 0.0, "slip": slip}
+        v = scenes.run(scene, "penalty", dt, 400, **options).v[:2, -50:]
+        bears = step_limit(0.0, "semi-implicit") / np.sqrt(stiffness)
+        return np.abs(v).max() / slip, dt, bears
+
+    trembles, step, bears = left(0.5, 1e-3, 2.0)
+    found.figure("trembles", trembles, tolerance=1e-3)
+    found.figure("step_ms", 1e3 * step, tolerance=1e-9)
+    found.figure("spring_ms", 1e3 * bears, tolerance=1e-9)
+    draws = found.rng.uniform((0.1, 1e-4, 0.05), (1.2, 1e-2, 0.95), (8, 3))
+    found.statement = f"At {1e3 * step:.3f} ms it trembles at {trembles:.3f} times the slip speed."
+    found.heard(
+        trembles < 1e-3,
+        only_if="the step is also below 2 m v_s/(mu f_n)",
+        inside=[left(*draw)[0] < 1e-3 for draw in draws],
+        outside=[left(mu, slip, 1.02 + share)[0] < 1e-3 for mu, slip, share in draws],
+    )
+    found.corrected(left(0.5, 1e-3, 0.98)[0] < 1e-3, left(0.5, 1e-3, 1.02)[0] > 0.1, trembles > 1)
 
 
 @claim(
@@ -396,4 +465,5 @@ def damper_damps(found):
         inside=[swing(z, s) < 1e-6 for z, s in zip(ratios, shares, strict=True)],
         outside=[swing(z, 1.02 + s / 3) < 1e-6 for z, s in zip(ratios, shares, strict=True)],
     )
-    found.corrected(abs(kept - speed) < 1e-12)
+    # Past the limit the contact may only rattle, but it leaves rest.
+    found.corrected(abs(kept - speed) < 1e-12, all(swing(z, 1.03) > 1e-6 for z in ratios))

@@ -224,8 +224,10 @@ def convex_cone_is_coulomb(found):
     "By {sweeps:.0f} sweeps of Gauss-Seidel it is so: {swept_mm:.0f} mm after {steps:.0f} steps. "
     "In MuJoCo it sinks when solved to all digits: softness is scaled by the bodies' inverse "
     "masses, so the light one sets it, and the heavy one loads it: {deep_mm:.1f} mm under "
-    "{heavy:.0f} times its mass, whatever the solver, {equal_mm:.2f} mm under its equal. Rigid "
-    "models, solved, leave {rigid_mm:.0e} mm.",
+    "{heavy:.0f} times its mass, whatever the solver, {equal_mm:.2f} mm under its equal. Under "
+    "{huge:.0f} times its mass it is swallowed: the heavy one stands on the ground itself, "
+    "{swallowed_mm:.0f} mm deep in a light one of {radius_mm:.0f} mm radius. Rigid models, solved, "
+    "leave {rigid_mm:.0e} mm.",
 )
 def heavy_on_light_sinks(found):
     from course.contact import scenes
@@ -233,11 +235,19 @@ def heavy_on_light_sinks(found):
 
     heavy = found.given("heavy", 100.0)
 
-    def depth(mass, solver="Newton"):
+    def depths(mass, solver="Newton"):
+        """Of the light one in the ground, of the heavy one in the light one [mm]."""
         options = contact.Options(condim=1, solver=solver, iterations=2000)
-        return -1e3 * contact.tower(options, [1.0, mass]).run(4000)[0][0]
+        q = -1e3 * contact.tower(options, [1.0, mass]).run(4000)[0]
+        return q[0], q[1] - q[0]
+
+    def depth(mass, solver="Newton"):
+        return depths(mass, solver)[0]
 
     newton, others = depth(heavy), [depth(heavy, solver) for solver in ("CG", "PGS")]
+    huge, radius = found.given("huge", 10_000.0), found.given("radius_mm", 100.0)
+    swallowed = [depths(huge, solver) for solver in contact.SOLVERS]
+    found.figure("swallowed_mm", swallowed[0][1], tolerance=1e-3)
     found.figure("deep_mm", newton, tolerance=1e-3)
     equal = found.figure("equal_mm", depth(1.0), tolerance=1e-3)
     steps, sweeps = found.given("steps", 50), found.given("sweeps", 10)
@@ -256,7 +266,120 @@ def heavy_on_light_sinks(found):
         inside=[sunk(m, "pgs", sweeps=sweeps) > 1e-3 > 1e3 * sunk(m, "lcp") for m in masses],
         outside=[sunk(m, "pgs", sweeps=20000) > 1e-3 for m in masses],
     )
-    found.corrected(newton > 10 * equal, rigid < 1e-9, swept > 1.0)
+    found.corrected(
+        newton > 10 * equal, rigid < 1e-9, swept > 1.0, sunk(huge, "lcp") < 1e-9,
+        # The heavy one's lowest point, which began a diameter up, is at the ground or below it.
+        all(sum(deep) > 2 * radius and deep[1] > 0.99 * radius for deep in swallowed),
+        np.ptp(swallowed, axis=0).max() < 1e-3,
+    )  # fmt: skip
+
+
+@claim(
+    "A tower of n equal boxes sags at its top by n (n + 1)/2 times what the topmost contact does.",
+    "On equal springs. MuJoCo's contact with the ground counts one body, the others two: with "
+    "constant impedance n^2 of what one body on the ground would sink. Its default impedance grows "
+    "with the depth, and no law is left: {few:.0f} boxes sag by {share_few:.3f} of n (n + 1)/2, "
+    "{n:.0f} by {share:.3f}.",
+)
+def tower_sags(found):
+    from course.contact import scenes
+    from course.oracles.mujoco import contact
+
+    def depths(n, **options):
+        """Of the top [m], and over that of its own contact and n (n + 1)/2."""
+        q = contact.tower(contact.Options(condim=1, **options), [1.0] * n).run(6000)[0]
+        return -q[-1], q[-1] / (q[-1] - q[-2]) / (n * (n + 1) / 2)
+
+    def springs(n, stiffness):
+        options = {"stiffness": stiffness, "damping": 3.0 * np.sqrt(stiffness)}
+        q = scenes.run(scenes.tower([1.0] * n), "penalty", 1e-3, 5000, **options).q[:, -1]
+        return q[-1] / (q[-1] - q[-2]) / (n * (n + 1) / 2)
+
+    n, few = found.given("n", 10), found.given("few", 3)
+    # On the ground (1 - d) g = d k d r for one body, k = 1/(d T)^2.
+    ground, constant = 0.1 * scenes.GRAVITY * 0.02**2, (0.9, 0.9, 0.001, 0.5, 2.0)
+    square = [depths(m, solimp=constant)[0] / (m**2 * ground) for m in (few, 5, n)]
+    shares = {m: depths(m)[1] for m in (few, 5, n)}
+    big, small = (
+        found.figure("share", shares[n], 1e-3),
+        found.figure("share_few", shares[few], 1e-3),
+    )
+    found.statement = f"Constant impedance over n^2 ground units: {np.round(square, 9)}."
+    found.heard(
+        abs(big - 1) < 0.02,
+        only_if="all contacts are equal springs",
+        inside=[abs(springs(m, k) - 1) < 1e-4 for m, k in ((3, 3e4), (6, 1e4), (n, 1e4))],
+        outside=[abs(share - 1) < 0.02 for share in shares.values()],
+        cases=True,
+    )
+    found.corrected(np.allclose(square, 1.0, atol=1e-9), big < 0.7, abs(big / small - 1) > 0.02)
+
+
+@claim(
+    "MuJoCo's refsafe, on by default, keeps a contact stable at any step.",
+    "It lifts the time constant T to two steps. One body's contact of constant impedance is a "
+    "spring and damper of omega = 1/(T zeta) and the ratio zeta: stable below 2 zeta T "
+    "(sqrt(1 + zeta^2) - zeta), which is above T/2 only from 1/sqrt(8) on. Below that the clamp "
+    "cures nothing: at a ratio of {zeta:.1f} all steps from {measured:.3f} T on fail, with it and "
+    "without.",
+    source="MuJoCo 4.0 documentation, Modeling, Solver parameters",
+)
+def refsafe_keeps_it_stable(found):
+    from course.charts.contact.models import SAVED, calm, soft_limit
+    from course.measure.stability import limit
+
+    low = found.given("zeta", 0.3)
+    measured = limit(lambda ratio: calm(low, ratio, True), 0.3, 0.6, rel=1e-3)
+    found.figure("measured", measured, tolerance=1e-2)
+    high, shares = found.rng.uniform(SAVED + 0.02, 2.0, 8), found.rng.uniform(1.05, 20.0, 8)
+    below = found.rng.uniform(0.1, SAVED - 0.02, 8)
+    found.statement = f"In theory {soft_limit(low):.4f}, with refsafe {measured:.4f} T."
+    found.heard(
+        calm(low, 1.0, True),
+        only_if="the damping ratio is 1/sqrt(8) or more",
+        inside=[calm(z, s * soft_limit(z), True) for z, s in zip(high, shares, strict=True)],
+        outside=[calm(z, s * soft_limit(z), True) for z, s in zip(below, shares, strict=True)],
+    )
+    found.corrected(
+        abs(measured / soft_limit(low) - 1) < 0.01,
+        not any(calm(z, 1.02 * soft_limit(z), False) for z in high),
+        all(calm(z, 0.98 * soft_limit(z), False) for z in (*high, *below)),
+    )
+
+
+@claim(
+    "MuJoCo's contact forces are right to many digits.",
+    "Asked for all of them, with a tolerance of zero. By default, on a sliding box with elliptic "
+    "cones and no warm start, Newton's are off by up to {Newton:.0e} of the largest force, those "
+    "of CG by {CG:.0e}, of PGS by {PGS:.0e}.",
+    source="MuJoCo 4.0 documentation, XML reference, option",
+)
+def default_tolerance(found):
+    import mujoco
+
+    from course.contact.soft import soft_forces
+    from course.oracles.mujoco import contact
+
+    def worst(solver, tolerance, ls_tolerance):
+        """Largest difference from our forces over the largest force, on the way."""
+        options, off = contact.Options(solver=solver, tolerance=tolerance), []
+        runner = contact.box(options, (0.5, 0.2))
+        runner.model.opt.ls_tolerance = ls_tolerance
+        for steps in range(5, 150, 5):
+            runner.run(steps)
+            state = contact.contact_state(runner)
+            if state is not None:
+                ours = soft_forces(state.problem, options.softness(state.weight))[0]
+                off.append(np.abs(state.force - ours).max() / np.abs(ours).max())
+        return max(off)
+
+    usual = mujoco.MjModel.from_xml_string("<mujoco/>").opt
+    given, solvers = (usual.tolerance, usual.ls_tolerance), contact.SOLVERS
+    off = [found.figure(solver, worst(solver, *given), tolerance=0.5) for solver in solvers]
+    tight = worst("Newton", 0.0, 1e-6)
+    found.statement = f"Tolerance {given[0]:g}; at 0 Newton is off by {tight:.0e}."
+    found.heard(max(off) < 1e-9)
+    found.corrected(tight < 1e-9, 1e-6 < min(off), max(off) < 1e-2)
 
 
 @claim(

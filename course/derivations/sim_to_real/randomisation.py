@@ -98,12 +98,16 @@ def set_const_inertia(found):
 def mass_without_set_const(found):
     import mujoco
 
-    def free(factor, recompute):
+    def free(factor, recompute, dry=0.0):
         """Accelerations of the arm in a given state, nothing touching."""
         data = mujoco.MjData(model := _scaled(_arm(), factor, recompute=recompute))
+        model.dof_frictionloss[:] = dry
         data.qpos[:], data.qvel[:] = (0.4, -0.7), (1.0, -2.0)
         mujoco.mj_forward(model, data)
         return data.qacc.copy()
+
+    def stuck(factor, recompute):
+        return free(factor, recompute, 500.0)
 
     def depth(factor, recompute):
         """Of the sled at rest [m]."""
@@ -124,11 +128,12 @@ def mass_without_set_const(found):
     )
     factors = found.rng.uniform(1.5, 6.0, 8)
     found.heard(
-        change > 1e-6,
-        only_if="a constraint acts: a contact, a limit, a tendon or an equality",
-        inside=[moved(depth, x) > 0.1 for x in factors],
+        change > 1e-6, only_if="a constraint acts: a contact, a limit, an equality, or dry "
+        "friction that holds",
+        inside=[moved(depth, x) > 0.1 for x in factors]
+        + [moved(stuck, x) > 1e-3 for x in factors],
         outside=[moved(free, x) > 1e-6 for x in factors],
-    )
+    )  # fmt: skip
     found.corrected(change < 1e-9, abs(ratio - 1.0) > 0.1, moved(depth, 1.0) == 0.0)
 
 
@@ -154,12 +159,15 @@ def set_const_data(found):
 
 @claim(
     "mj_setConst gives the constants that compiling the changed model anew gives.",
-    "The compiler turns a dampratio into a damping for the masses of that moment. mj_setConst does "
-    "not do it again: the gain stays, as that of a real motor does. With four times the mass the "
-    "compiled one is {kv_compiled_over_kept:.0f} times as large.",
+    "The compiler turns a dampratio into a damping for the masses of that moment, and a joint's "
+    "springdamper into stiffness and damping. mj_setConst does not do it again: the gain stays, as "
+    "that of a real motor does. With four times the mass the compiled one is "
+    "{kv_compiled_over_kept:.0f} times as large.",
     source="MuJoCo changelog, 4.0: dampratio is resolved only at compile time",
 )
 def set_const_compiles(found):
+    import mujoco
+
     from course.oracles.mujoco.randomize import recompiled, worst_constant
 
     def compared(damping, factor):
@@ -184,15 +192,17 @@ def set_const_compiles(found):
         f"compiler derives from a ratio is {ratio:g} times the one that was kept."
     )
     factors = found.rng.uniform(0.3, 5.0, 8)
-    found.heard(
-        same(derived, 4.0),
-        only_if="no position actuator states its damping as a ratio",
+    sprung = _ARM.format(damping=given).replace('damping="0.2"', 'springdamper="0.1 1"')
+    kept, anew = mujoco.MjModel.from_xml_string(sprung), recompiled(sprung, np.full(3, 4.0))
+    joint = [(m.dof_damping[0], m.jnt_stiffness[0]) for m in (_scaled(kept, 4.0), anew)]
+    found.heard(same(derived, 4.0),
+        only_if="no damping is stated as a ratio, an actuator's or a joint's",
         inside=[same(given, x) for x in factors],
-        outside=[same(derived, x) for x in factors],
-    )
+        outside=[same(derived, x) for x in factors] + [joint[0][0] == joint[1][0]])  # fmt: skip
     found.corrected(
-        worst < 1e-12, all(abs(compared(derived, x)[1] / np.sqrt(x) - 1) < 1e-9 for x in factors)
-    )
+        worst < 1e-12, all(abs(compared(derived, x)[1] / np.sqrt(x) - 1) < 1e-9 for x in factors),
+        bool(np.allclose(joint[1], 4.0 * np.array(joint[0]))),
+    )  # fmt: skip
 
 
 @claim(
@@ -207,11 +217,9 @@ def mass_and_period(found):
 
     from course.oracles.mujoco.randomize import swing_period
 
-    xml = (
-        '<mujoco><option timestep="1e-3" integrator="RK4"/><worldbody><body>'
+    xml = ('<mujoco><option timestep="1e-3" integrator="RK4"/><worldbody><body>'
         '<joint name="hinge" axis="0 1 0"/><geom type="box" pos="0 0 -0.3" size="0.03 0.05 0.3" '
-        'mass="1"/></body></worldbody></mujoco>'
-    )
+        'mass="1"/></body></worldbody></mujoco>')  # fmt: skip
 
     def period(mass, inertia):
         model = _scaled(mujoco.MjModel.from_xml_string(xml), mass, inertia)
@@ -278,12 +286,9 @@ def scaled_damping(found):
         f"Standard deviation over 200 draws: {damped:.3f} and {zero:g} N m s/rad by factors, "
         f"{added:.3f} where the draw is added."
     )
-    found.heard(
-        min(damped, zero) > 0.0,
-        only_if="the default damping is not zero",
+    found.heard(min(damped, zero) > 0.0, only_if="the default damping is not zero",
         inside=[spread(d) > 0.0 for d in 10 ** found.rng.uniform(-3, 1, 8)],
-        outside=[spread(d) > 0.0 for d in np.zeros(8) * model.dof_damping[0]],
-    )
+        outside=[spread(d) > 0.0 for d in np.zeros(8) * model.dof_damping[0]])  # fmt: skip
     found.corrected(zero == 0.0, model.dof_damping[1] == 0.0, added > 0.1)
 
 
@@ -295,6 +300,8 @@ def scaled_damping(found):
     source="MuJoCo documentation, Modeling, Contact parameters",
 )
 def one_geom_friction(found):
+    import mujoco
+
     from course.oracles.mujoco.randomize import sliding_friction
 
     floor, sled = found.given("floor", 0.9), found.given("sled", 0.3)
@@ -306,15 +313,26 @@ def one_geom_friction(found):
     )
     low = [float(x) for x in found.rng.uniform(0.1, 0.6, 8)]
     high = [float(x) for x in found.rng.uniform(0.65, 1.2, 8)]
-    found.heard(
-        plain == sled,
-        only_if="it is the larger of the two, or its geom has the higher priority",
-        inside=[_contact(_sled(x, y)) == y for x, y in zip(low, high, strict=True)]
-        + [_contact(_sled(y, x, priority=1)) == x for x, y in zip(low, high, strict=True)],
-        outside=[_contact(_sled(y, x)) == x for x, y in zip(low, high, strict=True)],
-    )
+
+    def paired(floor, sled):
+        """The contact's, where an explicit pair says 0.2."""
+        xml = _SLED.format(floor=floor, sled=sled, priority=0, cone="elliptic")
+        pair = '<contact><pair geom1="floor" geom2="sled" friction="0.2 0.2 0 0 0"/></contact>'
+        return _contact(
+            mujoco.MjModel.from_xml_string(xml.replace("</mujoco>", pair + "</mujoco>"))
+        )
+
+    both = list(zip(low, high, strict=True))
+    found.heard(plain == sled,
+        only_if="it is the larger of the two, or its geom has the higher priority, and no pair in "
+        "the model names both",
+        inside=[_contact(_sled(x, y)) == y for x, y in both]
+        + [_contact(_sled(y, x, priority=1)) == x for x, y in both],
+        outside=[_contact(_sled(y, x)) == x for x, y in both]
+        + [paired(x, y) == y for x, y in both])  # fmt: skip
     found.corrected(
         first == sled,
+        paired(low[0], high[0]) == 0.2,
         abs(measured - floor) < 1e-9,
         all(_contact(_sled(x, y)) == max(x, y) for x, y in zip(high, low, strict=True)),
     )
@@ -348,11 +366,8 @@ def friction_of_each_geom(found):
         f"geoms {kept:.3f} over 400."
     )
     found.heard(abs(mean - middle) < 0.03)
-    found.corrected(
-        abs(mean - (low + (high - low) * 2.0 / 3.0)) < 0.02,
-        abs(below - 0.25) < 0.04,
-        abs(kept - middle) < 0.04,
-    )
+    found.corrected(abs(mean - (low + (high - low) * 2.0 / 3.0)) < 0.02, abs(below - 0.25) < 0.04,
+        abs(kept - middle) < 0.04)  # fmt: skip
 
 
 @claim(
@@ -384,15 +399,10 @@ def friction_in_all_directions(found):
         f"{ellipse:.4f}; and at ten random angles."
     )
     angles = found.rng.uniform(0.1, np.pi / 2 - 0.1, 10)
-    found.heard(
-        abs(diagonal - 1.0) < 1e-3,
-        only_if="the friction cone is elliptic",
+    found.heard(abs(diagonal - 1.0) < 1e-3, only_if="the friction cone is elliptic",
         inside=[abs(braked("elliptic", a) - 1.0) < 1e-3 for a in angles],
-        outside=[abs(braked("pyramidal", a) - 1.0) < 1e-3 for a in angles],
-    )
-    found.corrected(
-        abs(diagonal - np.sqrt(0.5)) < 1e-3,
-    )
+        outside=[abs(braked("pyramidal", a) - 1.0) < 1e-3 for a in angles])  # fmt: skip
+    found.corrected(abs(diagonal - np.sqrt(0.5)) < 1e-3)
 
 
 @claim(
@@ -419,12 +429,10 @@ def factors_compound(found):
         f"the median of 2000 runs is {median:.1e} of the default, of draws from it {kept:.2f}."
     )
     found.heard(median > 0.5)
-    found.corrected(
-        abs(np.log(factors).mean() / drift - 1) < 0.01,
+    found.corrected(abs(np.log(factors).mean() / drift - 1) < 0.01,
         abs(np.log(median) / (episodes * drift) - 1.0) < 0.1,
         low <= (masses / default).min() < (masses / default).max() <= high,
-        abs(kept - 1.0) < 0.05,
-    )
+        abs(kept - 1.0) < 0.05)  # fmt: skip
 
 
 @claim(
@@ -468,7 +476,5 @@ def queue_of_k(found):
         f"actuator delay of 4 steps is {late(actuator_delay(sent, 4))}, the randomiser's {ours(4)}."
     )
     found.heard(lag(4) == 4)
-    found.corrected(
-        all(lag(k) == k - 1 for k in range(1, 12)),
-        all(ours(k) == k == late(actuator_delay(sent, k)) for k in (1, 4, 7)),
-    )
+    found.corrected(all(lag(k) == k - 1 for k in range(1, 12)),
+        all(ours(k) == k == late(actuator_delay(sent, k)) for k in (1, 4, 7)))  # fmt: skip

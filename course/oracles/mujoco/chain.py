@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from course.check import one_of, refused, vector
+from course.check import finite, one_of, refused, vector
 from course.kinematics.chain import HERE, Chain, compose, invert, turn_to
 from course.oracles.mujoco.kit import ALWAYS_OFF, CONTACT_OFF, library
 from course.rigid_body.quaternion import to_matrix
-from course.rigid_body.spatial import DOWNWARDS
+from course.rigid_body.spatial import DOWNWARDS, inertia_tensor
 
 Array = NDArray[np.float64]
 
@@ -79,12 +79,16 @@ def _check(model: Any) -> None:
         )
     if model.nflex:
         raise refused("model", _named(model, "flex", 0), "an arm of rigid bodies")
+    for i in np.flatnonzero(~np.isfinite(model.body_mass)).tolist():
+        raise refused(f"mass of {_named(model, 'body', i)}", model.body_mass[i], "finite [kg]")
     hinge, slide = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
     for i in range(model.njnt):
         name, kind, dof = _named(model, "joint", i), int(model.jnt_type[i]), model.jnt_dofadr[i]
         if kind not in (hinge, slide):
             found = mujoco.mjtJoint(kind).name.removeprefix("mjJNT_").lower()
             raise refused("model", f"{name}, a {found} joint", "joints that turn or slide")
+        if model.jnt_range[i, 0] > model.jnt_range[i, 1]:  # MuJoCo takes it for no limit
+            raise refused(f"range of {name}", model.jnt_range[i], "limits that do not cross")
         if model.body_jntnum[model.jnt_bodyid[i]] > 1:
             raise refused("model", f"{name} beside another of its body", "one joint a body")
         if model.jnt_stiffness[i] or model.dof_frictionloss[dof] or model.qpos0[dof]:
@@ -164,6 +168,41 @@ def chain(model: Any, tip: str | None = None) -> Chain:
     )
 
 
+def read(text: str, tip: str | None = None) -> Chain:
+    """A text of MJCF or URDF as a chain; what cannot be an arm is refused, body by body.
+
+    MuJoCo judges a link together with all that is fixed to it, so that a negative mass hides in a
+    greater one; here each link is judged alone.
+
+    Args:
+        text: the model.
+        tip: as for `chain`.
+
+    Raises:
+        ValueError: for a text that MuJoCo refuses or warns about, two joints of one name, an
+            impossible body, and what `chain` refuses.
+    """
+    mujoco, said = library(), list[str]()
+    usual = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(said.append)
+    try:
+        spec = mujoco.MjSpec.from_string(text)
+    finally:
+        mujoco.set_mju_user_warning(usual)
+    if said:
+        raise refused("text", said[0], "one that MuJoCo reads without a warning")
+    if "<robot" in text and not all(joint.name for joint in spec.joints):
+        # MuJoCo takes the second of two names away.
+        raise refused("text", [joint.name for joint in spec.joints], "a name for each joint")
+    for body in spec.bodies:
+        if body.explicitinertial:
+            finite(f"mass of body {body.name!r}", float(body.mass), 0.0, unit="kg")
+            xx, yy, zz, xy, xz, yz = body.fullinertia
+            if body.mass and np.isfinite(xx):  # else it was given by its principal moments
+                inertia_tensor([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    return chain(spec.compile(), tip)
+
+
 def _tool(
     model: Any, tip: str | None, carrier: list[int], within: list[Array], last: int
 ) -> tuple[int, Array]:
@@ -224,3 +263,77 @@ def moved(
     data.qpos[at], data.qvel[at], data.qfrc_applied[at] = q, v, tau
     mujoco.mj_step(mj, data, steps)
     return np.array(data.qpos[at])
+
+
+def follow(
+    chain: Chain, motion: Array, kp: Array, kd: Array, dt: float, gravity: ArrayLike
+) -> Callable[[], Array]:
+    """A loop of computed torque with half-sample preview, `mj_inverse` and RK4 of `mj_step`.
+
+    Args:
+        chain: the arm, whose model is right.
+        motion: q, v and a of the middle of each sample, shape (3, n, T); it starts half before.
+        kp, kd: gains before the inertia, shape (n,).
+        dt: sample time [s].
+        gravity: shape (3,) [m/s^2].
+
+    Returns:
+        A function that runs it and gives the joint positions, shape (T + 1, n).
+    """
+    mujoco, mj, half = library(), model(chain, gravity), 0.5 * dt
+    mj.opt.timestep, mj.opt.integrator = dt, mujoco.mjtIntegrator.mjINT_RK4
+    law, data = mujoco.MjData(mj), mujoco.MjData(mj)
+    q0 = motion[0, :, 0] - half * motion[1, :, 0] + 0.5 * half**2 * motion[2, :, 0]
+    start = q0, motion[1, :, 0] - half * motion[2, :, 0]
+
+    def run() -> Array:
+        places = np.empty((motion.shape[2] + 1, chain.n))
+        data.qpos[:], data.qvel[:] = start
+        for k in range(motion.shape[2]):
+            places[k] = data.qpos
+            q, v, a = motion[:, :, k]
+            ahead = data.qpos + half * data.qvel + 0.5 * half**2 * a
+            rate = data.qvel + half * a
+            law.qpos[:], law.qvel[:] = ahead, rate
+            law.qacc[:] = a + kp * (q - ahead) + kd * (v - rate)
+            mujoco.mj_inverse(mj, law)
+            data.qfrc_applied[:] = law.qfrc_inverse
+            mujoco.mj_step(mj, data)
+        places[-1] = data.qpos
+        return places
+
+    return run
+
+
+def rollouts(
+    chain: Chain, plans: Array, dt: float, start: tuple[Array, Array], gravity: ArrayLike
+) -> Callable[[], Array]:
+    """A function that takes K arms through plans of torques in `mujoco.batch`, on one thread.
+
+    Args:
+        chain: the arm; one without branches, as its joints are taken in MuJoCo's order.
+        plans: shape (K, T, n), each torque held for a step of RK4.
+        dt: the step [s].
+        start: (q, v), shape (n,) each.
+        gravity: shape (3,) [m/s^2].
+
+    Returns:
+        What gives the last joint positions, shape (K, n).
+    """
+    mujoco, mj = library(), model(chain, gravity)
+    from mujoco import batch
+
+    mj.opt.timestep, mj.opt.integrator = dt, mujoco.mjtIntegrator.mjINT_RK4
+    many = batch.Batch(mj, len(plans), 1)
+    q, v, torque = (many.bind(name) for name in ("qpos", "qvel", "qfrc_applied"))
+    rows = np.ascontiguousarray(plans.transpose(1, 0, 2))
+
+    def run() -> Array:
+        many.state[:] = 0.0
+        q[:], v[:] = start
+        for row in rows:
+            torque[:] = row
+            many.step(nstep=1)
+        return np.array(q)
+
+    return run

@@ -58,7 +58,7 @@ class Options:
     def softness(self, weight: Array | None = None) -> Softness:
         """The same for `course.contact.soft`."""
         return Softness(
-            self.solref, self.solimp, (0.0, 0.0), self.impratio, self.cone, self.margin,
+            self.solref, self.solimp, self.impratio, self.cone, self.margin,
             self.refsafe, None if self.diagexact else weight,
         )  # fmt: skip
 
@@ -110,10 +110,7 @@ def _ball(joint: str = "") -> str:
 
 
 def block(
-    options: Options,
-    angle: float = 0.0,
-    velocity: Sequence[float] = (0.0, 0.0),
-    start: float = 0.0,
+    options: Options, angle: float = 0.0, velocity: Sequence[float] = (0.0, 0.0), start: float = 0.0
 ) -> Runner:
     """A block that slides on a point and does not turn: on a slope [rad], sent off along it and
     across [m/s], its lowest point at a height `start` [m]."""

@@ -118,7 +118,7 @@ def advance(state, controls, seconds):
         for k in range(2):
             if state["gone"][k] == 0.0:
                 step(controls, dt, k, state["bodies"][k], state["force"][k])
-                state["gone"][k] = float(np.max(np.abs(state["bodies"][k])) > _GONE)
+                state["gone"][k] = 1.0 if np.max(np.abs(state["bodies"][k])) > _GONE else 0.0
         state["steps"] += 1
         if state["steps"] % max(1, round(_SAMPLE / dt)) == 0:
             keep(controls, state)

@@ -62,10 +62,7 @@ def circles(figure: Any, shown: Shown) -> None:
     for centre, radius in ((centre_a, radius_a), (centre_b, radius_b)):
         axes.plot(centre[0] + radius * np.cos(around), centre[1] + radius * np.sin(around), "k")
     size = 0.5 * (radius_a + radius_b) + 0.1
-    for (_, normal, point), style in (
-        (shown.got, picture.YOURS),
-        (shown.expected, picture.RIGHT),
-    ):
+    for (_, normal, point), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         end = np.asarray(point) + size * np.asarray(normal)
         axes.plot([point[0], end[0]], [point[1], end[1]], marker="o", markevery=[0], **style)
     axes.legend()
@@ -125,10 +122,7 @@ SLIPS = slips(
 
 EXERCISE = Exercise(
     judge=judge_of(
-        cases,
-        allowed,
-        "a closed form: only the rounding of the coordinates is left",
-        told=coarse,
+        cases, allowed, "a closed form: only the rounding of the coordinates is left", told=coarse
     ),
     examples=(
         "circle_contact(np.array([0.0, 0.0]), 1.0, np.array([3.0, 0.0]), 1.0)",

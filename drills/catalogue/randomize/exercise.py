@@ -83,17 +83,15 @@ def _untouched(bench: Bench, drawn: list[Arrays | None], seeds: list[int]) -> No
 
 
 # Level, label, whether it is tried after a failure, and what is done with what was drawn first.
-STAGES: tuple[tuple[str, str, bool, Callable[[Bench, list[Any], list[int]], object]], ...] = (
-    ("simple", "a new randomizer", True, _untouched),
-    ("simple", "one draw", True, lambda b, drawn, s: drawn.append(one_draw(b, s[0]))),
-    ("core", "many draws, and back", True, lambda b, drawn, s: repeated(b, drawn[0], s)),
-    ("core", "distributions", False, lambda b, drawn, s: distributions(b, drawn[0], s[2])),
-    ("core", "actions in one array", True, lambda b, drawn, s: reused_actions(b, s[3])),
-    ("core", "noise", True, lambda b, drawn, s: noise_added(b, s[4])),
-    ("edge", "ranges of one value", False, lambda b, drawn, s: equal_ends(b, s[5])),
-    ("edge", "the defaults", False, lambda b, drawn, s: defaults(b, s[5])),
-    ("edge", "what is refused", True, lambda b, drawn, s: refusals(b)),
-)
+STAGES: tuple[tuple[str, str, bool, Callable[[Bench, list[Any], list[int]], object]],
+    ...] = (("simple", "a new randomizer", True, _untouched), ("simple", "one draw", True, lambda b,
+    drawn, s: drawn.append(one_draw(b, s[0]))), ("core", "many draws, and back", True, lambda b,
+    drawn, s: repeated(b, drawn[0], s)), ("core", "distributions", False, lambda b, drawn,
+    s: distributions(b, drawn[0], s[2])), ("core", "actions in one array", True, lambda b, drawn,
+    s: reused_actions(b, s[3])), ("core", "noise", True, lambda b, drawn, s: noise_added(b, s[4])),
+    ("edge", "ranges of one value", False, lambda b, drawn, s: equal_ends(b, s[5])), ("edge",
+    "the defaults", False, lambda b, drawn, s: defaults(b, s[5])), ("edge", "what is refused", True,
+    lambda b, drawn, s: refusals(b)))  # fmt: skip
 
 
 def _time(bench: Bench) -> None:
@@ -177,21 +175,13 @@ def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     slip = next(slip for slip in SLIPS if slip.name == "constants_not_recomputed")
     stale = InProcess(slip.text(attempt.card.solution_text()), GIVEN)
     check = {parameter: constants_of(parameter) for parameter in sizes}
-    return measure(
-        [
-            randomized("yours", "yours", attempt.learner.child, attempt.learner.child.given),
-            randomized("reference", "ours", attempt.reference, attempt.reference.given),
-            randomized("without mj_setConst", "ours", stale, stale.given),
-            Method("MjSpec compiled anew", compiled, list(sizes), "oracle", "bodies drawn"),
-        ],
-        0.0,
-        reference_check=0.0,
-        tolerance=1e-9,
-        failed_above=1e3,
-        repeats=3,
+    return measure([randomized("yours", "yours", attempt.learner.child,
+        attempt.learner.child.given), randomized("reference", "ours", attempt.reference,
+        attempt.reference.given), randomized("without mj_setConst", "ours", stale, stale.given),
+        Method("MjSpec compiled anew", compiled, list(sizes), "oracle", "bodies drawn")], 0.0,
+        reference_check=0.0, tolerance=1e-9, failed_above=1e3, repeats=3,
         question="50 randomisations of a chain of 2 to 32 bodies",
-        error_unit="relative, worst constant",
-    )
+        error_unit="relative, worst constant")  # fmt: skip
 
 
 def _chain(bodies: int) -> str:
@@ -204,21 +194,12 @@ def _chain(bodies: int) -> str:
             f'damping="{damping}"/><geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.03"/>'
             f"{inside}</body>"
         )
-    return (
-        '<mujoco><worldbody><geom type="plane" size="5 5 0.1"/>'
-        f'{inside}</worldbody><actuator><motor joint="j1"/></actuator></mujoco>'
-    )
+    return ('<mujoco><worldbody><geom type="plane" size="5 5 0.1"/>'
+        f'{inside}</worldbody><actuator><motor joint="j1"/></actuator></mujoco>')  # fmt: skip
 
 
-EXERCISE = Exercise(
-    judge=judge,
-    given=GIVEN,
-    limits=Limits(call=8.0, total=90.0),
-    examples=(
-        "given.drawn(DomainRandomizer, mass=(2, 2), damping=(0.2, 0.2), friction=(0.5, 0.5))",
-        "given.delayed(DomainRandomizer, [1, 2, 3, 4, 5], delay=(2, 2), idle=-1.0)",
-        "given.delayed(DomainRandomizer, [1, 2, 3], delay=(0, 0))",
-    ),
-    chart=chart,
-    slips=SLIPS,
-)
+EXERCISE = Exercise(judge=judge, given=GIVEN, limits=Limits(call=8.0, total=90.0),
+    examples=("given.drawn(DomainRandomizer, mass=(2, 2), damping=(0.2, 0.2), friction=(0.5, 0.5))",
+    "given.delayed(DomainRandomizer, [1, 2, 3, 4, 5], delay=(2, 2), idle=-1.0)",
+    "given.delayed(DomainRandomizer, [1, 2, 3], delay=(0, 0))"), chart=chart,
+    slips=SLIPS)  # fmt: skip

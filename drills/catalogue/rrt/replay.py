@@ -133,7 +133,10 @@ def _whole_steps(world: World, run: Run) -> bool:
 def _edges(world: World, run: Run) -> list[Fault]:
     found: list[Fault] = []
     from_start = len(run.nodes) > 4 and not run.parents[1:].any()
-    for i in range(1, len(run.nodes)):
+    tails, heads = run.nodes[run.parents[1:]], run.nodes[1:]
+    suspect = np.hypot(*(heads - tails).T) > world.step
+    suspect |= clearances(tails, heads, world.discs).min(axis=1, initial=1.0) < 0.0
+    for i in (np.flatnonzero(suspect) + 1).tolist():  # the others have no fault
         a, b = run.nodes[run.parents[i]], run.nodes[i]
         for fault in edge_faults(a, b, world.discs, world.step, i):
             text = f"{fault.sentence[0].upper()}{fault.sentence[1:]}."

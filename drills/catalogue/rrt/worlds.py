@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from drills import picture
 from drills.geometry import clearances
 
 Array = NDArray[np.float64]
@@ -127,3 +128,16 @@ def refused(rng: np.random.Generator) -> list[World]:
         World("goal out of bounds", START, outside, apart, bounds, 0.5, 200),
         World("both in one disc", START, START.copy(), on_start, bounds, 0.5, 200),
     ]
+
+
+def paths(figure: Any, discs: Any, before: Any, got: Any, right: Any) -> None:
+    """Paths [m] among discs, rows (x, y, radius): what was given, what came back, what is right."""
+    from matplotlib.patches import Circle
+
+    axes = picture.plane(figure, "x [m]", "y [m]", equal=True)
+    for x, y, radius in np.asarray(discs, dtype=float).reshape(-1, 3):
+        axes.add_patch(Circle((x, y), radius, color="0.8"))
+    styles = ({"color": "0.6", "lw": 0.8, "label": "given"}, picture.YOURS, picture.RIGHT)
+    for path, style in zip((before, got, right), styles, strict=True):
+        axes.plot(*np.asarray(path, dtype=float).reshape(-1, 2).T, marker="o", ms=3, **style)
+    axes.legend()

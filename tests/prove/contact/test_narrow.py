@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from course import contact
+from course.charts.contact.geometry import random_poses
 from course.oracles import coal
 from course.rigid_body.quaternion import exp
 from tests.contact import draws
@@ -20,7 +21,10 @@ def test_agrees_with_coal(first, second):
     a, b = draws.SHAPES[first], draws.SHAPES[second]
     size = a.size + b.size
     for spread in (0.4, 1.5):
-        pose_a, pose_b = draws.poses(rng, COUNT // 2, spread), draws.poses(rng, COUNT // 2, spread)
+        pose_a, pose_b = (
+            random_poses(rng, COUNT // 2, spread),
+            random_poses(rng, COUNT // 2, spread),
+        )
         found = contact.distance(a, pose_a, b, pose_b)
         other = coal.Pair(a, b).distances(pose_a, pose_b)
         error = np.abs(found.distance - other) / size
@@ -35,7 +39,7 @@ def test_boxes_agree_with_every_feature(angle, scale):
     rng = np.random.default_rng()
     for _ in range(10):
         a, b = (contact.box(scale * 10.0 ** rng.uniform(-2, 0, 3)) for _ in range(2))
-        pose_a, pose_b = (draws.poses(rng, 500, scale) for _ in range(2))
+        pose_a, pose_b = (random_poses(rng, 500, scale) for _ in range(2))
         if angle is not None:
             pose_b[3:] = draws.turned(rng, pose_a, angle)[3:]
         found = contact.distance(a, pose_a, b, pose_b)

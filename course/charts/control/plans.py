@@ -1,0 +1,257 @@
+"""Plans: where limits make them worth their time, how many tries they need, and what those cost."""
+
+import functools
+import time
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course.charts import chart
+from course.charts.control.tracking import ARM, DOWN
+from course.control import box_qp, horizon, lqr, mpc, mppi, rollouts
+from course.control.sampling import shifted
+from course.measure.figure import Panel, Series
+from course.measure.success import wilson
+from course.measure.timing import calls, interleaved
+from course.oracles.mujoco import chain as mujoco
+
+Array = NDArray[np.float64]
+
+# --- a mass of 1 kg on a line, whose motor is weak ------------------------------------------------
+
+STEP, WEAK = 0.05, 0.3  # s, N
+A, B = np.array([[1.0, STEP], [0.0, 1.0]]), np.array([[0.5 * STEP**2], [STEP]])
+Q, R = np.diag([10.0, 1.0]), np.array([[0.01]])
+K = lqr(A, B, Q, R).K
+
+
+def cost(x: Array, samples: int = 0, limit: float = WEAK, most: int = 1500) -> tuple[float, int]:
+    """What it costs to come to rest at 0, and on how many sides the limit was met.
+
+    Args:
+        x: place and speed at the start [m, m/s].
+        samples: of the horizon of MPC; 0 for the clipped regulator.
+        limit: of the force [N].
+        most: samples of the run.
+    """
+    plan, last, total, sides = horizon(A, B, Q, R, samples) if samples else None, None, 0.0, set()
+    for _ in range(most):
+        if plan is None:
+            u = -K @ x
+            sides |= {float(np.sign(u[0]))} if abs(u[0]) > limit else set()
+            u = np.clip(u, -limit, limit)
+        else:
+            last = mpc(plan, x, limit, last)
+            u = last[0]
+        total += float(x @ Q @ x + u @ R @ u)
+        x = A @ x + B @ u
+        if np.abs(x).max() < 1e-9:
+            break
+    return total, len(sides)
+
+
+@chart
+def mpc_where(
+    points: int = 13, samples: Sequence[int] = (10, 20, 40), repeats: int = 5,
+    clock: Callable[[], float] = time.process_time,
+) -> Iterator[Panel]:  # fmt: skip
+    """MPC beside the clipped regulator: what it saves over the distance, and its time.
+
+    Args:
+        points: distances.
+        samples: horizons.
+        repeats, clock: of the timing.
+    """
+    far = np.geomspace(0.01, 10.0, points)
+    clipped = [cost(np.array([x, 0.0])) for x in far]
+    panel = Panel("Where the limit binds both ways, a plan pays", "distance [m]",
+                  "cost of the clipped regulator over MPC's", scale="log x")  # fmt: skip
+    first = far[[sides for _, sides in clipped].index(2)]
+    panel.lines = [("x", float(first), "both limits met")]
+    for n in samples:
+        ratio = [c / cost(np.array([x, 0.0]), n)[0] for x, (c, _) in zip(far, clipped, strict=True)]
+        near = max(abs(r - 1) for r, (_, sides) in zip(ratio, clipped, strict=True) if sides < 2)
+        panel.series.append(
+            Series(f"{n * STEP:g} s ahead", far, ratio,
+                   note=f"{n} samples ahead: up to {max(ratio):.2f} times cheaper; the same to "
+                   f"{near:.0e} where the limit binds on one side at most")
+        )  # fmt: skip
+    yield panel
+
+    x = np.array([2.0, 0.0])
+    runs: dict[str, Callable[[], Array]] = {"saturated LQR": lambda: np.clip(-K @ x, -WEAK, WEAK)}
+    for n in samples:
+        plan = horizon(A, B, Q, R, n)
+        last = mpc(plan, x, WEAK)
+        runs[f"cold {n}"] = functools.partial(mpc, plan, x, WEAK)
+        runs[f"warm {n}"] = functools.partial(mpc, plan, x, WEAK, last)
+    timed = interleaved([calls(run, clock=clock) for run in runs.values()], repeats=repeats)
+    spent = {name: 1e6 * found.median for name, found in zip(runs, timed, strict=True)}
+    panel = Panel("What a command costs", "samples ahead", "time of a command [us]", scale="log",
+                  ticks=samples)  # fmt: skip
+    for name in ("cold", "warm"):
+        y = [spent[f"{name} {n}"] for n in samples]
+        panel.series.append(
+            Series(f"MPC, {name} start", samples, y,
+                   note=f"MPC, {name} start: {y[0]:.0f} us at {samples[0]} samples, {y[-1]:.0f} at "
+                   f"{samples[-1]}; the clipped regulator {spent['saturated LQR']:.1f} us")
+        )  # fmt: skip
+    panel.lines = [("y", spent["saturated LQR"], "clipped regulator")]
+    yield panel
+
+
+# --- a pendulum with a third of the torque that holds it up sideways ------------------------------
+
+
+def swings_up(samples: int, ahead: int, seed: int, plans: int = 70, dt: float = 0.1) -> bool:
+    """Whether MPPI brings a pendulum of 1 kg at 1 m upright and holds it there.
+
+    Args:
+        samples: tries a plan.
+        ahead: samples of the horizon.
+        seed: of the tries.
+        plans: after which it is judged.
+        dt: sample time, two steps of semi-implicit Euler [s].
+    """
+    limit, rng = 9.81 / 3.0, np.random.default_rng(seed)
+
+    def move(q: Array, v: Array, u: Array) -> tuple[Array, Array]:
+        for _ in range(2):
+            v = v + 0.5 * dt * (9.81 * np.sin(q) + u)
+            q = q + 0.5 * dt * v
+        return q, v
+
+    plan, q, v = np.zeros((ahead, 1)), np.array([np.pi]), np.zeros(1)
+    for _ in range(plans):
+
+        def judged(tries: Array, q: Array = q, v: Array = v) -> Array:
+            total = np.zeros(len(tries))
+            for u in tries[:, :, 0].T:
+                q, v = move(q, v, u)
+                total += 1.0 - np.cos(q) + 0.02 * v**2
+            return total
+
+        plan = mppi(judged, plan, rng, samples=samples, spread=limit, temperature=0.5,
+                    limit=limit).plan  # fmt: skip
+        q, v = move(q, v, plan[0])
+        plan = shifted(plan)
+    return bool(abs(np.sin(q[0])) < 0.3 and np.cos(q[0]) > 0.0 and abs(v[0]) < 1.0)
+
+
+@chart
+def swing_up(
+    samples: Sequence[int] = (2, 4, 8, 16, 32, 64, 256),
+    ahead: Sequence[int] = (3, 5, 8, 12, 16, 20, 30), seeds: int = 20,
+) -> Iterator[Panel]:  # fmt: skip
+    """How often MPPI swings a weak pendulum up: over its tries, and over how far it looks.
+
+    Args:
+        samples, ahead: of both panels.
+        seeds: runs of a point.
+    """
+    for title, words, values, fixed in (
+        ("More tries", "tries a plan", samples, {"ahead": 20}),
+        ("Further ahead", "samples of the horizon", ahead, {"samples": 64}),
+    ):
+        name = "ahead" if "samples" in fixed else "samples"
+        won = [sum(swings_up(**{name: n, **fixed, "seed": s}) for s in range(seeds))
+               for n in values]  # fmt: skip
+        low, high = wilson(won, seeds)
+        share = np.array(won) / seeds
+        with_what = ", ".join(f"{n} {k}" for k, n in fixed.items()).replace("samples", "tries")
+        row = ", ".join(f"{n}: {s:.0%}" for n, s in zip(values, share, strict=True))
+        yield Panel(f"{title} ({with_what})", words, "share of runs upright", scale="log x",
+                    ticks=values, series=[Series("", values, share, "MPPI", low=low, high=high,
+                    note=f"upright by {words}, {with_what}: {row}")])  # fmt: skip
+
+
+@chart
+def control_speed(
+    plans: Sequence[int] = (16, 64, 256, 1024), samples: int = 50,
+    sizes: Sequence[int] = (2, 4, 8), systems: int = 1000, repeats: int = 5,
+    clock: Callable[[], float] = time.process_time,
+) -> Iterator[Panel]:  # fmt: skip
+    """Rollouts beside `mujoco.batch` on one core, regulators and boxes beside SciPy's.
+
+    Args:
+        plans: at a time.
+        samples: of each.
+        sizes: states of a system, and unknowns of a box.
+        systems: drawn in all for the residuals.
+        repeats, clock: of the timing.
+    """
+    dt, start = 0.01, (np.array([0.3, 0.5]), np.array([0.1, -0.2]))
+    rates: dict[str, list[float]] = {"course": [], "mujoco.batch": []}
+    off = 0.0
+    for n in plans:
+        torques = np.random.default_rng(n).normal(size=(n, samples, 2))
+        theirs = mujoco.rollouts(ARM.chain(), torques, dt, start, DOWN)
+
+        def ours(torques: Array = torques) -> Array:
+            return rollouts(ARM, torques, dt, start)[0][-1].T
+
+        off = max(off, float(np.abs(ours() - theirs()).max()))
+        timed = interleaved([calls(run, clock=clock) for run in (ours, theirs)], repeats=repeats)
+        for name, found in zip(rates, timed, strict=True):
+            rates[name].append(n * samples / found.median)
+    ratio = np.array(rates["course"]) / rates["mujoco.batch"]
+    note = f"{np.median(ratio):.0f} times mujoco.batch on one core ({ratio.min():.0f} to "
+    panel = Panel("Rollouts of two links", "plans at a time", "samples a second", scale="log",
+                  ticks=plans)  # fmt: skip
+    panel.series = [Series(name, plans, y, name) for name, y in rates.items()]
+    panel.notes = [f"{note}{ratio.max():.0f}); largest difference {off:.0e} rad"]
+    yield panel
+    yield _beside_scipy(sizes, systems, repeats, clock)
+
+
+def residual(system: Sequence[Array], P: Array) -> float:
+    """What is left of the Riccati equation, over the largest entry of P."""
+    A, B, Q, R = system
+    gain = np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)
+    return float(np.abs(Q + A.T @ P @ (A - B @ gain) - P).max() / np.abs(P).max())
+
+
+def drawn(rng: np.random.Generator, n: int) -> tuple[Array, ...]:
+    """A system of n states and n // 2 inputs, stable or not, and its weights."""
+    m, A, W = n // 2, rng.normal(size=(n, n)), rng.normal(size=(n, n))
+    A *= rng.uniform(0.5, 1.5) / np.abs(np.linalg.eigvals(A)).max()
+    return A, rng.normal(size=(n, m)), W @ W.T, np.eye(m)
+
+
+def _beside_scipy(
+    sizes: Sequence[int], systems: int, repeats: int, clock: Callable[[], float]
+) -> Panel:
+    from scipy.linalg import solve_discrete_are
+    from scipy.optimize import lsq_linear
+
+    rng, panel = np.random.default_rng(0), Panel("One answer", "size", "time [us]", scale="log",
+                                                 ticks=sizes)  # fmt: skip
+    names = ("regulator", "SciPy's Riccati", "box", "SciPy's BVLS")
+    spent: dict[str, list[float]] = {name: [] for name in names}
+    worst, apart = np.zeros(2), 0.0
+    for n in sizes:
+        for _ in range(systems // len(sizes)):
+            system = drawn(rng, n)
+            both = lqr(*system).P, solve_discrete_are(*system)
+            worst = np.maximum(worst, [residual(system, P) for P in both])
+        M, b = rng.normal(size=(n + 5, n)), 3.0 * rng.normal(size=n + 5)
+        H, g = M.T @ M, -M.T @ b
+        runs = (
+            functools.partial(lqr, *system),
+            functools.partial(solve_discrete_are, *system),
+            functools.partial(box_qp, H, g, -0.3, 0.3),
+            functools.partial(lsq_linear, M, b, (-0.3, 0.3), method="bvls", tol=1e-15),
+        )
+        apart = max(apart, float(np.abs(runs[2]().x - runs[3]().x).max()))
+        timed = interleaved([calls(run, clock=clock) for run in runs], repeats=repeats)
+        for name, found in zip(names, timed, strict=True):
+            spent[name].append(1e6 * found.median)
+    ratio = [np.median(np.array(spent[b]) / spent[a]) for a, b in (names[:2], names[2:])]
+    panel.series = [Series(name, sizes, y) for name, y in spent.items()]
+    panel.notes = [
+        f"regulator {ratio[0]:.0f} times SciPy's speed; largest residual of {systems} systems "
+        f"{worst[0]:.0e}, SciPy's {worst[1]:.0e}",
+        f"box {ratio[1]:.0f} times SciPy's BVLS; largest difference {apart:.0e}",
+    ]
+    return panel

@@ -1,0 +1,249 @@
+"""Which law follows a motion how well, how often asked, for how much, and by which model."""
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from course.charts import chart
+from course.control import Adaptive, JointLaw, horizon, lqr, mpc, mppi, rollouts, track
+from course.control.residual import Learned, learn
+from course.control.sampling import shifted
+from course.kinematics import TwoLink, linearise
+from course.measure.figure import Panel, Series
+from course.measure.timing import calls, interleaved
+from course.oracles.mujoco import chain as mujoco
+from course.oracles.pinocchio import Arm
+
+Array = NDArray[np.float64]
+ARM = TwoLink(payload=0.5, damping=(0.6, 0.5), gravity=9.81)
+WRONG = TwoLink(gravity=9.81)  # neither payload nor this friction
+DOWN = (0.0, -9.81, 0.0)
+KP, KD = 100.0, 20.0  # before the inertia [1/s^2, 1/s]
+STIFF, DAMP = (60.0, 30.0), (8.0, 3.0)  # of the joints [N m/rad, N m s/rad]
+SECONDS = 4.0
+Q, R = np.diag([1e4, 1e4, 1e2, 1e2]), 0.01 * np.eye(2)
+
+
+def motion(times: ArrayLike, size: float = 1.0, speed: float = 1.0) -> list[Array]:
+    """A smooth motion of both joints: angles, rates, accelerations, each (2, T)."""
+    w = speed * np.array([[2.0], [3.0]])
+    wave, depth = w * np.asarray(times) + [[0.3], [1.0]], size * np.array([[0.8], [0.5]])
+    return [depth * np.sin(wave) + [[0.0], [0.6]], depth * w * np.cos(wave),
+            -depth * w**2 * np.sin(wave)]  # fmt: skip
+
+
+def error(
+    law: Any, dt: float, seconds: float = SECONDS, arm: TwoLink = ARM, last: float = 2.0,
+    **how: float,
+) -> float:  # fmt: skip
+    """Largest error of an angle at the samples of the last seconds [rad]; infinite if it falls."""
+    run = track(arm, law, partial(motion, **how), dt, seconds)
+    worst = np.abs(run.q[:, :-1] - run.setpoint)[:, -round(last / dt) :].max()
+    return float(worst) if worst < 3.0 else np.inf
+
+
+# --- laws that look along the path ----------------------------------------------------------------
+
+
+class Along:
+    """What is known beforehand of a path: torques of each sample's middle, and the small motion."""
+
+    correct: Callable[[int, Array], Array]  # torques against the deviation of a sample
+
+    def __init__(self, model: TwoLink, dt: float, seconds: float = SECONDS) -> None:
+        self.model, self.dt = model, dt
+        times = dt * np.arange(round(seconds / dt) + 200)
+        self.aim = np.concatenate(motion(times)[:2])
+        q, v, a = motion(times + 0.5 * dt)
+        self.ahead = model.inverse_dynamics(q, v, a)
+        self.k, chain = 0, model.chain()
+        self.small = [self._held(linearise(chain, *x.T, gravity=DOWN))
+                      for x in np.stack([q, v, self.ahead], axis=2).transpose(1, 0, 2)]  # fmt: skip
+
+    def _held(self, system: tuple[Array, Array]) -> tuple[Array, Array]:
+        whole, total = np.zeros((6, 6)), np.eye(6)
+        whole[:4] = np.hstack(system)
+        for order in range(8, 0, -1):
+            total = np.eye(6) + self.dt / order * whole @ total
+        return total[:4, :4], total[:4, 4:]
+
+    def __call__(self, q: Array, v: Array, *_: Array) -> Array:
+        self.k += 1
+        return self.ahead[:, self.k - 1] + self.correct(
+            self.k - 1, np.concatenate([q, v]) - self.aim[:, self.k - 1]
+        )
+
+
+class PathLQR(Along):
+    """A gain for each sample, from the Riccati recursion backwards along the path."""
+
+    def __init__(self, model: TwoLink, dt: float) -> None:
+        super().__init__(model, dt)
+        self.gains: list[Any] = []
+        P = lqr(*self.small[-1], Q, R).P
+        for A, B in reversed(self.small):
+            K = np.asarray(np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A))
+            P = Q + A.T @ P @ (A - B @ K)
+            self.gains.insert(0, K)
+
+    def correct(self, k: int, x: Array) -> Array:
+        return -self.gains[k] @ x
+
+
+class PathMPC(Along):
+    """Ten samples ahead, the motors' limits as a box."""
+
+    def __init__(self, model: TwoLink, dt: float, limit: float = 30.0) -> None:
+        super().__init__(model, dt)
+        self.plans = [horizon(*system, Q, R, 10) for system in self.small]
+        self.last: Array | None = None
+        self.room = limit - np.abs(self.ahead)
+
+    def correct(self, k: int, x: Array) -> Array:
+        self.last = mpc(self.plans[k], x, self.room[:, k], self.last)
+        return self.last[0]
+
+
+class PathMPPI(Along):
+    """128 tries over 8 pieces of 8 ms about the torques of the path, by the model."""
+
+    def __init__(self, model: TwoLink, dt: float) -> None:
+        super().__init__(model, dt)
+        self.rng, self.plan = np.random.default_rng(0), np.zeros((8, 2))
+        self.piece = max(1, round(0.008 / dt))
+
+    def correct(self, k: int, x: Array) -> Array:
+        end = k + 8 * self.piece
+        aim, known = self.aim[:, k + 1 : end + 1].T, self.ahead[:, k:end].T
+        state = np.split(x + self.aim[:, k], 2)
+
+        def cost(plans: Array) -> Array:
+            torques = known + np.repeat(plans, self.piece, axis=1)
+            q, v = rollouts(self.model, torques, self.dt, (state[0], state[1]))
+            off = np.concatenate([q[1:], v[1:]], axis=1) - aim[:, :, None]
+            return np.asarray(np.einsum("tik,i->k", off**2, np.diag(Q)) * self.dt)
+
+        found = mppi(cost, self.plan, self.rng, samples=128, spread=(0.15, 0.05), temperature=1e-3)
+        self.plan = found.plan if (k + 1) % self.piece else shifted(found.plan)
+        return np.asarray(found.plan[0])
+
+
+def adaptive(model: TwoLink, dt: float, rate: float = 5.0) -> Adaptive:
+    """The adaptive law, from the model's numbers on."""
+    return Adaptive(model, 10.0, (5.0, 2.5), rate, dt, model.parameters)
+
+
+LAWS: dict[str, Callable[[TwoLink, float], Any]] = {
+    "PD": lambda model, dt: JointLaw("pd", model, STIFF, DAMP),
+    "PD + gravity": lambda model, dt: JointLaw("pd_gravity", model, STIFF, DAMP),
+    "computed torque": lambda model, dt: JointLaw("computed_torque", model, KP, KD),
+    "half-sample preview": lambda model, dt: JointLaw("computed_torque", model, KP, KD, dt),
+    "adaptive law": adaptive,
+    "LQR along the path": PathLQR,
+    "MPC": PathMPC,
+    "MPPI": PathMPPI,
+}
+
+
+def rounds_until(
+    bar: float, model: TwoLink, seed: int, rounds: int = 4, shown: TwoLink | None = None,
+    dt: float = 8e-3,
+) -> float:  # fmt: skip
+    """Rounds of collecting and fitting until a law's largest error is below a bar; or infinite.
+
+    With `shown` that model's law collects first.
+    """
+    found: list[float] = []
+
+    def collect(law: Learned) -> Any:
+        first = law if found or shown is None else Learned(shown, KP, KD)
+        run = track(ARM, first, motion, dt, 3.0)
+        found.append(float(np.abs(run.q[:, :-1] - run.setpoint)[:, round(1 / dt) :].max()))
+        return run
+
+    learn(Learned(model, KP, KD), collect, np.random.default_rng(seed), rounds)
+    good = np.flatnonzero(np.array(found) < bar)
+    return float(good[0]) if good.size else np.inf
+
+
+SLOW = ("MPC", "MPPI")
+# The same computed torque with preview, the loop in Python, law and arm by a library.
+FOLLOW: dict[str, Callable[..., Callable[[], Array]]] = {
+    "Pinocchio": lambda rows, kp, kd, dt: Arm(ARM.chain(), DOWN).follow(rows, kp, kd, dt),
+    "MuJoCo": lambda rows, kp, kd, dt: mujoco.follow(ARM.chain(), rows, kp, kd, dt, DOWN),
+}
+
+
+@chart(columns=2)
+def tracking_laws(
+    rates: Sequence[int] = (125, 250, 500, 1000), repeats: int = 3,
+    clock: Callable[[], float] = time.process_time,
+) -> Iterator[Panel]:  # fmt: skip
+    """Error over samples a second with the right and a wrong model, and over computing time.
+
+    Args:
+        rates: samples a second.
+        repeats: rounds of timing.
+        clock: as for `course.measure.timing.calls`.
+    """
+    errors: dict[tuple[str, str], list[float]] = {}
+    for words, model in (("right", ARM), ("wrong", WRONG)):
+        panel = Panel(f"The model {words}", "samples a second", "largest error [rad]",
+                      scale="log", ticks=rates)  # fmt: skip
+        for name, law in LAWS.items():
+            found = [error(law(model, 1.0 / f), 1.0 / f) for f in rates]
+            errors[words, name] = found
+            panel.series.append(
+                Series(name, rates, found, name, extra=name in ("PD", "MPC"),
+                       note=f"{name:<20} model {words}: {found[0]:.1e} rad at {rates[0]} Hz, "
+                       f"{found[-1]:.1e} at {rates[-1]}")
+            )  # fmt: skip
+        yield panel
+    yield _costs(rates, errors, repeats, clock)
+
+
+def _costs(
+    rates: Sequence[int],
+    errors: dict[tuple[str, str], list[float]],
+    repeats: int,
+    clock: Callable[[], float],
+) -> Panel:
+    """Error against the time that a second of the loop takes, the arm's own motion included."""
+    spent: dict[str, list[float]] = {}
+    off = {name: errors["right", name] for name in LAWS}
+    gains = np.full(2, KP), np.full(2, KD)
+    for f in rates:
+        dt, length = 1.0 / f, {name: (40 if name in SLOW else 400) / f for name in (*LAWS, *FOLLOW)}
+        whole = np.array(motion(dt * (np.arange(round(SECONDS * f)) + 0.5)))
+        aim = motion(dt * np.arange(whole.shape[2] + 1))[0].T
+        runs = {name: calls(_run, law(ARM, dt), dt, length[name], clock=clock)
+                for name, law in LAWS.items()}  # fmt: skip
+        for name, of in FOLLOW.items():
+            far = np.abs(of(whole, *gains, dt=dt)() - aim)[-round(2.0 * f) :]
+            off.setdefault(name, []).append(float(far.max()))
+            runs[name] = calls(of(whole[:, :, :400], *gains, dt=dt), clock=clock)
+        timed = interleaved(list(runs.values()), repeats=repeats, sample=3e-3)
+        for name, found in zip(runs, timed, strict=True):
+            spent.setdefault(name, []).append(found.median / length[name])
+    panel = Panel("What it costs, the model right", "computing time for a second [s]",
+                  "largest error [rad]", scale="log", lines=[("x", 1.0, "real time")])  # fmt: skip
+    for name, x in spent.items():
+        ratio = np.median(np.array(x) / spent["half-sample preview"])
+        panel.series.append(
+            Series(name, x, off[name], name, hollow=name in FOLLOW,
+                   extra=name in ("PD", "PD + gravity", "computed torque", "adaptive law"),
+                   note=f"{name:<20} {1e6 * x[-1] / rates[-1]:7.1f} us a sample with the arm's "
+                   f"motion, {ratio:6.1f} times the compiled loop with preview; "
+                   f"{off[name][-1]:.4e} rad at {rates[-1]} Hz")
+        )  # fmt: skip
+    return panel
+
+
+def _run(law: Any, dt: float, seconds: float) -> None:
+    if isinstance(law, Along):
+        law.k = 0
+    track(ARM, law, motion, dt, seconds)

@@ -1,0 +1,1 @@
+"""The charts of chapter 9: robot learning."""

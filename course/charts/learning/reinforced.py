@@ -1,0 +1,297 @@
+"""PPO on the point: beside others, without each detail, by reward, by step size and epochs."""
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course.charts import chart
+from course.control import cem
+from course.learning import Settings, band, evaluate, ppo
+from course.measure.figure import Panel, Series
+from course.measure.sweep import sweep
+from course.measure.work_precision import machine
+from course.oracles import sb3
+from course.vector_env import PointReachVector
+from course.vector_env.point import DT, MAX_STEPS, optimum
+
+Array = NDArray[np.float64]
+SMALL = Settings(epochs=5, minibatches=4, rate=3e-3, hidden=(16, 16))
+SHARE = "share of the optimum"
+LIBRARIES = ("torch", "stable_baselines3")
+NUM, STARTS, SOLVED = 64, 1000, 0.9  # environments, seed of the test, share of the optimum
+
+
+class Trained(NamedTuple):
+    """A learner's way: environment steps, processor time [s], shares of the optimum, divergence."""
+
+    steps: Array
+    seconds: Array
+    scores: Array
+    kl: float
+
+
+def test(policy: Any, paid: str = "sparse", **task: Any) -> float:
+    """Share of the exact optimum, over 64 common starts: of the prize, or of a lasting bonus."""
+    task = {k: v for k, v in task.items() if k not in ("prize", "max_steps")}
+    late, bonus = (1000 if paid == "hover" else MAX_STEPS), task.get("bonus", 0.0)
+    envs = PointReachVector(NUM, paid, autoreset_mode="SameStep", max_steps=late, **task)
+    first = envs.reset(seed=STARTS)[0]
+    ways = (first - task.get("offset", 0.0)) / task.get("unit", 1.0)
+    best = optimum(ways, paid, bonus=bonus, max_steps=late, radius=task.get("radius", 0.05)).mean()
+    return float(evaluate(policy, envs, STARTS).returns.mean() / best)
+
+
+def trained(
+    settings: Settings, seed: int, steps: int, points: int = 1, reward: str = "potential",
+    **task: Any,
+) -> Trained:  # fmt: skip
+    """Ours, judged at so many points; judging is left out of the time."""
+    envs = PointReachVector(NUM, reward, autoreset_mode="SameStep", **task)
+    paid = reward if reward == "hover" else "sparse"
+    rounds = max(1, steps // (NUM * settings.horizon))
+    rows, kl, began = [], [], time.process_time()
+    for k, one in enumerate(ppo(envs, settings, steps=steps, seed=seed), 1):
+        kl.append(one.kl)
+        if k * points // rounds > (k - 1) * points // rounds:
+            spent = time.process_time() - began
+            rows.append((one.steps, spent, test(one.policy, paid, **task)))
+            began = time.process_time() - spent
+    at, spent, scores = np.array(rows).T
+    return Trained(at, spent, scores, float(np.median(kl)))
+
+
+def library(settings: Settings, seed: int, steps: int, points: int) -> Trained:
+    """Stable-Baselines3 with the same settings."""
+    envs = PointReachVector(NUM, "potential", autoreset_mode="SameStep")
+    every = max(1, steps // (NUM * settings.horizon) // points)
+    curve = sb3.ppo(envs, settings, test, steps=steps, seed=seed, every=every)
+    return Trained(curve.steps.astype(float), curve.seconds, curve.scores, 0.0)
+
+
+def linear_law(gains: Array, seen: Array) -> Array:
+    """Actions (n, 2) of observations (n, 4)."""
+    return (seen @ gains.T).astype(np.float32)
+
+
+def searched(seed: int, rounds: int, samples: int = 24, episodes: int = 4) -> Trained:
+    """Cross-entropy search on a linear law, actions = (2, 4) gains times observations."""
+    envs = PointReachVector(samples * episodes, "potential", autoreset_mode="SameStep")
+    used, rows = [0, seed], []
+
+    def rollout(tries: Array) -> Array:
+        gains = np.repeat(tries, episodes, axis=0).reshape(-1, 2, 4)
+        used[1] += 1
+        ran = evaluate(lambda seen: (gains @ seen[..., None])[..., 0].astype(np.float32), envs,
+                       1000 * used[1])  # fmt: skip
+        used[0] += int(ran.steps.sum())
+        return -ran.returns.reshape(samples, episodes).mean(axis=1)
+
+    for k in range(1, rounds + 1):  # each from the start, the same as far as the shorter one went
+        used[:] = [0, seed]
+        began, rng = time.process_time(), np.random.default_rng(seed)
+        law = cem(rollout, np.zeros((1, 8)), rng, samples=samples, elites=5, rounds=k,
+                  spread=2.0).plan  # fmt: skip
+        spent = time.process_time() - began
+        rows.append((used[0], spent, test(partial(linear_law, law.reshape(2, 4)))))
+    at, spent, scores = np.array(rows).T
+    return Trained(at, spent, scores, 0.0)
+
+
+def jobs(**lists: Any) -> list[dict[str, Any]]:
+    """One job for each seed; the rest is the same."""
+    seeds = lists.pop("seeds")
+    return [{**lists, "seed": seed} for seed in range(seeds)]
+
+
+@chart(columns=2)
+def learning_curves(
+    steps: int = 120_000, points: int = 8, seeds: int = 10, rounds: int = 12
+) -> Iterator[Panel]:
+    """Share of the exact optimum over steps and time: ours, the library, a search; ten seeds."""
+    wide = replace(SMALL, hidden=(64, 64))
+    same: dict[str, Any] = {"steps": steps, "points": points}
+    ways: dict[str, tuple[Any, dict[str, Any]]] = {
+        "ours, 16 wide": (trained, {"settings": SMALL, **same}),
+        "ours, 64 wide": (trained, {"settings": wide, **same}),
+        "Stable-Baselines3": (library, {"settings": wide, **same}),
+        "search, linear law": (searched, {"rounds": rounds}),
+    }
+    # In turns, seed by seed, so that other work on the machine is shared by all.
+    turns = [{label: sweep(way, [{**how, "seed": seed}])[0] for label, (way, how) in ways.items()}
+             for seed in range(seeds)]  # fmt: skip
+    runs = {label: [one[label] for one in turns] for label in ways}
+    by_steps = Panel("By what it saw", "steps of the environment", SHARE,
+                     lines=[("y", 1.0, "optimum")], ylim=(0.0, 1.05))  # fmt: skip
+    by_time = Panel("By what it cost, one core", "processor time, least of the seeds [s]", SHARE,
+                    scale="log x", lines=[("y", 1.0, "optimum")], ylim=(0.0, 1.05),
+                    footer=f"{machine(libraries=LIBRARIES)}; {seeds} seeds")  # fmt: skip
+    for label, some in runs.items():
+        middle, low, high = band([one.scores for one in some])
+        at = np.median([one.steps for one in some], axis=0)
+        spent = np.min([one.seconds for one in some], axis=0)
+        there = [one.steps[one.scores >= SOLVED][0] for one in some if one.scores.max() >= SOLVED]
+        told = f"{label}: {middle[-1]:.3f} ({low[-1]:.3f} to {high[-1]:.3f}) after {at[-1]:,.0f} "
+        told += f"steps and {spent[-1]:.1f} s; {SOLVED:.0%} in {len(there)} of {seeds} seeds"
+        if there:
+            told += f", after {min(there):,.0f} to {max(there):,.0f} steps"
+        by_steps.series.append(Series(label, at, middle, low=low, high=high, note=told))
+        by_time.series.append(Series(label, spent, middle, low=low, high=high))
+    yield by_steps
+    yield by_time
+
+
+LEFT_OUT: dict[str, dict[str, Any]] = {
+    "as it is": {}, "lambda 0": {"trace": 0.0}, "one epoch": {"epochs": 1},
+    "discount 0.9": {"discount": 0.9}, "4 hidden": {"hidden": (4,)},
+    "rewards unscaled": {"scale_rewards": False}, "no clip": {"clip": np.inf},
+    "advantages as they are": {"normalise_advantages": False},
+    "observations too": {"normalise_observations": False},
+    "gradient uncut": {"longest_gradient": np.inf}, "no annealing": {"anneal": False},
+    "clock is an end": {"bootstrap": False},
+}  # fmt: skip
+# Where a detail matters: what the task or the settings are like there, and the detail left out.
+MATTERS: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any]]] = {
+    "offset 10": ({"offset": 10.0}, {}, {"observations too": {"normalise_observations": False}}),
+    "step 0.01, 20 epochs": ({}, {"epochs": 20, "rate": 1e-2}, {"no clip": {"clip": np.inf}}),
+    "prize 10": ({"prize": 10.0}, {}, {"rewards unscaled": {"scale_rewards": False}}),
+    # To stay is worth 1.5 if nothing ends, 0.6 at most to who counts the clock; the prize about 1.
+    "paid to stay, 50 steps": ({"reward": "hover", "bonus": 0.015, "max_steps": 50}, {},
+                               {"clock is an end": {"bootstrap": False}}),
+}  # fmt: skip
+
+
+def banded(rows: dict[str, list[Trained]], told: str) -> Series:
+    """A bar for each row, the middle over its seeds, with the band as its word."""
+    every = {k: band([float(one.scores[-1]) for one in some]) for k, some in rows.items()}
+    middle = [max(0.0, float(b.middle)) for b in every.values()]
+    tags = [f"{b.middle:.2f} ({b.low:.2f} to {b.high:.2f})" for b in every.values()]
+    note = f"{told}: " + "; ".join(f"{k} {t}" for k, t in zip(every, tags, strict=True))
+    low, high = ([float(b[i]) for b in every.values()] for i in (1, 2))
+    return Series("", middle, list(every), style="bar", tags=tags, note=note, low=low, high=high)
+
+
+@chart(columns=2)
+def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
+    """PPO without each detail on the usual task, and a task for each on which it does matter."""
+    same: dict[str, Any] = {"steps": steps, "seeds": seeds}
+    usual = {k: sweep(trained, jobs(settings=replace(SMALL, **change), **same))
+             for k, change in LEFT_OUT.items()}  # fmt: skip
+    yield Panel(
+        f"The usual task, {seeds} seeds", SHARE, xlim=(0.0, 1.8),
+        series=[banded(usual, "left out on the usual task")],
+    )  # fmt: skip
+    there: dict[str, list[Trained]] = {}
+    for name, (task, settings, less) in MATTERS.items():
+        for row, change in {name: {}, **less}.items():
+            how = replace(SMALL, **{**settings, **change})
+            there[row] = sweep(trained, jobs(settings=how, **same, **task))
+    yield Panel(
+        "Where each does matter", SHARE, xlim=(0.0, 1.8), series=[banded(there, "where it matters")]
+    )
+
+
+def stumbles(radius: float) -> float:
+    """Chance that a first policy, which knows nothing, meets the disc in an episode, predicted.
+
+    What a path sweeps, over the area where the goal may be: a disc once, and twice its radius times
+    the way within that square. Speed and place go together there: who is fast is outside sooner.
+    Left out: that a path crosses its own, and the seams at the edge of the square.
+    """
+    k = np.arange(1, MAX_STEPS + 1)[:, None]
+    # Variance of a standard normal number that is cut at -1 and 1.
+    push = np.sqrt(1.0 - 2.0 * np.exp(-0.5) / np.sqrt(2.0 * np.pi))
+    speed = push * DT * np.sqrt(k)  # deviation along an axis [m/s]
+    far = push * DT**2 * np.sqrt(k * (k + 1) * (2 * k + 1) / 6.0)  # and of the place [m]
+    d = np.linspace(-2.0, 2.0, 4001)
+    density = np.exp(-0.5 * (d / far) ** 2) / far / np.sqrt(2.0 * np.pi)
+    weight = density * (1.0 - 0.5 * np.abs(d)) * (d[1] - d[0])
+    inside = weight.sum(axis=1)
+    spread = (weight * d * d).sum(axis=1) / inside
+    # Of a sum of steps the speed is 1.5 place / time on average, with a quarter of its variance.
+    slow = np.sqrt(0.25 * speed[:, 0] ** 2 + (1.5 / (k[:, 0] * DT)) ** 2 * spread)
+    way = np.sum(DT * np.sqrt(0.5 * np.pi) * slow * inside**2)
+    return float(np.pi * radius**2 + 2.0 * radius * way) / 4.0
+
+
+@chart(columns=2)
+def rewards(
+    steps: int = 150_000, seeds: int = 4, points: int = 6, tried: int = 4000,
+    radii: Sequence[float] = (0.03, 0.05, 0.1, 0.2, 0.3), few: int = 3, short: int = 60_000,
+) -> Iterator[Panel]:  # fmt: skip
+    """Three rewards for one task, and what the sparse one owes to chance.
+
+    Args:
+        tried: episodes of a policy that knows nothing, at each radius [m]; few, short: seeds and
+            steps of learning there.
+    """
+    panel = Panel(f"Three rewards, {seeds} seeds", "steps of the environment", SHARE,
+                  lines=[("y", 1.0, "optimum")], ylim=(0.0, 1.05))  # fmt: skip
+    kinds = {"potential": (SMALL, "potential"), "sparse": (SMALL, "sparse"),
+             "minus distance": (SMALL, "distance"),
+             "the same unscaled": (replace(SMALL, scale_rewards=False), "distance")}  # fmt: skip
+    for label, (settings, reward) in kinds.items():
+        some = sweep(trained, jobs(settings=settings, reward=reward, steps=steps, points=points,
+                                   seeds=seeds))  # fmt: skip
+        middle, low, high = band([one.scores for one in some])
+        last = ", ".join(f"{one.scores[-1]:.2f}" for one in some)
+        told = f"{label}: {middle[-1]:.2f} ({low[-1]:.2f} to {high[-1]:.2f}); seeds {last}"
+        panel.series.append(Series(label, some[0].steps, middle, low=low, high=high, note=told))
+    yield panel
+    panel = Panel("Sparse, by the size of the disc", "radius [m]", "share", scale="log",
+                  ticks=radii, ylim=(None, 1.3))  # fmt: skip
+    rng, met, share = np.random.default_rng(2), [], []
+    for radius in radii:
+        envs = PointReachVector(tried, "sparse", autoreset_mode="SameStep", radius=radius)
+        ran = evaluate(lambda seen: rng.standard_normal((len(seen), 2)), envs, 7)
+        met.append(float(ran.success.mean()))
+        some = sweep(trained, jobs(settings=SMALL, reward="sparse", steps=short, seeds=few,
+                                   radius=radius))  # fmt: skip
+        share.append(float(np.median([one.scores[-1] for one in some])))
+    told = ", ".join(f"{r:g} m {p:.3f} (predicted {stumbles(r):.3f}), learned {s:.2f}"
+                     for r, p, s in zip(radii, met, share, strict=True))  # fmt: skip
+    panel.series += [
+        Series("stumbles on it", radii, met, theory=stumbles, note=f"chance, by radius: {told}"),
+        Series(f"optimum, after {short:,}", radii, [s or np.nan for s in share]),
+    ]
+    yield panel
+
+
+@chart(columns=2)
+def step_epochs(
+    steps: int = 60_000, seeds: int = 3, counts: Sequence[int] = (1, 3, 10, 30),
+    rates: Sequence[float] = (3e-4, 1e-3, 3e-3, 1e-2, 3e-2), solved: float = 0.8,
+) -> Iterator[Panel]:  # fmt: skip
+    """Step size against epochs: what is reached, and how far the policy moves in an iteration.
+
+    Args:
+        solved: share of the optimum from which on a seed counts, in the text.
+    """
+    reached = Panel(f"After {steps:,} steps, median of {seeds}", "step size of Adam",
+                    SHARE, scale="log x", ylim=(0.0, 1.05))  # fmt: skip
+    moved = Panel("Who gets far moves so far each time", "divergence of an iteration",
+                  SHARE, scale="log x", ylim=(0.0, 1.05))  # fmt: skip
+    for epochs in counts:
+        rows = [sweep(trained, jobs(settings=replace(SMALL, rate=rate, epochs=epochs), steps=steps,
+                                    seeds=seeds)) for rate in rates]  # fmt: skip
+        scores = np.array([[one.scores[-1] for one in some] for some in rows])
+        kl = np.array([[one.kl for one in some] for some in rows])
+        middle = np.median(scores, axis=1)
+        told = "; ".join(
+            f"{r:g} {m:.2f}, {np.mean(s >= solved):.0%} solve, divergence {np.median(k):.2g}"
+            for r, m, s, k in zip(rates, middle, scores, kl, strict=True)
+        )
+        name = f"{epochs} epoch" + "s" * (epochs > 1)
+        reached.series.append(Series(name, rates, middle, note=f"{name}: {told}"))
+        moved.series.append(Series(name, kl.ravel(), scores.ravel(), style=""))
+    every, far = (np.concatenate([getattr(s, x) for s in moved.series]) for x in "yx")
+    good = far[every >= solved]
+    if good.size:
+        moved.notes.append(f"all {good.size} of {far.size} seeds that reach {solved:g} move by "
+                           f"{good.min():.2g} to {good.max():.2g}")  # fmt: skip
+    yield reached
+    yield moved

@@ -1,0 +1,234 @@
+"""Many ways to do it: heads, samplers, and how long a chunk is carried out without a look."""
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import ndtr, ndtri
+
+from course import learning
+from course.charts import chart
+from course.learning.recorded import CHUNK, DEMONSTRATIONS, HEADS, SEED
+from course.measure.figure import Panel, Series
+from course.measure.success import wilson
+from course.measure.timing import calls, interleaved
+from course.measure.work_precision import machine
+
+Array = NDArray[np.float64]
+
+
+def driven(executor: Any, n: int, noise: float = 0.0) -> NDArray[np.int64]:
+    """Sides of n runs of two ways: +1 left, -1 right, 0 hit or not arrived."""
+    task, rng = learning.TwoWays(noise), np.random.default_rng(41)
+    return task.sides(learning.roll(task, executor, task.starts(n, rng), task.steps, rng).states)
+
+
+def passed(executor: Any, n: int, noise: float = 0.0) -> float:
+    """Share of n runs that pass on either side."""
+    return float(np.mean(driven(executor, n, noise) != 0))
+
+
+def shares(label: str, x: Any, rates: Sequence[float], n: int, **look: Any) -> Series:
+    """Shares of n runs over x, with Wilson's interval."""
+    low, high = wilson(n * np.array(rates), n)
+    told = ", ".join(f"{a:g} {rate:.2f}" for a, rate in zip(x, rates, strict=True))
+    return Series(label, x, rates, low=low, high=high, note=f"{label}: {told}", **look)
+
+
+@chart(columns=2)
+def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Panel]:
+    """Six ways to copy 100 people who pass left or right: success, error, cost, mode shares.
+
+    Args:
+        n: runs; held: demonstrations held out; repeats: of a timing.
+    """
+    shown = learning.TwoWays().demonstrate(DEMONSTRATIONS, SEED)
+    apart = learning.TwoWays().demonstrate(held, SEED + 77)
+    policies: dict[str, list[Any]] = {name: [learning.recorded(name)] for name in HEADS}
+    policies["z = 0"] = [replace(policies["autoencoder"][0], zero=True)]
+    policies["nearest"] = [learning.nearest(*learning.windows(shown, CHUNK))]
+    for name in ("flow", "diffusion"):
+        policies[name] = [replace(policies[name][0], steps=k) for k in (1, 2, 5, 10)]
+    rng = np.random.default_rng(0)
+    timed = [
+        calls(policy, apart.states[:1, 0], rng, clock=time.process_time)
+        for kinds in policies.values() for policy in kinds
+    ]  # fmt: skip
+    spent = iter(interleaved(timed, repeats=repeats))
+    error = Panel("Held-out error ranks them upside down", "error of the first chunk, rms [mm]",
+                  "success", ylim=(0.0, 1.05))  # fmt: skip
+    priced = Panel("A chunk of 8 on one core", "processor time of an action [us]", "success",
+                   scale="log x", ylim=(0.0, 1.05),
+                   footer=machine(libraries=("torch",)))  # fmt: skip
+    left = {"shown": int((shown.states[:, 8, 1] > 0.0).sum()) / DEMONSTRATIONS}
+    for name, kinds in policies.items():
+        off, good, micro = [], [], []
+        for policy in kinds:
+            guess = policy(apart.states[:, 0], np.random.default_rng(1))
+            off.append(1e3 * float(np.sqrt(np.mean((guess - apart.actions[:, :CHUNK]) ** 2))))
+            sides = driven(learning.Commit(policy, CHUNK), n)
+            good.append(float(np.mean(sides != 0)))
+            micro.append(1e6 * next(spent).best / CHUNK)
+        low, high = wilson(n * np.array(good), n)
+        told = "; ".join(
+            f"success {s:.3f}, held-out {e:.1f} mm, {t:.1f} us an action"
+            for s, e, t in zip(good, off, micro, strict=True)
+        )
+        steps = " (1, 2, 5, 10 steps)" if len(kinds) > 1 else ""
+        look: dict[str, Any] = {"low": low, "high": high, "extra": name == "z = 0"}
+        error.series.append(Series(name, off, good, note=f"{name}{steps}: {told}", **look))
+        priced.series.append(Series(name, micro, good, **look))
+        if good[-1] > 0.5:
+            left[name] = float(np.mean(sides[sides != 0] > 0))
+    low, high = wilson(100.0 * left["shown"], DEMONSTRATIONS)
+    yield error
+    yield priced
+    yield Panel(
+        "Who passes left: the data's share", "left, of those who pass",
+        series=[Series("", list(left.values()), list(left), style="bar",
+                       tags=[f"{x:.2f}" for x in left.values()],
+                       note="left: " + ", ".join(f"{k} {x:.2f}" for k, x in left.items()))],
+        spans=[("x", float(low), float(high), "95 %")], xlim=(0.0, 1.0),
+    )  # fmt: skip
+
+
+def gap(samples: Array, exact: Array) -> float:
+    """Distance of a sample's quantiles from the exact ones, rms (Wasserstein's of order 2)."""
+    return float(np.sqrt(np.mean((np.sort(samples.ravel()) - exact) ** 2)))
+
+
+def quantiles(mixture: learning.Mixture, share: Array) -> Array:
+    """Of a mixture in one dimension, between -6 and 6, to about 1e-7."""
+    x = np.linspace(-6.0, 6.0, 100_001)
+    off = (x[:, None] - mixture.means[:, 0]) / mixture.deviations
+    return np.interp(share, ndtr(off) @ mixture.weights, x)
+
+
+@chart(columns=2)
+def samplers(
+    n: int = 4000, runs: int = 1000, fit: int = 4000,
+    counts: Sequence[int] = (1, 2, 5, 10, 20, 50, 100),
+) -> Iterator[Panel]:  # fmt: skip
+    """What steps of a sampler buy: on an exact field, on a trained one, in driving.
+
+    Args:
+        n: samples; runs: of two ways; fit: steps of the two nets; counts: calls of the field.
+    """
+    modes = learning.Mixture(np.full(2, 0.5), np.array([[-1.0], [1.0]]), np.full(2, 0.3))
+    share = (np.arange(n) + 0.5) / n
+    exact, noise, rng = quantiles(modes, share), ndtri(share)[:, None], np.random.default_rng(3)
+    told, blank = modes.draw(4000, rng), rng.standard_normal((4000, 1))
+    how: dict[str, Any] = {"width": 64, "rate": 2e-3, "steps": fit}
+    flow, diffusion = (
+        f(blank, told, 0, **how) for f in (learning.flow_policy, learning.diffusion_policy)
+    )
+
+    def drawn(policy: Any, solver: str, steps: int) -> Array:
+        """Samples of a trained net, at the state 0 that tells nothing."""
+        field = partial(policy.draw, policy.seen(np.zeros((n, 1))))
+        if solver in ("ddim", "ddpm"):
+            return policy.done.undo(
+                learning.denoise(field, noise, steps, rng, float(solver == "ddpm"))
+            )
+        return policy.done.undo(learning.integrate(field, noise, steps, solver))
+
+    panel = Panel("Two modes: exact fields, and nets at their floor", "calls of the field or net",
+                  "distance from the exact quantiles, rms", scale="log")  # fmt: skip
+    ways = {
+        "Euler": lambda k: learning.integrate(modes.velocity, noise, k, "euler"),
+        "Heun": lambda k: learning.integrate(modes.velocity, noise, k // 2, "heun"),
+        "DDIM": lambda k: learning.denoise(modes.clean, noise, k, rng),
+        "DDPM": lambda k: learning.denoise(modes.clean, noise, k, rng, 1.0),
+        "flow net, Heun": lambda k: drawn(flow, "heun", k // 2),
+        "diffusion net, DDIM": lambda k: drawn(diffusion, "ddim", k),
+    }
+    for label, way in ways.items():
+        x = [k for k in counts if k % 2 == 0 or "Heun" not in label]
+        y = [gap(way(k), exact) for k in x]
+        order = np.log(y[-2] / y[-1]) / np.log(x[-1] / x[-2])
+        note = f"{label}: " + ", ".join(f"{k} {e:.3g}" for k, e in zip(x, y, strict=True))
+        panel.series.append(Series(label, x, y, note=f"{note}; order at the end {order:.2f}",
+                                   style="--" if "net" in label else "-"))  # fmt: skip
+    mean = gap(np.full(n, exact.mean()), exact)
+    panel.lines = [("y", mean, "one step: the mean")]
+    panel.notes.append(f"all at the mean: {mean:.4f}")
+    yield panel
+    panel = Panel("Two ways: success of the nets on record", "calls of the net for a chunk of 8",
+                  "success", scale="log x", ylim=(0.0, 1.05))  # fmt: skip
+    for kind in ("flow, euler", "flow, heun", "diffusion, ddim", "diffusion, ddpm"):
+        name, solver = kind.split(", ")
+        each = 2 if solver == "heun" else 1
+        x = [k for k in counts if k <= 50 and k % each == 0]
+        net: Any = learning.recorded(name)
+        nets = [replace(net, solver=solver, steps=k // each) for k in x]
+        rates = [passed(learning.Commit(one, CHUNK), runs) for one in nets]
+        panel.series.append(shares(kind, x, rates, runs))
+    yield panel
+
+
+def looked(policy: Any, executed: int, n: int, noise: float) -> tuple[float, float]:
+    """Changes of side in a run before the obstacle, and how far chunks end off their plan [m]."""
+    task, rng, step = learning.TwoWays(noise), np.random.default_rng(41), 0
+    state, sides, off = task.starts(n, rng), [], []
+    while step < task.steps // 2:
+        plan = policy(state, rng)
+        halfway = state + plan[:, : task.steps // 2 - step].sum(axis=1)
+        sides.append(np.sign(halfway[:, 1]))
+        meant = state + plan[:, :executed].sum(axis=1)
+        for k in range(executed):
+            state = task.step(state, plan[:, k], rng)
+        off.append(np.sum((state - meant) ** 2, axis=1) / 2.0)
+        step += executed
+    turned = float(np.mean(np.sum(np.diff(sides, axis=0) != 0.0, axis=0))) if sides[1:] else 0.0
+    return turned, float(np.sqrt(np.mean(off)))
+
+
+@chart(columns=2)
+def commit_or_react(
+    n: int = 1000, executed: Sequence[int] = (1, 2, 4, 8), fit: int = 2000,
+    noises: Sequence[float] = (0.0, 0.01, 0.02, 0.03, 0.05),
+) -> Iterator[Panel]:  # fmt: skip
+    """Success over steps carried out without a look, and over noise; both ends explained.
+
+    Args:
+        n: runs; fit: steps of the mixture that is fitted to disturbed demonstrations.
+        noises: deviations of what pushes in a step [m].
+    """
+    policy = learning.recorded("mixture")
+    panel = Panel("The mixture of 5, chunks of 8", "steps carried out without a look", "success",
+                  ticks=executed, scale="log x", ylim=(0.0, 1.05))  # fmt: skip
+    for noise in (0.0, 0.02, 0.05):
+        rates = [passed(learning.Commit(policy, k), n, noise) for k in executed]
+        panel.series.append(shares(f"pushed by {1e3 * noise:g} mm", executed, rates, n))
+    yield panel
+    shown = learning.TwoWays().demonstrate(DEMONSTRATIONS, SEED, injected=0.05)
+    taught = HEADS["mixture"](*learning.windows(shown, CHUNK), SEED, steps=fit)
+    panel = Panel("Cures, over what pushes in a step", "deviation of a push [mm]", "success",
+                  ylim=(0.0, 1.05))  # fmt: skip
+    cures: dict[str, Any] = {f"{k} executed": learning.Commit(policy, k) for k in (1, 2, 8)}
+    cures |= {"ensemble": learning.Ensemble(policy), "delayed by 1": learning.Delayed(policy, 1),
+              "noise injected, 1": learning.Commit(taught, 1)}  # fmt: skip
+    for label, way in cures.items():
+        rates = [passed(way, n, noise) for noise in noises]
+        panel.series.append(shares(label, 1e3 * np.array(noises), rates, n))
+    yield panel
+    noise = 0.05
+    found = [looked(policy, k, n, noise) for k in executed]
+    yield Panel(
+        "Looks often: jitters (pushed by 50 mm)", "steps carried out without a look",
+        "changes of side before the obstacle", scale="log x", ticks=executed,
+        series=[Series("", executed, [t for t, _ in found],
+                       note="changes of side: " + ", ".join(f"{t:.2f}" for t, _ in found))],
+    )  # fmt: skip
+    yield Panel(
+        "Looks rarely: drifts (pushed by 50 mm)", "steps carried out without a look",
+        "end of a chunk off its plan, rms [mm]", scale="log x", ticks=executed,
+        series=[Series("measured", executed, [1e3 * d for _, d in found], style="",
+                       theory=lambda k: 1e3 * noise * np.sqrt(k),
+                       note="off the plan: " + ", ".join(f"{1e3 * d:.0f} mm" for _, d in found))],
+        theory="push times root of steps",
+    )  # fmt: skip

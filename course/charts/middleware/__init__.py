@@ -1,0 +1,1 @@
+"""The charts of chapter 10: middleware and real time."""

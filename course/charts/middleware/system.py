@@ -1,0 +1,205 @@
+"""What the running system gives: a loop among others, carriers by size, queues, and real QoS."""
+
+import contextlib
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from course.charts import chart
+from course.measure.figure import Panel, Series
+from course.measure.timing import calls, interleaved
+from course.measure.work_precision import machine
+from course.middleware import Bus, Link, QoS, loop, transport
+
+REAL = ("cyclonedds", "eclipse-zenoh")
+
+
+@chart(columns=2)
+def loop_lateness(periods: int = 1500, busy: int = 4, quiet: int = 300) -> Iterator[Panel]:
+    """A loop of 1 kHz beside processes that always compute; and what a relative sleep does.
+
+    Args:
+        periods: of each run; busy: processes beside it; quiet: periods of the runs without them.
+    """
+    panel = Panel(f"1 kHz beside {busy} busy processes", "share of the periods that ran",
+                  "late by [ms]", scale="log y",
+                  lines=[("y", 1.0, "one period")], footer=machine(0.0, libraries=()))  # fmt: skip
+    for tried in loop.among_busy(busy=busy, periods=periods):
+        late = np.sort(1e3 * tried.record.lateness)
+        share = (np.arange(late.size) + 0.5) / late.size
+        refused = "; ".join(f"{k}: {v}" for k, v in tried.granted.refused.items())
+        half, most, worst = (1e3 * q for q in tried.quantiles)
+        panel.series.append(Series(
+            tried.name, share, np.maximum(late, 1e-3), marker="",
+            note=f"{tried.name}: skipped {tried.record.skipped} of {periods} periods; late by "
+            f"{half:.3f} ms (half), {most:.3f} (99 %), {worst:.3f} (all); scheduler "
+            f"{tried.granted.scheduler}{'; refused ' + refused if refused else ''}"))  # fmt: skip
+    yield panel
+    drift = Panel("Two ways to wait", "period", "late by [ms]")
+    for relative in (True, False):
+        found = loop.run(lambda k: loop.compute(1e-4), 1e-3, quiet, relative=relative)
+        late = 1e3 * found.lateness
+        slope = float(np.polyfit(found.release, late, 1)[0]) * 1e3
+        name = "sleep for a period" if relative else "sleep until the release"
+        drift.series.append(Series(name, found.release, late, marker="",
+                                   note=f"{name}: {slope:.1f} us later each period"))  # fmt: skip
+    yield drift
+
+
+@chart
+def round_trips(
+    sizes: Sequence[int] = (64, 1024, 16_384, 262_144, 921_600, 4_194_304), repeats: int = 7
+) -> Iterator[Panel]:
+    """There and back between two processes, by size; the unit is 64 B in a queue of threads.
+
+    Args:
+        sizes: of the payload [bytes]; repeats: rounds of each.
+    """
+    from course.oracles import cyclonedds, zenoh
+
+    names = ("threads, a queue", "Unix socket", "shared-memory ring", "zenoh, TCP",
+             "Cyclone DDS, reliable", "Cyclone DDS, sequence")  # fmt: skip
+    times = {name: np.full((3, len(sizes)), np.nan) for name in names}
+    for k, size in enumerate(sizes):
+        payload = bytes(size)
+        with contextlib.ExitStack() as stack:
+            ways = transport.carriers(size)
+            trips = [stack.enter_context(carrier) for carrier in ways.values()]
+            known = [*list(names[: len(trips)]), "zenoh, TCP", "Cyclone DDS, reliable"]
+            trips.append(stack.enter_context(zenoh.echo()))
+            trips.append(stack.enter_context(cyclonedds.echo(size)))
+            if size <= 921_600:  # each byte is an object of Python
+                trips.append(stack.enter_context(cyclonedds.echo(size, kind="sequence")))
+                known.append("Cyclone DDS, sequence")
+            samplers = [calls(trip, payload) for trip in trips]
+            found = interleaved(samplers, repeats=repeats, sample=3e-3, most=200)
+        for name, timing in zip(known, found, strict=True):
+            times[name][:, k] = timing.median, timing.low, timing.high
+    floor = times[names[0]][0, 0]
+    panel = Panel("There and back between two processes", "payload [bytes]",
+                  "time over that of 64 B in a queue of threads", scale="log",
+                  footer=machine(0.0, libraries=REAL))  # fmt: skip
+    for name, rows in times.items():
+        seen = np.isfinite(rows[0])
+        ratio = rows[:, seen] / floor
+        said = ", ".join(f"{s}: {r:.3g}" for s, r in
+                         zip(np.array(sizes)[seen], ratio[0], strict=True))  # fmt: skip
+        panel.series.append(Series(name, np.array(sizes)[seen], ratio[0], low=ratio[1],
+                                   high=ratio[2], note=f"{name}, by bytes: {said}"))  # fmt: skip
+    yield panel
+
+
+@chart(columns=2)
+def queue_ages(depths: Sequence[int] = (1, 2, 5, 10, 20), rate: int = 3) -> Iterator[Panel]:
+    """How old the sample is that a slow reader takes: on the bus, on Cyclone DDS, by theory.
+
+    Args:
+        depths: of the reader; rate: samples written for each that is taken.
+    """
+    from course.oracles import slow_reader
+
+    def on_the_bus(depth: int) -> float:
+        bus = Bus()
+        qos = QoS("reliable", depth=depth)
+        writer = bus.node("writer").writer("t", qos)
+        reader = bus.node("reader").reader("t", None, qos)
+        for k in range(60 * rate):
+            bus.run(float(k))
+            writer.publish(k)
+            bus.run(k + 0.5)  # until it is there
+            taken = reader.take() if k % rate == rate - 1 else None
+        assert taken is not None
+        return float(60 * rate - 1 - taken.value)
+
+    told = np.array(depths) - 1.0
+    panel = Panel(f"One of {rate} samples is taken: its age", "depth of the reader's queue",
+                  "age [periods of the writer]", theory="depth - 1",
+                  footer=machine(0.0, libraries=REAL[:1]))  # fmt: skip
+    ours = [on_the_bus(depth) for depth in depths]
+    real = [float(slow_reader.queue_ages(depth, rate, 40).ages[-1]) for depth in depths]
+    newest = [float(slow_reader.queue_ages(depth, rate, 40, newest=True).ages[-1])
+              for depth in depths]  # fmt: skip
+    for name, ages in (
+        ("bus", ours),
+        ("Cyclone DDS", real),
+        ("all are taken, newest used", newest),
+    ):
+        said = ", ".join(f"{d}: {a:g} ({t:g})" for d, a, t in zip(depths, ages, told, strict=True))
+        panel.series.append(Series(
+            name, depths, ages, style="", hollow=name == "bus",
+            theory=(lambda d: np.asarray(d) - 1.0) if name == "bus" else None,
+            note=f"{name}, age by depth (depth - 1): {said}"))  # fmt: skip
+    yield panel
+
+
+@chart
+def qos_verdicts() -> Iterator[Panel]:
+    """Every pair of policies on Cyclone DDS beside ours: a table, without a picture."""
+    from course.oracles import qos_matrix
+
+    rows = qos_matrix.matrix()
+    panel = Panel("Quality of service, run", data=[
+        [row.policy, row.offered, row.requested, row.cyclone, row.ours, row.named] for row in rows
+    ])  # fmt: skip
+    agree = sum(row.agree for row in rows)
+    panel.notes.append(f"{agree} of {len(rows)} rows agree with Cyclone DDS")
+    for row in rows:
+        named = f" ({row.named})" if row.named else ""
+        panel.notes.append(f"{row.policy}: {row.offered} -> {row.requested}: {row.cyclone}{named}")
+    yield panel
+
+
+@chart(columns=2)
+def late_or_lost(
+    ways: Sequence[float] = (1e-3, 2e-3, 5e-3, 1e-2, 2e-2, 5e-2),
+    loss: float = 0.05,
+    seconds: float = 60.0,
+) -> Iterator[Panel]:
+    """A servo follows commands over a lossy link: sent again and late, or lost and replaced.
+
+    Args:
+        ways: delay of the link, one way [s]; loss: share of the packets; seconds: of each run.
+    """
+    panel = Panel(f"{100 * loss:g} % of the commands are lost, one each 10 ms",
+                  "delay of the link [ms]", "rms error that the loss adds [mrad]", scale="log",
+                  footer=machine(0.0, libraries=()))  # fmt: skip
+    for reliability in ("best_effort", "reliable"):
+        errors = [1e3 * added(way, loss, reliability, seconds) for way in ways]
+        name = "lost, the next one counts" if reliability == "best_effort" else "sent again"
+        said = ", ".join(f"{1e3 * w:g} ms: {e:.3f}" for w, e in zip(ways, errors, strict=True))
+        panel.series.append(Series(name, 1e3 * np.array(ways), errors, note=f"{name}: {said}"))
+    yield panel
+
+
+def added(way: float, loss: float, reliability: str, seconds: float, period: float = 0.01) -> float:
+    """Rms distance of a servo over a lossy link from the same over one that loses nothing [rad].
+
+    The command is a sine of 0.3 rad at 1 Hz; the servo (60 rad/s, critically damped) holds the
+    newest command that it has.
+    """
+    paths = []
+    for share in (loss, 0.0):
+        bus, got = Bus(11), [(0.0, 0.0)]
+        qos = QoS(reliability, depth=1)
+        sender, servo = bus.node("sender"), bus.node("servo")
+        writer = sender.writer("command", QoS(reliability, depth=1000))
+
+        def heard(sample, bus=bus, got=got):
+            got.append((bus.now, sample.value))
+
+        servo.reader("command", heard, qos, Link(way, loss=share))
+        sender.timer(period, lambda bus=bus, writer=writer: writer.publish(
+            0.3 * math.sin(2.0 * math.pi * bus.now), 64))  # fmt: skip
+        bus.run(seconds)
+        times = np.arange(0.0, seconds, 1e-3)
+        when, what = np.array(got).T
+        held = what[np.searchsorted(when, times, side="right") - 1]
+        q = v = 0.0
+        path = np.empty(times.size)
+        for k, aim in enumerate(held.tolist()):
+            v += 1e-3 * (3600.0 * (aim - q) - 120.0 * v)
+            q += 1e-3 * v
+            path[k] = q
+        paths.append(path)
+    return float(np.sqrt(np.mean((paths[0] - paths[1]) ** 2)))

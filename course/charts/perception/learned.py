@@ -1,0 +1,122 @@
+"""Chapter 7, the frontier: a network's start for ICP beside one, four and eight starts."""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+
+import numpy as np
+
+from course.charts import chart
+from course.charts.perception.poses import EYE, SENSOR, TABLE
+from course.kinematics.chain import turn_to
+from course.measure.figure import Panel, Series
+from course.measure.work_precision import machine
+from course.perception import Sensor, apart, icp, see_through, shape, together, yaw_net
+from course.perception.camera import Array
+from course.perception.pose import STANDING, standing_at, verdict
+from course.rigid_body.quaternion import conjugate, rotate
+
+# What the network has not seen: the same part seen in a mirror.
+MIRRORED = together([
+    shape("box", 0.06, 0.02, 0.02),
+    shape("box", 0.02, 0.03, 0.02, pose=(0.04, 0.05, 0.0, 1.0, 0.0, 0.0, 0.0)),
+])  # fmt: skip
+
+Ways = dict[str, Callable[[Array], Array]]
+"""Points (3, N) -> turns to start from (n,) [rad]."""
+
+
+def ways(network: yaw_net.Network, rng: np.random.Generator) -> Ways:
+    """Even starts, the principal axis, and the network's turn."""
+    plane = yaw_net.plane_of(TABLE)
+
+    def axis(points: Array) -> Array:
+        flat = rotate(conjugate(turn_to(plane[:3])), points)[:2]
+        along = np.linalg.eigh(np.cov(flat))[1][:, 1]
+        return np.array([math.atan2(along[1], along[0])])
+
+    def even(n: int) -> Callable[[Array], Array]:
+        return lambda points: rng.uniform(0.0, 7.0) + np.arange(0.0, 6.28, 2.0 * math.pi / n)
+
+    return {
+        "1 start": even(1), "4 starts": even(4), "8 starts": even(8), "principal axis": axis,
+        "network": lambda points: network(yaw_net.height_patch(points, plane)[None]),
+    }  # fmt: skip
+
+
+def laid(depth: Array, sensor: Sensor, way: Callable[[Array], Array]) -> tuple[Array, float, float]:
+    """The pose that the picture agrees with most, the time from the picture on [s], see-through."""
+    begin, plane = time.process_time(), yaw_net.plane_of(TABLE)
+    points = yaw_net.above_table(depth, EYE, sensor, plane)
+    some = np.ascontiguousarray(points[:, :: max(1, points.shape[1] // 400)])
+    sigma, best = sensor.sigma(some[2], EYE), (-1.0, np.zeros(7))
+    last = 4.0 * float(np.median(sigma)) + 1e-3
+    cluster = np.zeros(depth.shape, bool)
+    u, v = np.rint(EYE.project(points)).astype(int)
+    cluster[v, u] = True
+    for start in standing_at(yaw_net.L_PART, points, plane, way(points)):
+        fit = icp(some, yaw_net.L_PART, start, gate=(max(last, 0.04), last), sigma=sigma,
+                  free=STANDING, rays=False, tolerance=1e-5)  # fmt: skip
+        score = verdict(depth, EYE, sensor, yaw_net.L_PART.moved(fit.pose), cluster)[2]
+        best = max(best, (float(score), fit.pose), key=lambda one: one[0])
+    spent = time.process_time() - begin
+    return best[1], spent, see_through(depth, EYE, sensor, yaw_net.L_PART.moved(best[1]))
+
+
+@chart(columns=2)
+def learned_start(
+    pictures: int = 100, training: int = 4000, steps: int = 1500,
+    noises: Sequence[float] = (1.0, 3.75),
+) -> Iterator[Panel]:  # fmt: skip
+    """How often ICP ends right, and what it takes; what tells a wrong end."""
+    rng = np.random.default_rng(11)
+    begin = time.process_time()
+    network = yaw_net.train(EYE, SENSOR, TABLE, pictures=training, steps=steps)
+    spent = time.process_time() - begin
+    plane, known = yaw_net.plane_of(TABLE), ways(network, rng)
+    trade = Panel("From the picture to a pose that is right", "processor time [ms]",
+                  "share within 2 mm and 2 degrees")  # fmt: skip
+    tells = Panel("What the picture says to its pose", "error of the turn [deg]",
+                  "see-through share", scale="log x",
+                  lines=[("y", 0.1, "refuted above")])  # fmt: skip
+    trade.notes.append(f"{training} pictures, {steps} steps: trained in {spent:.0f} s")
+    for noise in noises:
+        sensor = Sensor(SENSOR.baseline, noise * SENSOR.noise)
+        share, took, starts = [], [], []
+        looks = [yaw_net.picture(EYE, sensor, TABLE, rng) for _ in range(pictures)]
+        for name, way in known.items():
+            rows = []
+            for depth, pose in looks:
+                found, seconds, through = laid(depth, sensor, way)
+                far, turn = apart(yaw_net.L_PART, pose, found)
+                rows.append((far < 2e-3 and turn < math.radians(2.0), seconds, through, turn))
+            right, seconds, through, turn = np.array(rows).T
+            share.append(float(right.mean()))
+            took.append(1e3 * float(np.median(seconds)))
+            wrong = through[right == 0]
+            seen = f", see-through notices {np.sum(wrong > 0.1)} of {wrong.size} wrong"
+            trade.notes.append(f"noise x {noise:g}, {name}: {share[-1]:.2f} right, "
+                               f"{took[-1]:.1f} ms{seen if wrong.size else ''}")  # fmt: skip
+        tell = turn, through  # of the last, the network
+        trade.series.append(Series(f"noise x {noise:g}", took, share, style="",
+                                   tags=tuple(known) if noise == noises[0] else ()))  # fmt: skip
+        for depth, pose in looks:
+            points = yaw_net.above_table(depth, EYE, sensor, plane)
+            said = network(yaw_net.height_patch(points, plane)[None])[0]
+            off = said - yaw_net.turn_of(pose, plane)
+            starts.append(abs(math.remainder(off, 2.0 * math.pi)))
+        deg = np.degrees(starts)
+        tells.notes.append(f"noise x {noise:g}: the network's turn is {np.median(deg):.2f} degrees "
+                           f"off (median), {deg.max():.1f} at most")  # fmt: skip
+        tells.series.append(Series(f"noise x {noise:g}", np.degrees(tell[0]), tell[1], style=""))
+    trade.footer = machine()
+    yield trade
+    other = []
+    for _ in range(pictures):
+        depth, pose = yaw_net.picture(EYE, SENSOR, TABLE, rng, MIRRORED)
+        found, _, through = laid(depth, SENSOR, known["network"])
+        other.append((math.degrees(apart(yaw_net.L_PART, pose, found)[1]), through))
+    x, y = np.array(other).T
+    tells.notes.append(f"a mirrored part: refuted in {np.mean(y > 0.1):.2f} of the pictures")
+    tells.series.append(Series("mirrored part", x, y, style=""))
+    yield tells

@@ -1,0 +1,1 @@
+"""The charts of chapter 11: the whole pipeline."""

@@ -1,0 +1,140 @@
+"""Which part owns which millimetre, and whose fault a failure is."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from course.charts import chart
+from course.measure.figure import Panel, Series
+from course.measure.success import wilson
+from course.measure.work_precision import machine
+from course.pipeline import STAGES, Scenario, Settings, repair
+from course.pipeline.blame import FAULTS, Fault, confusion
+from course.pipeline.budget import Budget, budget
+from course.sim_to_real.transfer import attribution
+
+PARTS = ("perceive", "age", "control", "move")
+
+
+def vectors(found: Budget) -> Panel:
+    """The mean error of each part alone, put one behind the other, and the mean of the whole."""
+    panel = Panel("Mean errors add up, with their signs", "x [mm]", "y [mm]",
+                  equal=True)  # fmt: skip
+    at, told = np.zeros(2), np.zeros(2)
+    for part in found.parts:
+        mean, chance = found.mean(found.only(part))
+        way, guess = 1e3 * np.stack((at, at + mean), axis=1), found.told[found.only(part)][0]
+        words = ", ".join("({:+.2f} {:+.2f})".format(*(1e3 * x)) for x in (mean, chance, guess))
+        panel.series.append(
+            Series(part, way[0], way[1], note=f"{part} alone, mean, +-, predicted: {words}")
+        )
+        at, told = at + mean, told + guess
+    whole, chance = found.mean(frozenset())
+    panel.series += [
+        Series("together", [1e3 * whole[0]], [1e3 * whole[1]], style="", hollow=True,
+               note="together: ({:+.2f} {:+.2f}) +- ({:.2f} {:.2f}) mm".format(
+                   *(1e3 * np.array([whole, chance]).ravel()))),
+        Series("sum predicted", [1e3 * told[0]], [1e3 * told[1]], "theory", style="", marker="P",
+               note="predicted: ({:+.2f} {:+.2f}) mm".format(*(1e3 * told))),
+    ]  # fmt: skip
+    gap, chance = found.gap()
+    panel.notes.append("sum of the parts minus the whole: ({:+.2f} {:+.2f}) +- ({:.2f} {:.2f}) mm"
+                       .format(*(1e3 * np.array([gap, chance]).ravel())))  # fmt: skip
+    return panel
+
+
+def as_predicted(found: Budget) -> Panel:
+    """Root mean square of every subset over what was predicted."""
+    panel = Panel("Every subset, measured and predicted", "predicted [mm]", "measured [mm]",
+                  theory="equal")  # fmt: skip
+    rows = {some: (1e3 * found.rms(some)[1], 1e3 * found.rms(some)[0]) for some in found.errors}
+    for label, ideal in (("with perception", False), ("perception ideal", True)):
+        here = sorted(row for some, row in rows.items() if ("perceive" in some) == ideal)
+        x, y = np.array(here).T
+        panel.series.append(Series(label, x, y, style="", theory=lambda v: v))
+    for label, some in [(p, found.only(p)) for p in found.parts] + [("together", frozenset())]:
+        panel.notes.append("{}: rms {:.2f} mm, predicted {:.2f}".format(label, *rows[some][::-1]))
+    return panel
+
+
+def owned(found: Budget) -> Panel:
+    """The same part asked three times: alone, Shapley's average, last."""
+    panel = Panel("What each part owns of the square", "0 it alone, 1 Shapley, 2 mended first",
+                  "mean squared error [mm$^2$]", ticks=(0, 1, 2))  # fmt: skip
+    shares, value = found.shares(), attribution(found.squares())
+    for part, (share, low, high) in shares.items():
+        # `attribution` counts from what is there: to be mended last is to be there alone.
+        last, _, first = (-1e6 * change for change in value[part])
+        y = [first, 1e6 * share, last]
+        ends = [[y[0], 1e6 * end, y[2]] for end in (low, high)]
+        told = f"{part}: {y[0]:.1f} alone, {y[1]:.1f} [{ends[0][1]:.1f} {ends[1][1]:.1f}] owned, "
+        told += f"{y[2]:.1f} saved by mending it first"
+        panel.series.append(Series(part, (0, 1, 2), y, low=ends[0], high=ends[1], note=told))
+    whole = 1e6 * found.squares()[frozenset()]
+    panel.notes.append(f"all of it: {whole:.1f} mm^2")
+    return panel
+
+
+@chart(columns=2)
+def error_budget(seeds: int = 150) -> Iterator[Panel]:
+    """All subsets of the parts on the same seeds: vectors, prediction, shares, and cancelling."""
+    case = repair(Settings(), "plan")
+    found = budget(Scenario(), case, range(seeds), PARTS)
+    yield vectors(found)
+    yield as_predicted(found)
+    yield owned(found)
+    case = replace(case, noise=0.0005, bias=(-0.0035, 0.0026))
+    two = budget(
+        Scenario(), repair(case, "age"), range(max(2, seeds // 10)), ("perceive", "control")
+    )
+    names = {"neither mended": (), "perception": ("perceive",), "control": ("control",),
+             "both": ("perceive", "control")}  # fmt: skip
+    rms = [1e3 * math.sqrt(two.squares()[frozenset(some)]) for some in names.values()]
+    panel = Panel("Errors that cancel: what is mended", "rms of the error [mm]", xlim=(0, 5),
+                  footer=machine(0.0))  # fmt: skip
+    told = ", ".join(f"{name} {x:.2f}" for name, x in zip(names, rms, strict=True))
+    told += f" mm; orders of repairs that never make it worse: {len(two.orders())}"
+    panel.series.append(Series("", rms, list(names), style="bar", tags=[f"{x:.2f}" for x in rms],
+                               note=f"errors that cancel, mended: {told}"))  # fmt: skip
+    yield panel
+
+
+@chart(columns=2)
+def whose_fault(wanted: int = 20, faults: Sequence[Fault] = FAULTS) -> Iterator[Panel]:
+    """Ten faults diagnosed blindly: contracts first, replays only, and by the last error."""
+    rows, right = np.arange(len(faults)), [STAGES.index(fault.stage) for fault in faults]
+    found, taken, last = confusion(wanted, faults)
+    blind, more, _ = confusion(wanted, faults, contracted=False)
+    names, total = [fault.name for fault in faults], int(found.sum())
+    panel = Panel("Named the right stage", "share of failing runs", xlim=(0, 1.15),
+                  footer=machine(0.0))  # fmt: skip
+    replays = Panel("Replays of a diagnosis", "mean number", ticks=())
+    for label, matrix, runs in (("contracts first", found, taken), ("replays only", blind, more),
+                                ("last error", last, [])):  # fmt: skip
+        hits = matrix[rows, right]
+        low, high = (float(end) for end in wilson(int(hits.sum()), total))
+        cost = f", {np.mean(np.concatenate(runs)):.2f} replays" if runs else ""
+        each = ", ".join(f"{name} {hit}" for name, hit in zip(names, hits, strict=True))
+        note = f"{label}: {hits.sum()} of {total} right [{low:.3f} {high:.3f}]{cost}; {each}"
+        if label != "replays only":
+            share = hits / np.maximum(matrix.sum(axis=1), 1)
+            panel.series.append(Series(label, share, names, style="bar", note=note))
+        else:
+            panel.notes.append(note)
+        if runs:
+            mean = [float(np.mean(some or [0])) for some in runs]
+            replays.series.insert(0, Series(label, mean, names, style="bar"))
+    yield panel
+    yield replays
+    columns = "0 perceive, 1 age, 2 plan, 3 control, 4 move, 5 pair with it, 6 other"
+    for title, matrix in (("Confusion: contracts first", found), ("Confusion: last error", last)):
+        panel = Panel(title, columns, "fault, from above", ticks=tuple(range(len(STAGES) + 2)),
+                      xlim=(-0.5, 7.0), ylim=(-len(faults) + 0.5, 0.6))  # fmt: skip
+        i, j = np.nonzero(matrix)
+        good = np.array(right)[i] == j
+        for label, some in (("right", good), ("wrong", ~good)):
+            tags = [str(n) for n in matrix[i[some], j[some]]]
+            panel.series.append(Series(label, j[some], -i[some], style="", tags=tags))
+        yield panel

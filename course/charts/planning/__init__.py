@@ -1,0 +1,1 @@
+"""Charts of chapter 5: motion planning."""

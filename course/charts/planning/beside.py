@@ -1,0 +1,360 @@
+"""Beside OMPL: how soon a plan is found and in how many samples, and what a path costs in time."""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse, stats
+
+from course import planning
+from course.charts import chart
+from course.compiled import compiled
+from course.measure.figure import Panel, Series
+from course.measure.success import Success, wilson
+from course.measure.work_precision import machine
+from course.oracles import ompl
+from course.planning import Plan, Scene, World, build_roadmap, check_path, length, plan, scenes
+from course.planning.roadmaps import FREE
+from course.planning.worlds import EDGE
+
+Array = NDArray[np.float64]
+BUDGET = 20_000  # samples
+FINE = 0.002  # of the diagonal, between two states that OMPL tries; its own choice is 0.01
+
+
+def ours(
+    scene: Scene, seed: int, method: str = "rrt_connect", budget: int = BUDGET, **options: Any
+) -> Plan:
+    """Our plan of a scene."""
+    if not method.startswith("prm"):
+        options["step"] = scene.step
+    return plan(
+        scene.world, scene.start, scene.goal, method=method, budget=budget, rng=seed, **options
+    )
+
+
+def theirs(
+    scene: Scene, seed: int, method: str, state: Any, edge: Any, budget: int = BUDGET,
+    resolution: float = 0.01,
+) -> ompl.Plan:  # fmt: skip
+    """OMPL's plan of a scene."""
+    return ompl.solve(
+        scene.world.bounds, scene.start, scene.goal, method, scene.step, budget, seed, state, edge,
+        resolution=resolution,
+    )  # fmt: skip
+
+
+def alone(run: Callable[..., Any], *args: Any) -> tuple[Any, float]:
+    """What a run gives, and the share of its time that it had a core: what else ran is left out."""
+    wall, own = time.perf_counter(), time.thread_time()
+    found = run(*args)
+    return found, min(1.0, (time.thread_time() - own) / (time.perf_counter() - wall))
+
+
+def asked_twice(world: World) -> World:
+    """The same world, each edge asked from both ends: what that adds is the time of the edges."""
+    once = compiled(world.edge_free, EDGE)
+
+    def edge_free(obstacles, body, a, b):
+        there, back = once(obstacles, body, a, b), once(obstacles, body, b, a)
+        return there and back
+
+    return replace(world, edge_free=edge_free)
+
+
+# --- soon -----------------------------------------------------------------------------------------
+
+
+def asked(world: World, slow: int) -> dict[str, tuple[int, Callable[[Scene, int], Any]]]:
+    """Of each way of asking, every how many seeds it is, and the plan of a scene with a seed."""
+    (state, edge), python = ompl.tests(world), ompl.plain(world)
+    twice, rare = asked_twice(world), slow if world.dim == 2 else 4 * slow
+
+    def other(state: Any, edge: Any, resolution: float = 0.01) -> Callable[[Scene, int], Any]:
+        return lambda q, k: theirs(q, k, "rrt_connect", state, edge, resolution=resolution)
+
+    return {
+        "ours": (1, ours),
+        "ours twice": (1, lambda q, k: ours(replace(q, world=twice), k)),
+        "OMPL, our edge check": (1, other(state, edge)),
+        "OMPL, Python states": (rare, other(python, None)),
+        f"OMPL, Python, {FINE:.1%}": (2 * rare, other(python, None, FINE)),
+    }
+
+
+def times(questions: Sequence[Scene], slow: int, repeats: int, longest: float = 1.0) -> Panel:
+    """The share of questions with a free path against time: one world, a seed each, from 1 on.
+
+    A path that the exact judge refuses is a failure. OMPL's own part is its run with our edge check
+    without the calls into Python. `slow` is every how many OMPL is asked with states in Python, in
+    the plane; of an arm a quarter of those.
+    """
+    ways = asked(questions[0].world, slow)
+    spent: dict[str, list[float]] = {who: [] for who in [*ways, "OMPL's own part"]}
+    refused = dict.fromkeys(ways, 0)
+    for seed, scene in enumerate(questions, 1):
+        for who, (every, way) in ways.items():
+            if seed % every:
+                continue
+            runs = [alone(way, scene, seed) for _ in range(repeats)]
+            path = runs[0][0].path
+            if path is not None and isinstance(runs[0][0], ompl.Plan):
+                path = path.T
+            free = path is not None and (
+                who == "ours twice"  # the path of "ours", judged there
+                or bool(check_path(scene.world, path, scene.start, scene.goal))
+            )
+            refused[who] += path is not None and not free
+            # The fastest undisturbed run, else the one that was disturbed least: what took the
+            # core away may have done so outside of the search.
+            calm = [pair for pair in runs if pair[1] > 0.95]
+            run, share = (
+                min(calm, key=lambda pair: pair[0].seconds)
+                if calm
+                else max(runs, key=lambda pair: pair[1])
+            )
+            least = run.seconds * share
+            spent[who].append(least if free else math.inf)
+            if who == "OMPL, our edge check":
+                own = run.own_seconds * share
+                spent["OMPL's own part"].append(own if free else math.inf)
+    bare_times = 2 * np.array(spent["ours"]) - np.array(spent.pop("ours twice"))
+    middle = {who: float(np.median(found)) for who, found in spent.items()}
+    name = questions[0].name
+    ratio = middle["OMPL, Python states"] / middle["ours"]
+    wrong = refused["OMPL, Python states"] / len(spent["OMPL, Python states"])
+    door = np.median([ours(q, k, budget=1).seconds for k, q in enumerate(questions, 1)])
+    bare = 1e3 * float(np.median(bare_times)), 1e3 * middle["OMPL's own part"]
+    panel = Panel(
+        f"{name}: OMPL with Python states takes {ratio:.0f} times as long, "
+        f"{wrong:.0%} collide", "seconds for a plan",
+        "share of plans with a free path", scale="log x",
+        footer=machine(libraries=("ompl",)) + "; one core",
+    )  # fmt: skip
+    within = np.geomspace(1e-5, longest, 101)
+    for who, found in spent.items():
+        key = {"ours": "course", "OMPL's own part": "theory"}.get(who, "")
+        series = Success(who, np.array([found]), "s").series(within, key)
+        missed = refused.get(who, 0)
+        series.note = (
+            f"{name:<11} {who:<21} median {1e3 * middle[who]:7.3f} ms, "
+            f"{middle[who] / middle['ours']:5.1f} of ours; {missed} of {len(found)} collide"
+        )
+        panel.series.append(series)
+    panel.notes = [
+        f"{name:<11} edge checks left out on both sides: ours {bare[0]:.3f} ms, OMPL's "
+        f"{bare[1]:.3f} ms; ours with a single sample {1e3 * door:.3f} ms"
+    ]
+    return panel
+
+
+@chart(columns=2)
+def plan_times(seeds: int = 200, slow: int = 2, repeats: int = 3) -> Iterator[Panel]:
+    """RRT-Connect, ours and OMPL's: the share of seeds with a free path against time."""
+    planning.warm()
+    for scene in (scenes.discs(), scenes.gap(0.1), scenes.gap(0.02), scenes.arm()):
+        yield times([scene] * seeds, slow, repeats)
+
+
+@chart
+def shelf_times(queries: int = 80, repeats: int = 2) -> Iterator[Panel]:
+    """The same for the 7-R arm, from bay to bay of the open shelf, each question once."""
+    planning.warm()
+    place, rng = planning.shelf("open"), np.random.default_rng(1)
+    asked = [place.query(rng) for _ in range(queries)]
+    yield times([Scene("7-R arm", place.world, *q, 1.0) for q in asked], 1, repeats, 100.0)
+
+
+# --- as many samples ------------------------------------------------------------------------------
+
+
+def cumulative(name: str, values: tuple[Array, Array], scale: float, unit: str) -> list[Series]:
+    """Shares below each value, ours and OMPL's; the rank test between them."""
+    same = stats.mannwhitneyu(*values).pvalue
+    low, high = np.min(values), np.max(np.ma.masked_invalid(values))
+    within, both = np.geomspace(low / scale, high * scale, 61), []
+    for who, found in zip(("ours", "OMPL"), values, strict=True):
+        label = f"{name}, {who}"
+        both.append(
+            Success(label, found[None], unit).series(within, style="-" if who == "ours" else "--")
+        )
+        both[-1].marker = ""
+        middle = np.median(found)
+        both[-1].note = f"{label:<22} median {middle:7.4g} {unit}, {found.size} seeds; p {same:.2f}"
+    return both
+
+
+def roadmap_joins(scene: Scene, nodes: Array, pairs: Any) -> bool:
+    """Whether the states nearest to start and goal, of those with an edge, are joined."""
+    matrix = sparse.coo_matrix((np.ones(len(pairs)), pairs.T), (len(nodes),) * 2)
+    _, part = sparse.csgraph.connected_components(matrix, directed=False)
+    near = np.flatnonzero(np.bincount(pairs.ravel(), minlength=len(nodes)))
+    if not near.size:
+        return False
+    ends = [
+        part[near[np.linalg.norm(nodes[near] - q, axis=1).argmin()]]
+        for q in (scene.start, scene.goal)
+    ]
+    return bool(ends[0] == ends[1])
+
+
+@chart(columns=2)
+def sample_counts(
+    seeds: int = 500, stars: int = 100, maps: int = 100,
+    sizes: Sequence[int] = (10, 20, 40, 80, 160),
+) -> Iterator[Panel]:  # fmt: skip
+    """Ours and OMPL's, the same edges asked: samples to a path, and what as many samples bring."""
+    for method, name, places in (
+        ("rrt", "RRT", (scenes.discs(), scenes.gap(0.1))),
+        ("rrt_connect", "RRT-Connect", (scenes.discs(), scenes.gap(0.1), scenes.arm())),
+    ):
+        panel = Panel(
+            f"{name}: as many samples", "samples to a path", "share of seeds", scale="log x"
+        )
+        for scene in places:
+            tests = ompl.tests(scene.world)
+            runs = [
+                (ours(scene, k, method), theirs(scene, k, method, *tests))
+                for k in range(1, seeds + 1)
+            ]
+            spent = np.array(
+                [[p.samples if p.path is not None else np.inf for p in r] for r in runs]
+            )
+            panel.series += cumulative(scene.name, (spent[:, 0], spent[:, 1]), 1.2, "samples")
+        yield panel
+    panel = Panel(
+        "RRT*, 1000 samples: as short, if ours too stops drawing the goal",
+        "length of the path [m]", "share of seeds",
+    )  # fmt: skip
+    for scene in (scenes.discs(), scenes.gap(0.1)):
+        tests = ompl.tests(scene.world)
+        found = [
+            theirs(scene, k, "rrt_star", *tests, budget=1000).path for k in range(1, stars + 1)
+        ]
+        other = np.array([np.inf if path is None else length(path.T) for path in found])
+        usual, mine = np.array([
+            [ours(scene, k, "rrt_star", 1000, goal_bias=b).cost for k in range(1, stars + 1)]
+            for b in (0.05, 0.0)
+        ])  # fmt: skip
+        # OMPL draws the goal until it is in the tree; ours goes on, which brings nothing.
+        panel.series += cumulative(scene.name, (mine, other), 1.002, "m")
+        p = stats.mannwhitneyu(usual, other).pvalue
+        panel.notes.append(
+            f"RRT* {scene.name}, goal drawn to the end: median {np.median(usual):.4g} m, p {p:.2g}"
+        )
+    yield panel
+    panel = Panel("PRM: start and goal as often joined", "states of the roadmap", "share of seeds",
+                  scale="log x")  # fmt: skip
+    for scene in (scenes.discs(), scenes.gap(0.1)):
+        tests, joined = ompl.tests(scene.world), np.zeros((2, len(sizes)))
+        for k in range(1, maps + 1):
+            mine = build_roadmap(scene.world, 4 * max(sizes), k, neighbours=10)
+            free = mine.pairs[mine.status == FREE]
+            for i, size in enumerate(sizes):
+                nodes, pairs = mine.nodes[:size], free[free.max(axis=1) < size]
+                joined[0, i] += roadmap_joins(scene, nodes, pairs)
+                joined[1, i] += roadmap_joins(
+                    scene, *ompl.roadmap(scene.world.bounds, size, k, *tests)
+                )
+        for who, hits in zip(("ours", "OMPL"), joined, strict=True):
+            low, high = wilson(hits, maps)
+            label = f"{scene.name}, {who}"
+            panel.series.append(Series(
+                label, sizes, hits / maps, style="-" if who == "ours" else "--", low=low, high=high,
+                note=f"PRM {label}: joined {', '.join(f'{x:.0f}' for x in hits)} of {maps}",
+            ))  # fmt: skip
+    yield panel
+
+
+# --- short ----------------------------------------------------------------------------------------
+
+
+def exactly_known() -> list[tuple[Scene, float]]:
+    """Scenes with the length of the shortest path [m]: two tangents and an arc, three segments."""
+    start, goal, radius = scenes.START, scenes.GOAL, 2.0
+    far = float(np.linalg.norm(goal - start)) / 2
+    around = 2 * math.sqrt(far**2 - radius**2) + radius * (math.pi - 2 * math.acos(radius / far))
+    disc = Scene("one disc", planning.plane(scenes.SQUARE, [[5, 5, radius]]), start, goal, 1.0)
+    wall = scenes.gap(0.1)
+    corners = np.array([wall.start, [4.75, 4.5], [5.25, 4.5], wall.goal])
+    return [(disc, around), (wall, length(corners.T))]
+
+
+def settings(
+    scene: Scene, budgets: Sequence[int]
+) -> dict[str, tuple[Sequence[int], Callable[[int, int], tuple[float, Any]]]]:
+    """Of each way its settings, and what a seed and a setting give: seconds and path (n, k)."""
+    tests = ompl.tests(scene.world)
+
+    def cut(k: int, rounds: int) -> tuple[float, Any]:
+        found, rng = ours(scene, k), np.random.default_rng(k)
+        assert found.path is not None
+        begun = time.perf_counter()
+        path = planning.shortcut(found.path, scene.world, rng, rounds=rounds)
+        return found.seconds + time.perf_counter() - begun, path
+
+    def by(method: str) -> Callable[[int, int], tuple[float, Any]]:
+        def run(k: int, budget: int) -> tuple[float, Any]:
+            found = ours(scene, k, method, budget)
+            return found.seconds, found.path
+
+        return run
+
+    def other(k: int, budget: int) -> tuple[float, Any]:
+        found = theirs(scene, k, "rrt_star", *tests, budget=budget)
+        return found.seconds, None if found.path is None else found.path.T
+
+    return {
+        "RRT*": (budgets, by("rrt_star")),
+        "Informed RRT*": (budgets, by("informed_rrt_star")),
+        "PRM*": (budgets[:4], by("prm_star")),
+        "RRT-Connect, shortcuts": ((0, 10, 30, 100, 300), cut),
+        "OMPL RRT*": (budgets[:4], other),
+    }
+
+
+@chart(columns=2)
+def path_quality(
+    seeds: int = 31,
+    budgets: Sequence[int] = (100, 300, 1000, 3000, 10_000),
+    tolerance: float = 0.05,
+) -> Iterator[Panel]:
+    """Length of a path over the exactly known shortest one against time, failures infinite."""
+    planning.warm()
+    for scene, best in exactly_known():
+        panel = Panel(scene.name, "seconds for a plan", "length over the shortest, less 1",
+                      scale="log", lines=[("y", tolerance, f"tolerance {tolerance:.0%}")],
+                      footer=machine(libraries=("ompl",)) + "; one core")  # fmt: skip
+        good = []
+        for name, (values, way) in settings(scene, budgets).items():
+            rows = []
+            for value in values:
+                runs = []
+                for k in range(1, seeds + 1):
+                    (spent, path), share = alone(way, k, value)
+                    assert path is None or check_path(scene.world, path, scene.start, scene.goal)
+                    runs.append(
+                        (spent * share, np.inf if path is None else length(path) / best - 1)
+                    )
+                seconds, off = np.transpose(runs)
+                rows.append(
+                    (np.median(seconds), *np.quantile(off, (0.25, 0.5, 0.75), method="higher"))
+                )
+                if rows[-1][2] <= tolerance:
+                    good.append((rows[-1][0], rows[-1][2], name, value))
+            x, low, middle, high = np.transpose(rows)
+            pairs = [f"{1e3 * t:.3g} ms {y:.2g}" for t, y in zip(x, middle, strict=True)]
+            panel.series.append(Series(
+                name, x, middle, style="--" if "OMPL" in name else "-", hollow="OMPL" in name,
+                low=low, high=np.minimum(high, 1.0),
+                note=f"{scene.name:<9} {name:<22} {', '.join(pairs)}",
+            ))  # fmt: skip
+        spent, off, name, value = min(good)
+        panel.series.append(Series("", [spent], [off], "chosen", "", hollow=True, size=13.0,
+            tags=["pick"], note=f"pick: {name} at {value}, {1e3 * spent:.3g} ms"))  # fmt: skip
+        panel.title = f"{scene.name}: first is {name}"
+        yield panel

@@ -1,0 +1,129 @@
+"""The 5-second question: from a naive RRT at a shelf to some milliseconds, one idea at a time."""
+
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course import planning
+from course.charts import chart
+from course.charts.planning.beside import alone
+from course.measure.figure import Panel, Series
+from course.measure.work_precision import machine
+from course.planning import Budget, Roadmap, Shelf, World, plan
+from course.planning.capsules import sampled
+
+Query = tuple[NDArray[np.float64], NDArray[np.float64]]
+SAMPLES = 20_000
+RUNGS = """rung: 1 RRT in Python, 2 compiled, 3 edges proved,
+4 longer steps, 5 from both ends, 6 bridge sampler, 7 lazy PRM,
+8 cached, by a list, 9 by trees, 10 earlier paths too"""
+SHORT = 1.0  # step of the first three rungs [rad]; the others take `plan`'s own, 2.6 rad here
+BOTH: dict[str, Any] = {"method": "rrt_connect", "budget": 10 * SAMPLES}
+CACHED: dict[str, Any] = {"method": "roadmap", "budget": 10 * SAMPLES}
+
+
+def certified(asked: Shelf, queries: int, seed: int) -> tuple[list[Query], int]:
+    """So many queries that a long search solves, and how many drawn it did not."""
+    rng, found, refused = np.random.default_rng(seed), list[Query](), 0
+    while len(found) < queries:
+        start, goal = asked.query(rng)
+        if plan(asked.world, start, goal, **BOTH, rng=seed).solved:
+            found.append((start, goal))
+        else:
+            refused += 1
+    return found, refused
+
+
+def interpreted(world: World) -> World:
+    """The same source as plain Python, an edge tried every 0.01 rad."""
+
+    def valid(q: NDArray[np.float64]) -> bool:
+        return bool(world.state_free(world.obstacles, world.body, q))
+
+    return planning.from_function(valid, world.bounds, 0.01)
+
+
+def rungs(
+    roadmap: Roadmap, experience: Roadmap, naive: float, samples: int
+) -> dict[str, tuple[int, Any]]:
+    """Of each rung which of the queries it is asked, every how many, and the plan that it makes."""
+
+    def ask(options: dict[str, Any], change: Callable[[World], World] = lambda w: w) -> Any:
+        return lambda world, query, seed: plan(change(world), *query, rng=seed, **options)
+
+    tree = {"method": "rrt", "budget": samples}
+    short = tree | {"step": SHORT}
+    return {
+        "RRT in Python": (20, ask(short | {"budget": Budget(samples, naive)}, interpreted)),
+        "compiled": (10, ask(short, sampled)),
+        "edges proved": (10, ask(short)),
+        "longer steps": (1, ask(tree)),
+        "from both ends": (1, ask(BOTH)),
+        "bridge sampler": (1, ask(BOTH | {"sampler": "bridge", "mix": 0.2})),
+        "lazy PRM": (1, ask({"method": "lazy_prm", "budget": samples})),
+        "cached, by a list": (1, ask(CACHED | {"roadmap": roadmap, "attach": "list"})),
+        "cached, by trees": (1, ask(CACHED | {"roadmap": roadmap})),
+        "earlier paths too": (1, ask(CACHED | {"roadmap": experience})),
+    }
+
+
+@chart(height=4.4)
+def shelf_ladder(
+    queries: int = 100, nodes: int = 3000, names: tuple[str, ...] = ("open", "tight"),
+    naive: float = 5.0, samples: int = SAMPLES,
+) -> Iterator[Panel]:  # fmt: skip
+    """Time of a plan of the 7-R arm from bay to bay, rung by rung, still and with a moved ball."""
+    planning.warm()
+    for name in names:
+        asked, rng = planning.shelf(name), np.random.default_rng(1)
+        known, refused = certified(asked, queries, 0)
+        moved = [asked.disturbed(rng, *query) for query in known]
+        begun = time.perf_counter()
+        roadmap = planning.build_roadmap(asked.world, nodes, 0)
+        built = time.perf_counter() - begun
+        solved = [plan(asked.world, *q, **BOTH).path for q in certified(asked, queries, 2)[0]]
+        paths = [planning.shortcut(p, asked.world, rng, rounds=30) for p in solved if p is not None]
+        experience = planning.with_paths(roadmap, paths)
+        learned = time.perf_counter() - begun
+        ladder = rungs(roadmap, experience, naive, samples)
+        panel = Panel(f"{name} shelf", RUNGS, "seconds for a plan", scale="log y")
+        panel.lines = [("y", 0.1, "asked for: 100 ms")]
+        panel.notes = [
+            f"{name} shelf: {refused} of {queries + refused} drawn were not certified; roadmap "
+            f"{roadmap.memory / 1e6:.1f} MB, built in {built:.1f} s;",
+            f"with earlier paths {experience.memory / 1e6:.1f} MB, in {learned:.1f} s",
+        ]
+        for place in ("still", "moved"):
+            rows = []
+            answers: dict[str, list[tuple[planning.Plan, float]]] = {rung: [] for rung in ladder}
+            collided = dict.fromkeys(ladder, 0)
+            for i, query in enumerate(known):
+                world = asked.world if place == "still" else moved[i]
+                for rung, (every, run) in ladder.items():
+                    if i % every == 0:
+                        found, share = alone(run, world, query, i)
+                        answers[rung].append((found, share * found.seconds))
+                        if found.path is not None and (every > 1 or i % 10 == 0):
+                            collided[rung] += not planning.check_path(world, found.path, *query)
+            for rung, plans in answers.items():
+                spent = np.array([own if p.solved else np.inf for p, own in plans])
+                middle, tail = np.quantile(spent, (0.5, 0.99), method="higher")
+                rows.append((middle, tail))
+                panel.notes.append(
+                    f"{rung:<17} {place} {name:<5} {np.isfinite(spent).sum():3d} of "
+                    f"{len(plans):3d}, ms: median {1e3 * middle:7.2f}, 99 % {1e3 * tail:7.1f}; "
+                    f"{np.median([p.edge_checks for p, _ in plans]):5.0f} edges; "
+                    f"{collided[rung]} collide"
+                )
+            x, (middle, tail) = np.arange(1, len(ladder) + 1), np.array(rows).T
+            panel.series += [
+                Series(f"median, {place}", x, middle),
+                Series(f"99 %, {place}", x, tail, style="--"),
+            ]
+        panel.footer = (
+            machine(libraries=()) + "; one core; rungs 1 to 3 with every 20th and 10th query"
+        )
+        yield panel

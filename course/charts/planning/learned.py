@@ -1,0 +1,249 @@
+"""Planners that have learned, beside those that have not: a sampler, and paths out of noise."""
+
+import functools
+import itertools
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from course.charts import chart
+from course.measure.figure import Panel, Series
+from course.measure.success import Success
+from course.measure.work_precision import machine
+from course.planning import check_path, edge_free, plan, scenes, sequential_convex, shortcut, warm
+from course.planning.learned import (
+    CELLS,
+    denoised,
+    drawn,
+    grown,
+    picture,
+    questions,
+    slits,
+    train_diffusion,
+    train_sampler,
+)
+from course.planning.scenes import Scene
+
+Array = NDArray[np.float64]
+
+DISCS = 24  # of the world that the diffusion knows
+STATES = 1000  # proposed for a question
+TRIES = 8  # paths proposed for a question
+
+
+# --- a sampler ------------------------------------------------------------------------------------
+
+
+def searched(scene: Scene, many: int, rng: np.random.Generator) -> Array:
+    """States along the way that a search of the picture finds, (2, many); what needs no training.
+
+    A cell is joined to its eight neighbours if both are free; which can't be proved, so this too is
+    only a proposal. Without a way the states are uniform.
+    """
+    free = picture(scene)[0].astype(bool)
+    number = np.arange(free.size).reshape(free.shape)
+    rows = []
+    for i, j, apart in ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2)), (1, -1, math.sqrt(2))):
+        a = number[: CELLS - i, max(0, -j) : CELLS - max(0, j)]
+        b = number[i:, max(0, j) : CELLS + min(0, j)]
+        both = free.ravel()[a] & free.ravel()[b]
+        rows.append(np.array([a[both], b[both], np.full(both.sum(), apart)]))
+    a, b, apart = np.hstack(rows)
+    graph = sparse.coo_matrix((apart, (a.astype(int), b.astype(int))), (free.size,) * 2).tocsr()
+    low, high = scene.world.bounds
+    ends = [(CELLS * (q - low) / (high - low)).astype(int) for q in (scene.start, scene.goal)]
+    begin, at = (int(number[tuple(np.minimum(end, CELLS - 1))]) for end in ends)
+    *_, before = sparse.csgraph.dijkstra(graph, False, begin, return_predecessors=True)
+    way = [at]
+    while before[way[-1]] >= 0:
+        way.append(int(before[way[-1]]))
+    cells = rng.choice(way, many) if way[-1] == begin else rng.integers(free.size, size=many)
+    inside = (np.array(divmod(cells, CELLS)) + rng.uniform(size=(2, many))) / CELLS
+    return np.asarray(low[:, None] + (high - low)[:, None] * inside)
+
+
+def checks(scene: Scene, seed: int, **options: Any) -> float:
+    """States and edges asked until there is a path, infinite without one; the judge passes it."""
+    found = plan(scene.world, scene.start, scene.goal, rng=seed, step=1.0, budget=20_000, **options)
+    if found.path is None:
+        return math.inf
+    assert check_path(scene.world, found.path, scene.start, scene.goal)
+    return float(found.state_checks + found.edge_checks)
+
+
+def sampled(nets: Sequence[Any], some: Sequence[Scene], *only: str) -> list[Success]:
+    """Checks of each way to draw, or of some, with a seed for each network, in held-out scenes."""
+
+    def listed(scene: Scene, seed: int, propose: Callable[..., Array], *first: Any) -> float:
+        states = propose(*first, scene, STATES, np.random.default_rng(seed))
+        return checks(scene, seed, sampler=states, mix=0.8)
+
+    bridge: dict[str, Any] = {"sampler": "bridge", "mix": 0.2, "spread": 0.5}
+    ways: dict[str, Callable[[Any, Scene, int], float]] = {
+        "uniform": lambda net, q, k: checks(q, k),
+        "learned": lambda net, q, k: listed(q, k, drawn, net),
+        "learned, picture counted": lambda net, q, k: listed(q, k, drawn, net) + CELLS**2,
+        "search of the picture": lambda net, q, k: listed(q, k, searched),
+        "bridge test, a fifth": lambda net, q, k: checks(q, k, **bridge),
+        "one tree, goal bias": lambda net, q, k: checks(q, k, method="rrt", goal_bias=0.05),
+    }
+    return [
+        Success(
+            name,
+            np.array([
+                [ways[name](net, q, 1000 * k + i) for i, q in enumerate(some)]
+                for k, net in enumerate(nets)
+            ]),
+            "checks",
+        )
+        for name in only or ways
+    ]  # fmt: skip
+
+
+# --- paths out of noise ---------------------------------------------------------------------------
+
+
+def bent(scene: Scene, many: int, rng: np.random.Generator) -> list[Array]:
+    """A straight line, and others bent over random points: proposals that nobody has learned."""
+    low, high = scene.world.bounds
+    vias = rng.uniform(low, high, (many - 1, 2))
+    ends = scene.start, scene.goal
+    return [np.array(ends).T] + [np.array([ends[0], via, ends[1]]).T for via in vias]
+
+
+def pushed(scene: Scene, path: Array) -> Array:
+    """A path pushed out of the discs: the projection."""
+    return sequential_convex(path, scene.world, margin=0.1, points=30, iterations=20).path
+
+
+def first_free(scene: Scene, propose: Callable[[], Any], push: bool) -> tuple[float, bool, bool]:
+    """Seconds to the first path that the planner's edge test passes, infinite without one; whether
+    the first proposal collides as it comes, and after it was pushed."""
+    world, begun, free = scene.world, time.thread_time(), []
+    proposals = propose()
+    for proposal in proposals:
+        path = pushed(scene, proposal) if push else proposal
+        inside = all(world.within(q) for q in path.T)
+        free.append(inside and all(edge_free(world, *e) for e in itertools.pairwise(path.T)))
+        if free[-1]:
+            break
+    spent = time.thread_time() - begun if free[-1] else math.inf
+    assert not free[-1] or check_path(world, path, scene.start, scene.goal)
+    return spent, not check_path(world, proposals[0]), not free[0]
+
+
+def proposed(nets: Sequence[Any], some: Sequence[Scene]) -> dict[str, tuple[Success, Array, Array]]:
+    """Of each way seconds to a free path, and the shares of first proposals that collide before and
+    after they are pushed, each with a seed for each network."""
+
+    def searching(net: Any, scene: Scene, rng: np.random.Generator) -> list[Array]:
+        found = plan(scene.world, scene.start, scene.goal, rng=rng, step=1.0)
+        return [shortcut(found.path, scene.world, rng, rounds=60)] if found.path is not None else []
+
+    def noise(net: Any, scene: Scene, rng: np.random.Generator) -> Array:
+        return denoised(net, scene, TRIES, rng)
+
+    def lines(net: Any, scene: Scene, rng: np.random.Generator) -> list[Array]:
+        return bent(scene, TRIES, rng)
+
+    ways: dict[str, tuple[Callable[..., Any], bool]] = {
+        "noise, checked": (noise, False),
+        "noise, pushed out": (noise, True),
+        "bent lines, pushed out": (lines, True),
+        "RRT-Connect, shortcuts": (searching, False),
+    }
+    found = {}
+    for name, (propose, push) in ways.items():
+        rows = [
+            first_free(
+                scene, functools.partial(propose, net, scene, np.random.default_rng((k, i))), push
+            )
+            for k, net in enumerate(nets)
+            for i, scene in enumerate(some)
+        ]
+        spent, before, after = np.array(rows).reshape(len(nets), len(some), 3).transpose(2, 0, 1)
+        found[name] = Success(name, spent, "s"), before.mean(axis=1), after.mean(axis=1)
+    return found
+
+
+# --- all of it ------------------------------------------------------------------------------------
+
+
+def timed(train: Callable[..., Any], seeds: int, *sizes: Any) -> tuple[list[Any], float]:
+    """A network of each seed, and the processor time of one [s]."""
+    begun = time.process_time()
+    nets = [train(*sizes, seed=seed) for seed in range(seeds)]
+    return nets, (time.process_time() - begun) / seeds
+
+
+@chart(columns=2)
+def learned_planners(
+    seeds: int = 3, worlds: int = 200, queries: int = 100, sampler: Sequence[int] = (1500, 600),
+    diffusion: Sequence[int] = (4000, 8000),
+) -> Iterator[Panel]:  # fmt: skip
+    """A learned sampler in held-out worlds, at equal checks; a diffusion over paths, checked.
+
+    Args:
+        seeds: networks of each kind; planners get as many.
+        worlds: held-out ones of each family.
+        queries: held-out ones of the world that the diffusion knows.
+        sampler, diffusion: sizes of the training, worlds or paths and steps.
+    """
+    warm()
+    nets, cost = timed(train_sampler, seeds, *sampler)
+    rng = np.random.default_rng(9)
+    some = [slits(rng) for _ in range(worlds)]
+    turned = [slits(rng, turned=True) for _ in range(worlds)]
+
+    seen = Panel("One world, and what its sampler proposes", "x [m]", "y [m]", equal=True)
+    states = drawn(nets[0], some[0], 400, np.random.default_rng(0))
+    ends = np.array([some[0].start, some[0].goal]).T
+    walls = 10.0 * (np.argwhere(picture(some[0])[0] == 0.0).T + 0.5) / CELLS
+    for label, (x, y), key, size in (
+        ("walls", walls, "theory", 2.5), ("proposed states", states, "course", 2.0),
+        ("start and goal", ends, "chosen", 8.0),
+    ):  # fmt: skip
+        seen.series.append(Series(label, x, y, key, "", marker="s", size=size))
+    seen.notes = [f"sampler: {cost:.0f} s of processor time to train, on {sampler[0]} worlds"]
+    yield seen
+
+    within = np.geomspace(30, 30_000, 61)
+    families = {"Held-out worlds of the family": some, "The same, turned by a quarter": turned}
+    for title, family in families.items():
+        only = ("uniform", "learned") if family is turned else ()
+        panel = Panel(title, "states and edges asked", "share of worlds with a path", scale="log x")
+        for success in sampled(nets, family, *only):
+            series = success.series(within, style="--" if "counted" in success.name else "-")
+            middle, least, most = success.budget()
+            series.extra = success.name == "one tree, goal bias"
+            series.note = (
+                f"{'turned: ' if only else ''}{success.name:<24} median {middle:6.0f} checks "
+                f"({least:.0f} to {most:.0f} by seed), 90 % within {success.budget(0.9)[0]:.0f}"
+            )
+            panel.series.append(series)
+        yield panel
+
+    world = scenes.discs(count=DISCS).world
+    nets, cost = timed(train_diffusion, seeds, world, *diffusion)
+    asked = questions(grown(world), queries, np.random.default_rng(8))
+    asked = [Scene("discs", world, q.start, q.goal, 1.0) for q in asked]
+    panel = Panel(
+        "Paths out of noise, in the world they know", "seconds to a free path",
+        "share of questions", scale="log x", footer=machine(libraries=("torch",)) + "; one core",
+    )  # fmt: skip
+    panel.notes = [f"diffusion: {cost:.0f} s of processor time to train, on {diffusion[0]} paths"]
+    within = np.geomspace(1e-4, 3.0, 61)
+    for name, (success, before, after) in proposed(nets, asked).items():
+        series = success.series(within)
+        series.note = (
+            f"{name:<23} {np.median(before):4.0%} collide, "
+            f"{np.median(after):4.0%} once pushed; solves {success.ever:4.0%}, median "
+            f"{1e3 * success.budget()[0]:.3g} ms"
+        )
+        panel.series.append(series)
+    yield panel

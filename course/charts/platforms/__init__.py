@@ -1,0 +1,1 @@
+"""The charts of chapter 3: one scene on several simulators."""

@@ -1,0 +1,104 @@
+"""What a step costs: how it grows with a scene, and Python's share of it."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from course.charts import chart
+from course.charts.platforms.smooth import LIBRARIES, again, here
+from course.measure.figure import Panel, Series
+from course.measure.timing import Timing, interleaved
+from course.measure.work_precision import machine
+from course.platforms import FAIR, Engine, Scene, prepared
+from course.platforms.measures import slope
+from course.platforms.scenes import chain, field, tower
+
+SIZES: dict[str, tuple[Callable[[int], Scene], Sequence[int], Mapping[str, int]]] = {
+    "chain": (chain, (1, 2, 4, 8, 16, 32, 64), {}),
+    "tower": (tower, (1, 2, 3, 5, 8), {"Drake": 5, "own code": 5}),
+    "field": (field, (1, 4, 16, 64), {"Drake": 16, "own code": 16}),
+}
+
+
+def step_costs(
+    jobs: Sequence[tuple[Engine, Scene, int]], dt: float, repeats: int
+) -> list[tuple[Timing, int]]:
+    """Processor time of so many steps in one call, interleaved, and the number of steps."""
+    samplers = []
+    for engine, scene, steps in jobs:
+        run = prepared(engine, scene, dt, FAIR)
+        run.run(20)  # contacts are made, caches are filled
+        samplers.append(again(run, steps))
+        samplers[-1](1)
+    times = interleaved(samplers, repeats=repeats, sample=2e-3, warm=True)
+    return [(time, steps) for time, (_, _, steps) in zip(times, jobs, strict=True)]
+
+
+def in_one_call(name: str) -> int:
+    """How many steps are timed at once: few where a step takes milliseconds."""
+    return {"own code": 20, "Drake": 10}.get(name, 100)
+
+
+@chart(columns=2)
+def platform_scaling(
+    scenes: Sequence[str] = tuple(SIZES), most: int = 64, dt: float = 1e-3, repeats: int = 5
+) -> Iterator[Panel]:
+    """The cost of a step against the size of a scene, and what Python adds to it.
+
+    Args:
+        scenes: some of `SIZES`; most: largest number of bodies; dt: step [s]; repeats: rounds.
+    """
+    for name in scenes:
+        make, sizes, limits = SIZES[name]
+        rows = [
+            (label, n) for label in here() for n in sizes if n <= min(most, limits.get(label, n))
+        ]
+        jobs = []
+        for label, n in rows:
+            smooth = name == "chain"
+            jobs.append((here()[label], make(n), 100 if smooth else in_one_call(label)))
+        found = step_costs(jobs, dt, repeats)
+        cost = {row: time.best / steps for row, (time, steps) in zip(rows, found, strict=True)}
+        unit = cost["MuJoCo", sizes[0]]
+        busy = max(time.busy for time, _ in found)
+        panel = Panel(f"A step of a {name}", "n", f"cost, MuJoCo at n = {sizes[0]} is 1",
+                      scale="log", footer=machine(busy, libraries=LIBRARIES))  # fmt: skip
+        for label in here():
+            x = [n for row, n in rows if row == label]
+            y = [cost[label, n] / unit for n in x]
+            last = slope(x[-3:], y[-3:])
+            beside = [cost[label, n] / cost["MuJoCo", n] for n in x]
+            told = ", ".join(f"{n} {c:.3g}" for n, c in zip(x, beside, strict=True))
+            panel.series.append(
+                Series(f"{label}, n^{last:.2f}", x, y, label, size=5.0,
+                       note=f"{name}: {label} over MuJoCo by n: {told}; exponent at the end "
+                       f"{last:.2f}")
+            )  # fmt: skip
+        panel.notes.append(
+            f"{name}: MuJoCo's step of n = {sizes[0]} takes {1e6 * unit:.2g} us here"
+        )
+        yield panel
+    panel = Panel("Python's share, one call a step", "links of a chain", "share of the step",
+                  scale="log x", ylim=(0.0, 1.05))  # fmt: skip
+    links = [n for n in (1, 4, 16, 64) if n <= most]
+    for label, engine in here().items():
+        jobs = [(engine, chain(n), steps) for n in links for steps in (1, 100)]
+        found = step_costs(jobs, dt, repeats)
+        each = np.array([time.best / steps for time, steps in found]).reshape(-1, 2)
+        if engine.loop:
+            share = np.maximum(1.0 - each[:, 1] / each[:, 0], 0.0)
+            words = f"{label}: left out by a loop"
+        else:
+            # It has no loop: what a call costs is a step of a world in which there is nothing.
+            (empty, steps) = step_costs([(engine, _nothing(), 100)], dt, repeats)[0]
+            share = np.minimum(empty.best / steps / each[:, 1], 1.0)
+            words = f"{label}: an empty world's step, paid always"
+        told = ", ".join(f"{n} {100 * s:.0f} %" for n, s in zip(links, share, strict=True))
+        panel.series.append(Series(label, links, share, label, size=5.0, note=f"{words}: {told}"))
+    yield panel
+
+
+def _nothing() -> Scene:
+    """A ground on which nothing is."""
+    return replace(field(1), bodies=())

@@ -1,0 +1,278 @@
+"""Where each engine fails, with the theory drawn over it: braking, cones, creep, grasp, sag."""
+
+import itertools
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from course.charts import chart
+from course.charts.platforms.smooth import LIBRARIES, here, on_one_another
+from course.measure.figure import Panel, Series
+from course.measure.work_precision import machine
+from course.oracles.mujoco_scenes import MuJoCo
+from course.platforms import AS_SHIPPED, FAIR, SCENES, Engine, Settings, prepared, theory
+from course.platforms.measures import creep, position_error, slope, squeezed, stop
+from course.platforms.scenes import grasp, tower
+
+FULL = theory.braking_distance()
+FOOTER = partial(machine, 0.0, libraries=LIBRARIES)
+# Drake with contact by points, its shipped answer, and by each of two ways to solve for it.
+POINTS = FAIR.using(but=("hydroelastic",))
+
+
+def known(rows: Mapping[str, tuple[str, Settings]]) -> Iterator[tuple[str, str, Engine, Settings]]:
+    """Label, engine's name, engine and settings of the rows whose engine is installed."""
+    found = here()
+    for label, (name, settings) in rows.items():
+        if name in found:
+            yield label, name, found[name], settings
+
+
+@chart(columns=2)
+def platform_braking(
+    steps: Sequence[float] = (16e-3, 8e-3, 4e-3, 2e-3, 1e-3, 5e-4), finest: float = 2e-3
+) -> Iterator[Panel]:
+    """A block that is sent off along an axis stops short by mu g dt / v of its way.
+
+    Args:
+        steps: [s]; finest: of those of our own code, where Python pays for each.
+    """
+    panel = Panel("Stopped short, fair", "step [s]", "share of the way", scale="log",
+                  lines=[("y", 0.01 / FULL, "tolerance 1 cm")], theory="mu g dt / v",
+                  footer=FOOTER())  # fmt: skip
+    for name, engine in here().items():
+        x = [dt for dt in steps if name != "own code" or dt >= finest]
+        y = [1.0 - stop(engine, 0.0, dt).distance / FULL for dt in x]
+        off = max(abs(s / theory.stopped_short(dt=dt) - 1.0) for s, dt in zip(y, x, strict=True))
+        told = ", ".join(f"{1e3 * dt:g} ms {100 * s:.4f} %" for s, dt in zip(y, x, strict=True))
+        series = on_one_another(name, name, x, y)
+        series.note = f"{name:<9} {told}; within {100 * off:.2g} % of the law, "
+        series.note += f"order {slope(x, y):.3f}"
+        if name == "MuJoCo":
+            series.theory = lambda dt: theory.stopped_short(dt=dt)
+        panel.series.append(series)
+    yield panel
+    panel = Panel(
+        "As shipped, and what Drake's solvers do", "step [s]", "share of the way", scale="log x",
+        ylim=(-1.0, 1.1), lines=[("y", 0.0, "stops where it should")],
+    )  # fmt: skip
+    rows = {
+        "MuJoCo, as shipped": ("MuJoCo", AS_SHIPPED),
+        "Drake, as shipped (lagged)": ("Drake", AS_SHIPPED),
+        "Drake, points by sap": ("Drake", POINTS.using(approximation="sap")),
+        "PyBullet, as shipped": ("PyBullet", AS_SHIPPED),
+    }
+    for label, name, engine, settings in known(rows):
+        y = [1.0 - stop(engine, 0.0, dt, settings).distance / FULL for dt in steps]
+        told = ", ".join(f"{1e3 * dt:g} ms {100 * s:.2f} %" for s, dt in zip(y, steps, strict=True))
+        panel.series.append(Series(label, steps, y, name, ":" if "sap" in label else "-",
+                                   size=4.0, note=f"{label}: short by {told}"))  # fmt: skip
+    yield panel
+
+
+CONES = {
+    "own code": ("own code", FAIR, "circle"),
+    "MuJoCo, elliptic": ("MuJoCo", FAIR, "circle"),
+    "MuJoCo, pyramid (shipped)": ("MuJoCo", FAIR.using(but=("cone",)), "inscribed"),
+    "Drake": ("Drake", FAIR, "circle"),
+    "PyBullet": ("PyBullet", FAIR, "circle"),
+    "PyBullet, cone off": ("PyBullet", FAIR.using(enableConeFriction=0), "box"),
+}
+
+
+@chart(columns=2)
+def platform_cone(points: int = 9, dt: float = 2e-3) -> Iterator[Panel]:
+    """Where a braking block stops, and how far it is steered, over its heading.
+
+    Args:
+        points: headings from 0 to 90 degrees; dt: step [s].
+    """
+    far = Panel("Length of the way", "heading [deg]", "over v^2 / (2 mu g)", ticks=(0, 45, 90),
+                footer=FOOTER())  # fmt: skip
+    off = Panel("Turned from the heading", "heading [deg]", "[deg]", ticks=(0, 45, 90))
+    degrees = np.linspace(0.0, 90.0, points)
+    fine = np.linspace(0.0, 90.0, 181)
+    for cone in theory.CONES:
+        way, turn = theory.stop(np.radians(fine), cone)
+        for panel, y in ((far, way / FULL), (off, np.degrees(turn))):
+            style = {"circle": ":", "inscribed": "-", "box": "--"}[cone]
+            panel.series.append(Series(f"theory, {cone}", fine, y, "theory", style, marker=""))
+    for label, name, engine, settings in known({k: v[:2] for k, v in CONES.items()}):
+        found = [stop(engine, math.radians(at), dt, settings) for at in degrees]
+        ratio = np.array([one.distance for one in found]) / FULL
+        turned = np.degrees([one.turn for one in found])
+        way, turn = theory.stop(np.radians(degrees), CONES[label][2])
+        told = (
+            f"{label}: from theory by {100 * np.max(np.abs(ratio - way / FULL)):.2f} % of the way"
+        )
+        told += f" and {np.max(np.abs(turned - np.degrees(turn))):.2f} deg at most; "
+        told += ", ".join(f"{at:g} deg {r:.4f} {t:+.2f}" for at, r, t in
+                          zip(degrees, ratio, turned, strict=True))  # fmt: skip
+        for panel, y, note in ((far, ratio, told), (off, turned, "")):
+            series = on_one_another(name, label, degrees.tolist(), y.tolist())
+            series.note = note
+            panel.series.append(series)
+    yield far
+    yield off
+
+
+SOFT: dict[str, Any] = {
+    "cone": "elliptic",
+    "solref": (0.02, 1.0),
+    "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
+}
+
+
+def law_of_creep(impratio: float, angle: float, dt: float) -> float:
+    """Theory's speed on a slope [m/s], from the load and the gap that MuJoCo reports."""
+    run = prepared(MuJoCo(), SCENES["rest"](angle), dt, FAIR.using(impratio=impratio, **SOFT))
+    run.run(round(0.4 / dt))
+    report = run.contacts()
+    load = float(np.linalg.norm(report.tangential_force, axis=0)[0])
+    return theory.creep_speed(load, float(report.gap[0]), 1.0, 0.5, dt, impratio=impratio, **SOFT)
+
+
+def law_of_sinking(impratio: float, squeeze: float, dt: float) -> float:
+    """The same for a part between two fingers of 0.05 kg [m/s]."""
+    run = prepared(MuJoCo(), grasp(squeeze), dt, FAIR.using(impratio=impratio, **SOFT))
+    run.run(round(0.4 / dt))
+    report = run.contacts()
+    load = float(np.linalg.norm(report.tangential_force, axis=0)[0])
+    weight = 1.0 / 0.2 + 1.0 / 0.05
+    return theory.creep_speed(load, float(report.gap[0]), weight, 0.5, dt, impratio=impratio,
+                              **SOFT)  # fmt: skip
+
+
+@chart(columns=2)
+def platform_creep(
+    ratios: Sequence[float] = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0), dt: float = 1e-3
+) -> Iterator[Panel]:
+    """How fast a block on a slope and a part between fingers move that should stick.
+
+    Args:
+        ratios: MuJoCo's impratio; dt: step [s].
+    """
+    scenes = {
+        "A block on a slope of 0.1": (SCENES["rest"](0.1), partial(law_of_creep, angle=0.1)),
+        "A part held by 6 N a finger": (grasp(6.0), partial(law_of_sinking, squeeze=6.0)),
+    }
+    sides = {
+        "MuJoCo, noslip 3": ("MuJoCo", AS_SHIPPED.using(noslip_iterations=3)),
+        "Drake": ("Drake", FAIR),
+        "PyBullet": ("PyBullet", FAIR),
+        "own code, 10 ms": ("own code", FAIR),
+    }
+    for title, (scene, law) in scenes.items():
+        panel = Panel(title, "impratio", "creep [m/s]", scale="log", theory="R f / b",
+                      footer=FOOTER())  # fmt: skip
+        for cone, style in (("elliptic", ""), ("pyramidal", "--")):
+            soft = AS_SHIPPED.using(**{**SOFT, "cone": cone})
+            y = [creep(MuJoCo(), scene, dt, soft.using(impratio=r)) for r in ratios]
+            told = ", ".join(f"{r:g} {1e6 * v:.4g}" for r, v in zip(ratios, y, strict=True))
+            line = Series(f"MuJoCo, {cone}", ratios, y, "MuJoCo", style, size=6.0,
+                          hollow=cone == "pyramidal",
+                          note=f"{scene.name}, {cone}, um/s by impratio: {told}")  # fmt: skip
+            if cone == "elliptic":
+                line.theory = partial(law, dt=dt)
+                far = [abs(v / law(r, dt=dt) - 1.0) for r, v in zip(ratios, y, strict=True)]
+                line.note += f"; from the law by {max(far):.1e} of it at most"
+            panel.series.append(line)
+        for label, name, engine, settings in known(sides):
+            h = 1e-2 if name == "own code" else dt
+            speed = max(creep(engine, scene, h, settings), 1e-12)
+            note = f"{scene.name}, {label}: {1e6 * speed:.3g} um/s"
+            flat = [speed] * len(ratios)
+            panel.series.append(Series(label, ratios, flat, name, ":", marker="", note=note))
+        yield panel
+
+
+SQUEEZES = (0.8, 0.9, 0.95, 0.98, 1.02, 1.05, 1.1, 1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0)
+
+
+@chart(columns=2)
+def platform_grasp(
+    ratios: Sequence[float] = SQUEEZES,
+    steps: Sequence[float] = (1e-3, 2e-3, 4e-3, 8e-3),
+    finest: float = 8e-3,
+) -> Iterator[Panel]:
+    """Held or not, over the squeeze and the step: a threshold in three engines, none in one.
+
+    Args:
+        ratios: squeeze over m g / (2 mu); steps: [s]; finest: of those of our own code.
+    """
+    rows = {
+        "own code": ("own code", FAIR), "MuJoCo, fair": ("MuJoCo", FAIR),
+        "MuJoCo, as shipped": ("MuJoCo", AS_SHIPPED), "Drake, fair": ("Drake", FAIR),
+        "PyBullet, fair": ("PyBullet", FAIR), "PyBullet, as shipped": ("PyBullet", AS_SHIPPED),
+    }  # fmt: skip
+    for label, name, engine, settings in known(rows):
+        some = [dt for dt in steps if name != "own code" or dt >= finest]
+        panel = Panel(label, "squeeze over m g / (2 mu)", "step [ms]", scale="log",
+                      lines=[("x", 1.0, "theory")], ylim=(0.6e3 * min(steps), 1.7e3 * max(steps)),
+                      footer=FOOTER())  # fmt: skip
+        held: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
+        for dt in some:
+            answers = []
+            for ratio in ratios:
+                answers.append(squeezed(engine, ratio, dt, settings)[0])
+                held[answers[-1]].append((ratio, 1e3 * dt))
+            told = "".join("x" if good else "." for good in answers)
+            turns = sum(a != b for a, b in itertools.pairwise(answers))
+            panel.notes.append(f"{label:<20} {1e3 * dt:g} ms: {told} ({turns} changes)")
+        for good, words in ((True, "held"), (False, "falls")):
+            if not held[good]:
+                continue
+            x, y = np.array(held[good]).reshape(-1, 2).T
+            panel.series.append(Series(words, x, y, name if good else "", "", hollow=not good,
+                                       marker="o" if good else "x", size=6.0))  # fmt: skip
+        yield panel
+
+
+MOST: Mapping[str, int] = {"Drake": 4, "own code": 4}  # cubes: patches and Python are slow
+
+
+@chart(columns=2)
+def platform_sag(
+    sizes: Sequence[int] = (1, 2, 3, 4, 6, 8), most: Mapping[str, int] = MOST, dt: float = 1e-3
+) -> Iterator[Panel]:
+    """How deep a tower sinks after a second, over its cubes.
+
+    Args:
+        sizes: numbers of cubes; most: the largest number an engine is asked for; dt: step [s].
+    """
+    rows = {
+        "MuJoCo, as shipped": ("MuJoCo", AS_SHIPPED), "MuJoCo": ("MuJoCo", FAIR),
+        "Drake, as shipped": ("Drake", AS_SHIPPED), "Drake": ("Drake", FAIR),
+        "PyBullet": ("PyBullet", FAIR), "own code, 10 ms": ("own code", FAIR),
+    }  # fmt: skip
+    panel = Panel("Sag of a tower's top", "cubes", "[m]", scale="log", ticks=sizes, footer=FOOTER(),
+                  lines=[("y", 1e-3, "tolerance")], theory="n^2 of one cube")  # fmt: skip
+    for label, name, engine, settings in known(rows):
+        x = [n for n in sizes if n <= most.get(name, n)]
+        h = 1e-2 if name == "own code" else dt
+        y = [max(position_error(engine, tower(n), h, settings), 1e-16) for n in x]
+        told = ", ".join(f"{n} {1e6 * s:.4g}" for n, s in zip(x, y, strict=True))
+        panel.series.append(Series(label, x, y, name, "--" if "shipped" in label else "-",
+                                   size=4.0, note=f"{label}, um by cubes: {told}"))  # fmt: skip
+        if name == "MuJoCo":
+            panel.series[-1].theory = partial(grown, y[0], compliance="inverse mass")
+    yield panel
+    ratio = Panel("Over that of one cube", "cubes", "sag", scale="log", ticks=sizes)
+    for series in panel.series:
+        if series.y[0] > 1e-9 and series.label != "Drake, as shipped":
+            share = [s / series.y[0] for s in series.y]
+            ratio.series.append(Series(series.label, series.x, share, series.key, series.style,
+                                       size=4.0))  # fmt: skip
+    laws = (("n^2", "inverse mass", "-"), ("n (n + 1) / 2", "springs", "--"))
+    for words, compliance, style in laws:
+        y = [theory.sag_growth(n, compliance) for n in sizes]
+        ratio.series.append(Series(words, sizes, y, "theory", style, marker=""))
+    yield ratio
+
+
+def grown(one: float, n: float, compliance: str) -> float:
+    """Theory's sag of n cubes [m]; between whole numbers n^2 as well."""
+    return one * (n * n if compliance == "inverse mass" else 0.5 * n * (n + 1))

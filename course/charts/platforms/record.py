@@ -1,0 +1,167 @@
+"""What the chapter's simulation shows: five scenes on every engine, recorded.
+
+`python -m course.charts.platforms.record` runs them and writes `course/platforms/recorded.npz`; it
+needs all engines.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course import kinematics, platforms
+from course.measure.timing import batches, interleaved
+from course.oracles.engines import engines
+from course.oracles.readers import readings
+from course.platforms import AS_SHIPPED, FAIR, Engine, Scene, Settings, State, measures, scenes
+from course.platforms.models import MODELS, honesty, verdict
+from course.rigid_body import quaternion
+
+Array = NDArray[np.float64]
+
+PATH = Path(platforms.__file__).parent / "recorded.npz"
+STEPS = (5e-4, 1e-3, 2e-3, 4e-3)  # [s]
+SETTINGS = (AS_SHIPPED, FAIR)
+SAMPLES = 41  # of a path, its start among them
+HEADING = math.radians(22.5)
+
+
+def shown() -> list[Scene]:
+    """The scenes of the simulation, in the order of its menu."""
+    return [scenes.tumble(4.0), scenes.chain(6, 2.0), scenes.brake(HEADING), scenes.tower(5),
+            scenes.grasp(1.02 * 0.2 * scenes.GRAVITY)]  # fmt: skip
+
+
+def place(scene: Scene, state: State, time: float) -> tuple[float, float]:
+    """Where a state is drawn: the body's third axis, the tip [m], the block [m], or time [s] and
+    the height gained by the highest cube or the part [mm]."""
+    if scene.judge == "turn":
+        x, y, _ = quaternion.rotate(state.q[3:, 0], np.array([0.0, 0.0, 1.0]))
+        return float(x), float(y)
+    if scene.chain:
+        x, y = kinematics.tip(scene.chain, state.q)[:2]
+        return float(x), float(y)
+    if scene.name == "brake":
+        return float(state.q[0, 0]), float(state.q[1, 0])
+    body = len(scene.bodies) - 1 if scene.name == "tower" else 0
+    return time, 1e3 * float(state.q[2, body] - scene.start.q[2, body])
+
+
+def path(engine: Engine, scene: Scene, dt: float, settings: Settings) -> tuple[Array, float]:
+    """What is drawn of a run, (SAMPLES, 2), and its error at the end.
+
+    Where it is not finite the last finite place is drawn on.
+    """
+    run = platforms.prepared(engine, scene, dt, settings)
+    total = round(scene.duration / dt)
+    marks = np.round(np.linspace(0, total, SAMPLES)).astype(int)
+    rows, before = list[tuple[float, float]](), run.state()
+    for steps in np.diff(marks, prepend=0):
+        run.run(int(steps))
+        state = run.state()
+        before = state if np.isfinite(state.q).all() else before
+        rows.append(place(scene, before, marks[len(rows)] * dt))
+    error = scene.error(run.state(), total * dt)
+    run.close()
+    return np.array(rows), error
+
+
+def costs(found: list[Engine], scene: Scene) -> Array:
+    """Time of a step at 1 ms with both settings, as a multiple of the fair MuJoCo's, (2, E)."""
+    pairs = [(engine, settings) for settings in SETTINGS for engine in found]
+    runs = [platforms.prepared(engine, scene, 1e-3, settings) for engine, settings in pairs]
+    times = interleaved([batches(run.run) for run in runs], sample=2e-2, most=2000)
+    for run in runs:
+        run.close()
+    ratio = np.array([timing.median for timing in times]).reshape(2, len(found))
+    same = [not engine.changes for engine in found]  # both settings are one
+    ratio[:, same] = ratio[:, same].mean(axis=0)
+    return ratio / ratio[1, [engine.name for engine in found].index("MuJoCo")]
+
+
+# --- five numbers of each simulator, fair settings, from 0 to 1 ----------------------------------
+# Both ends of an axis: what counts as 0 and as 1.
+AXES = {
+    "smooth accuracy": (100.0, 0.01),  # error over tolerance, at what MuJoCo costs at 1 ms
+    "contact accuracy": (100.0, 0.01),  # error over tolerance at 1 ms
+    "speed in contact": (1000.0, 0.1),  # cost of a step over MuJoCo's
+    "largest step": (1e-4, 1e-1),  # that is within the tolerance [s]
+    "honesty": (0.0, 1.0),  # share of faulty models that are refused or warned about; not log
+}
+SMOOTH, CONTACT = (0, 1), (2, 3, 4)  # of `shown`
+TRIED = tuple(5e-4 * 2**k for k in range(7))  # steps for the largest within the tolerance [s]
+READER = {"own code": "chapter 4"}  # who reads models for whom, where the names differ
+
+
+def score(axis: str, value: Array) -> Array:
+    """Where values stand between the ends of an axis, on a log scale but for honesty."""
+    low, high = AXES[axis]
+    if axis == "honesty":
+        return np.clip(value, 0.0, 1.0)
+    return np.clip(np.log(np.maximum(value, 1e-300) / low) / np.log(high / low), 0.0, 1.0)
+
+
+def equal_cost(errors: Array, cost: float) -> float:
+    """The error at which a simulated second costs what MuJoCo's does at 1 ms.
+
+    Along a line in logarithms through the steps that were run.
+
+    Args:
+        errors: at `STEPS`, (T,).
+        cost: of a step, as a multiple of MuJoCo's.
+    """
+    slope, intercept = np.polyfit(np.log(STEPS), np.log(errors), 1)
+    return float(np.exp(intercept + slope * np.log(1e-3 * cost)))
+
+
+def radar(found: list[Engine], errors: Array, cost: Array, tolerance: Array) -> Array:
+    """Lowest over the scenes, middle and highest of each axis, (E, 5, 3)."""
+    rows = np.zeros((len(found), len(AXES), 3))
+    for e, engine in enumerate(found):
+        told = readings(READER.get(engine.name, engine.name))
+        verdicts = {model.name: verdict(model, told[model.name]) for model in MODELS}
+        values = (
+            [equal_cost(errors[s, :, 1, e], cost[s, 1, e]) / tolerance[s] for s in SMOOTH],
+            [errors[s, 1, 1, e] / tolerance[s] for s in CONTACT],
+            [cost[s, 1, e] for s in CONTACT],
+            [measures.largest_step(engine, scene, TRIED) for scene in shown()],
+            [honesty(verdicts)],
+        )
+        for k, (axis, given) in enumerate(zip(AXES, values, strict=True)):
+            scores = score(axis, np.array(given))
+            rows[e, k] = scores.min(), np.median(scores), scores.max()
+        print(engine.name, [np.round(row, 4).tolist() for row in values], flush=True)
+    return rows
+
+
+def main() -> None:
+    """Record everything."""
+    found, names = list(engines().values()), list(engines())
+    paths = np.zeros((len(shown()), len(STEPS), 2, len(found), SAMPLES, 2))
+    errors, cost = np.zeros(paths.shape[:4]), np.zeros((len(paths), 2, len(found)))
+    truth = np.zeros((len(paths), SAMPLES, 2))
+    for s, scene in enumerate(shown()):
+        for at, time in enumerate(np.linspace(0.0, scene.duration, SAMPLES)):
+            true = State(time, scene.truth(time), np.zeros(0))
+            truth[s, at] = place(scene, true, time)
+        for t, dt in enumerate(STEPS):
+            for k, settings in enumerate(SETTINGS):
+                for e, engine in enumerate(found):
+                    paths[s, t, k, e], errors[s, t, k, e] = path(engine, scene, dt, settings)
+        cost[s] = costs(found, scene)
+        print(scene.name, errors[s, 1].tolist(), cost[s].tolist(), flush=True)
+    tolerance = np.array([scene.tolerance for scene in shown()])
+    np.savez_compressed(
+        PATH, paths=paths.astype(np.float32), truth=truth, errors=errors, costs=cost,
+        tolerance=tolerance, radar=radar(found, errors, cost, tolerance),
+        duration=np.array([scene.duration for scene in shown()]),
+        steps=np.array(STEPS), engines=np.array(names),
+        versions=np.array([engine.version() for engine in found]),
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()

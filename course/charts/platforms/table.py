@@ -1,0 +1,286 @@
+"""Scene by engine by settings: error, cost, verdict; each change's effect; readers; installs."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
+from typing import Any
+
+from course.charts import FOLDER, chart
+from course.charts.platforms.smooth import LIBRARIES, again, here
+from course.measure.data import document, from_json
+from course.measure.figure import Panel, Series
+from course.measure.work_precision import machine
+from course.oracles.installs import install
+from course.oracles.readers import READERS, readings
+from course.platforms import AS_SHIPPED, FAIR, SCENES, Engine, Scene, prepared
+from course.platforms.measures import effects, repeatability
+from course.platforms.models import MODELS, honesty, verdict
+from course.platforms.scenes import brake, field, tower
+
+Rows = Sequence[Sequence[Any]]
+"""(scene, engine, settings, step [s], error, unit, tolerance, cost over MuJoCo fair, verdict)."""
+
+TABLE: dict[str, Callable[[], Scene]] = {
+    **{name: SCENES[name] for name in ("tumble", "chain", "arm", "drop", "rest", "slide")},
+    "brake": SCENES["brake"], "tower": partial(tower, 3), "grasp": SCENES["grasp"],
+    "field": partial(field, 4),
+}  # fmt: skip
+ENGINES = ("own code", "MuJoCo", "Drake", "PyBullet")
+SMOOTH = ("tumble", "chain", "arm")
+TOUCHING = tuple(name for name in TABLE if name not in SMOOTH)
+
+
+def stored_rows(name: str = "platforms_table") -> Rows:
+    """The rows of a table as they were measured last; no simulator is needed to read them."""
+    return from_json((FOLDER / f"{name}.json").read_text(encoding="utf-8"))["rows"]
+
+
+def with_rows(panels: Sequence[Panel], rows: Any) -> list[Panel]:
+    """Panels whose data file holds the rows of their table as well."""
+    panels[0].data = {**document(panels), "rows": rows}
+    return [*panels]
+
+
+def errors(rows: Rows, scene: str, settings: str = "fair") -> dict[str, float]:
+    """Error of every engine in a scene."""
+    return {row[1]: row[4] for row in rows if row[0] == scene and row[2] == settings}
+
+
+def costs(rows: Rows, scene: str, settings: str = "fair") -> dict[str, float]:
+    """Cost of every engine in a scene, over that of MuJoCo, fair."""
+    return {row[1]: row[7] for row in rows if row[0] == scene and row[2] == settings}
+
+
+def good(rows: Rows, engine: str, settings: str = "fair") -> set[str]:
+    """The scenes in which an engine is within the tolerance."""
+    return {row[0] for row in rows if row[1:3] == [engine, settings] and row[8] == "good"}
+
+
+def spread(rows: Rows, scene: str, settings: str = "fair") -> float:
+    """The largest error of the simulators over the smallest, our own code aside."""
+    found = [e for name, e in errors(rows, scene, settings).items() if name != "own code"]
+    return max(found) / min(found)
+
+
+SENTENCES: dict[str, Callable[[Rows], bool]] = {
+    "With the same scheme and step all engines err alike where nothing touches, to 2 %.": (
+        lambda r: all(max(e.values()) < 1.02 * min(e.values())
+                      for e in (errors(r, name) for name in SMOOTH))
+    ),
+    "There the defaults of MuJoCo and Drake change nothing, PyBullet's more than tenfold.": (
+        lambda r: all(
+            max(abs(errors(r, s, "as shipped")[e] / errors(r, s)[e] - 1.0)
+                for e in ("MuJoCo", "Drake")) < 1e-6
+            and errors(r, s, "as shipped")["PyBullet"] > 10.0 * errors(r, s)["PyBullet"]
+            for s in SMOOTH)
+    ),
+    "A step of 1 ms of order 1 is too long for chain, arm and slide in every engine.": (
+        lambda r: not any(good(r, e) & {"chain", "arm", "slide"} for e in ENGINES)
+    ),
+    "Fair, all engines are good at drop, rest, brake, tower and field.": (
+        lambda r: all(good(r, e) >= {"drop", "rest", "brake", "tower", "field"} for e in ENGINES)
+    ),
+    "As shipped, the simulators' errors differ more than a hundredfold in rest, brake and slide.": (
+        lambda r: min(spread(r, s, "as shipped") for s in ("rest", "brake", "slide")) > 100.0
+    ),
+    "Fair, they differ less than tenfold there.": (
+        lambda r: max(spread(r, s) for s in ("rest", "brake", "slide")) < 10.0
+    ),
+    "As shipped, PyBullet misses rest, slide, brake and grasp, where it multiplies friction.": (
+        lambda r: not good(r, "PyBullet", "as shipped") & {"rest", "slide", "brake", "grasp"}
+    ),
+    "As shipped, Drake's contact by points misses rest, slide, brake, tower and grasp.": (
+        lambda r: not good(r, "Drake", "as shipped") & {"rest", "slide", "brake", "tower", "grasp"}
+    ),
+    "Our own contacts neither sink nor creep: rest, tower and grasp err by less than 1e-9 m.": (
+        lambda r: max(errors(r, s)["own code"] for s in ("rest", "tower", "grasp")) < 1e-9
+    ),
+    "They are paid for: in every scene with contact our step costs over ten times MuJoCo's.": (
+        lambda r: min(costs(r, s)["own code"] for s in TOUCHING) > 10.0
+    ),
+    "Drake's patches cost more than PyBullet's points in every scene with contact.": (
+        lambda r: all(costs(r, s)["Drake"] > costs(r, s)["PyBullet"] for s in TOUCHING)
+    ),
+}  # fmt: skip
+
+
+def _row(engine: Engine, name: str, scene: Scene, settings: Any, dt: float) -> list[Any]:
+    """One row, with seconds of processor time for the cost."""
+    run = prepared(engine, scene, dt, settings)
+    steps = max(1, round(scene.duration / dt))
+    sampler = again(run, steps)
+    spent = sampler(1)
+    error = scene.error(run.state(), steps * dt)
+    if spent < 0.3:
+        spent = min(spent, sampler(1), sampler(1))
+    run.close()
+    within = "good" if error <= scene.tolerance else "misses"
+    return [name, engine.name, settings.name, dt, error, scene.unit, scene.tolerance, spent, within]
+
+
+@chart(columns=2)
+def platforms_table(scenes: Sequence[str] = tuple(TABLE), dt: float = 1e-3) -> Iterator[Panel]:
+    """Every scene by every engine, as shipped and fair, at one step: error, cost, verdict.
+
+    Args:
+        scenes: some of `TABLE`; dt: step [s].
+    """
+    rows: list[list[Any]] = []
+    for name in scenes:
+        scene, first = TABLE[name](), len(rows)
+        for engine in here().values():
+            for settings in (FAIR, AS_SHIPPED) if engine.changes else (FAIR,):
+                rows.append(_row(engine, name, scene, settings, dt))
+        unit = next(row[7] for row in rows[first:] if row[1:3] == ["MuJoCo", "fair"])
+        for row in rows[first:]:
+            row[7] /= unit
+    panels = []
+    for how in ("fair", "as shipped"):
+        panel = Panel(
+            f"Error over tolerance, {how}", "scene", "error over tolerance", scale="log y",
+            ticks=tuple(range(len(scenes))), lines=[("y", 1.0, "tolerance")],
+            footer=machine(0.0, libraries=LIBRARIES),
+        )  # fmt: skip
+        for engine_name in here():
+            some = [row for row in rows if row[1:3] == [engine_name, how]]
+            x = [list(scenes).index(row[0]) for row in some]
+            y = [max(row[4] / row[6], 1e-8) for row in some]
+            if some:
+                panel.series.append(Series(engine_name, x, y, engine_name, "", size=6.0))
+        panels.append(panel)
+    cost = Panel("Cost of the motion, fair", "scene", "over MuJoCo's", scale="log y",
+                 ticks=tuple(range(len(scenes))))  # fmt: skip
+    for engine_name in here():
+        some = [row for row in rows if row[1:3] == [engine_name, "fair"]]
+        x = [list(scenes).index(row[0]) for row in some]
+        cost.series.append(
+            Series(engine_name, x, [row[7] for row in some], engine_name, "", size=6.0)
+        )
+    panels.append(cost)
+    panels[0].x = panels[1].x = cost.x = ", ".join(f"{k}\u00a0{s}" for k, s in enumerate(scenes))
+    told = panels[0].notes
+    told.append(f"a step of {1e3 * dt:g} ms; cost over that of MuJoCo, fair; below tolerance: good")
+    told.append(f"{'scene':<8} {'engine':<9} {'settings':<10} {'error':>10}     {'cost':>8}")
+    for row in rows:
+        told.append(f"{row[0]:<8} {row[1]:<9} {row[2]:<10} {row[4]:10.3e} {row[5]:<3} "
+                    f"{row[7]:8.3g}  {row[8]}")  # fmt: skip
+    if set(scenes) == set(TABLE) and set(here()) == set(ENGINES):
+        told += [sentence for sentence, holds in SENTENCES.items() if holds(rows)]
+    yield from with_rows(panels, rows)
+
+
+# --- one change at a time ---------------------------------------------------------------------
+
+ASKED: dict[str, Mapping[str, Callable[[], Scene]]] = {
+    "MuJoCo": {"brake at 22.5 deg": partial(brake, math.pi / 8), "rest": SCENES["rest"],
+               "tower": partial(tower, 3), "grasp": SCENES["grasp"]},
+    "Drake": {"rest": SCENES["rest"], "brake": brake, "tower": partial(tower, 3)},
+    "PyBullet": {"tumble": SCENES["tumble"], "chain": SCENES["chain"], "rest": SCENES["rest"],
+                 "brake": brake},
+}  # fmt: skip
+
+
+@chart(columns=1, height=2.6)
+def platform_effects(
+    engines: Sequence[str] = tuple(ASKED), most: int = 4, dt: float = 1e-3
+) -> Iterator[Panel]:
+    """Each change between as shipped and fair by itself: what it does to the error.
+
+    Args:
+        engines: some of `ASKED`; most: scenes of each; dt: step [s].
+    """
+    panels, rows = [], []
+    for name in engines:
+        if name not in here():
+            continue
+        panel = Panel(f"{name}: fair without one change, error over fair", "tenfold changes",
+                      xlim=(-2.0, 4.8), footer=machine(0.0, libraries=LIBRARIES))  # fmt: skip
+        names, tags, without = [], [], []
+        for label, make in list(ASKED[name].items())[:most]:
+            for one in effects(here()[name], make(), dt):
+                rows.append([name, label, one.key, one.shipped, one.alone, one.without, one.fair])
+                panel.notes.append(
+                    f"{name:<8} {label:<17} {one.key:<12} shipped {one.shipped:9.3e}, with it "
+                    f"alone {one.alone:9.3e}, without it {one.without:9.3e}, fair {one.fair:9.3e}"
+                )
+                factor = one.without / one.fair
+                if abs(factor - 1.0) > 0.02:
+                    # A bar to the left has no room for its number at its end.
+                    names.append(f"{label}: {one.key}" + f", {factor:.2g}" * (factor < 1.0))
+                    tags.append(f"{factor:.3g}" * (factor > 1.0))
+                    without.append(math.log10(factor))
+        panel.series = [Series("", without, names, name, "bar", tags=tags)]
+        panels.append(panel)
+    yield from with_rows(panels, rows)
+
+
+# --- readers of models ------------------------------------------------------------------------
+
+
+@chart(columns=2)
+def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]:
+    """What five readers of models do with faulty texts, and which features they keep."""
+    rows: list[list[str]] = []
+    for reader in readers:
+        try:
+            found = readings(reader)
+        except ImportError:
+            continue
+        rows += [[reader, m.name, m.kind, verdict(m, found[m.name])] for m in MODELS]
+    asked = list(dict.fromkeys(row[0] for row in rows))
+
+    def count(reader: str, kinds: Sequence[str], verdicts: Sequence[str]) -> int:
+        return sum(row[0] == reader and row[2] in kinds and row[3] in verdicts for row in rows)
+
+    panels = []
+    lost = "lost or crashed"
+    for title, kinds, parts in (
+        ("No body can be so", ("impossible",), ("refused or warned", "swallowed or crashed")),
+        ("Against the format", ("broken",), ("refused or warned", "swallowed or crashed")),
+        ("Features", ("feature",), ("kept", lost)),
+    ):
+        of = sum(model.kind in kinds for model in MODELS)
+        panel = Panel(f"{title} ({of})", "models", xlim=(0, of + 0.5),
+                      footer=machine(0.0, libraries=(*LIBRARIES, "pin")))  # fmt: skip
+        for label in parts:
+            verdicts = label.replace(lost, "swallowed or crashed").split(" or ")
+            many = [count(reader, kinds, verdicts) for reader in asked]
+            panel.series.append(Series(label, many, asked, style="bar"))
+        panels.append(panel)
+    told = panels[0].notes
+    told.append(f"{'model':<17} " + " ".join(f"{reader:<10}" for reader in asked))
+    for model in MODELS:
+        each = [row[3] for row in rows if row[1] == model.name]
+        told.append(f"{model.name:<17} " + " ".join(f"{word:<10}" for word in each))
+    for reader in asked:
+        share = honesty({row[1]: row[3] for row in rows if row[0] == reader})
+        told.append(f"{reader}: refuses or warns about {100 * share:.0f} % of the faulty models")
+    yield from with_rows(panels, rows)
+
+
+@chart(columns=2)
+def platform_installs(processes: int = 3, steps: int = 200) -> Iterator[Panel]:
+    """What an engine costs before its first step, and whether a run can be repeated bit by bit."""
+    found = {name: install(name, processes) for name in here()}
+    panels = []
+    for title, unit, field_ in (
+        ("Size on disk", "MB", "size"), ("Import", "s", "import_time"),
+        ("A chain of six from its text", "s", "load_time"), ("Memory", "MB", "memory"),
+    ):  # fmt: skip
+        sizes = [float(getattr(one, field_)) for one in found.values()]
+        panel = Panel(f"{title} [{unit}]", unit, xlim=(0, 1.25 * max(sizes)),
+                      footer=machine(0.0, libraries=LIBRARIES))  # fmt: skip
+        tags = [f"{x:.3g}" if x > 1e-5 else "0" for x in sizes]
+        panel.series.append(Series("", sizes, list(found), style="bar", tags=tags))
+        panels.append(panel)
+    rows: list[list[Any]] = []
+    for name, one in found.items():
+        again_ = repeatability(here()[name], brake(), 1e-3, 40 if name == "own code" else steps)
+        rows.append([name, one.version, one.size, one.import_time, one.load_time, one.memory,
+                     again_.fresh, again_.reset, again_.saved])  # fmt: skip
+        panels[0].notes.append(
+            f"{name:<9} {one.version:<7} {one.size:7.1f} MB, import {one.import_time:.2f} s, load "
+            f"{1e3 * float(one.load_time or 0):.1f} ms, memory {one.memory:.0f} MB; differs: fresh "
+            f"{again_.fresh:.1e}, reset {again_.reset:.1e}, saved {again_.saved:.1e}"
+        )
+    yield from with_rows(panels, rows)

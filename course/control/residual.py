@@ -1,0 +1,116 @@
+"""What a model's torques lack, learned from logs: random features instead of equations.
+
+The law is computed torque plus w^T cos(W x / scale + phase), where x holds angles, rates and
+accelerations. Only w is fitted, so one linear system is all the training there is (Rahimi and
+Recht, 2007). A better law visits other states than those it was fitted on, so it collects again,
+and what was collected before is kept (Ross, Gordon and Bagnell, 2011).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import count, positive, refused, vector
+from course.control.joint import Record
+from course.control.laws import Arm, like, needed, pd
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Features:
+    """F random waves over (q, v, a), scaled, and their weights: (F, 3 n), (F,), (3 n,), (n, F)."""
+
+    W: Array
+    phase: Array
+    scale: Array
+    weights: Array
+
+    def waves(self, x: ArrayLike) -> Array:
+        """Each wave by itself, shape (F,) or (F, K), at inputs (3 n,) or (3 n, K)."""
+        return np.asarray(np.cos((np.transpose(x) / self.scale) @ self.W.T + self.phase).T)
+
+
+@dataclass(frozen=True)
+class Learned:
+    """Computed torque by a model and what was learned beside it (None at first), for `track`.
+
+    The gains kp and kd stand before the inertia [1/s^2, 1/s].
+    """
+
+    model: Arm
+    kp: ArrayLike
+    kd: ArrayLike
+    extra: Features | None = None
+
+    def __call__(
+        self, q: ArrayLike, v: ArrayLike, q_ref: ArrayLike, v_ref: ArrayLike, a_ref: ArrayLike
+    ) -> Array:
+        """Torques, shape of q [N m]."""
+        wanted = pd(q, v, q_ref, v_ref, self.kp, self.kd)
+        a = wanted + like("a_ref", a_ref, wanted)
+        tau, more = needed(self.model, q, v, a), self.extra
+        return tau if more is None else tau + more.weights @ more.waves(np.concatenate([q, v, a]))
+
+
+def lacking(model: Arm, log: Record) -> tuple[Array, Array]:
+    """Inputs (3 n, K) of a run's samples, and the torques (n, K) that the model doesn't explain.
+
+    Means and differences over a sample stand for its middle, which is of second order in the
+    sample time. Samples after a run diverged are left out.
+    """
+    q, v = (0.5 * (x[:, 1:] + x[:, :-1]) for x in (log.q, log.v))
+    a = np.diff(log.v) / np.diff(log.times)
+    whole = np.isfinite(q + v + a).all(axis=0)
+    q, v, a, sent = (x[:, whole] for x in (q, v, a, log.command))
+    return np.concatenate([q, v, a]), sent - needed(model, q, v, a)
+
+
+def fit(
+    x: ArrayLike, torque: ArrayLike, rng: np.random.Generator, *, features: int = 200,
+    width: float = 0.15, ridge: float = 1e-6,
+) -> Features:  # fmt: skip
+    """Weights of random waves by least squares.
+
+    Args:
+        x, torque: inputs (3 n, K) and what shall come out of them, (n, K).
+        rng: who draws the waves.
+        features: how many.
+        width: of their wave numbers, over one deviation of the inputs.
+        ridge: price of the weights, as a share of the number of samples.
+
+    Raises:
+        ValueError: for an input that does not vary, shapes that disagree, NaN.
+    """
+    x = vector("x", x, (None, None))
+    torque = vector("torque", torque, (None, x.shape[1]))
+    F, scale = count("features", features, 1), x.std(axis=1)
+    if not (scale > 0.0).all():
+        raise refused("x.std(axis=1)", scale, "inputs that all vary")
+    W = positive("width", width) * rng.standard_normal((F, len(x)))
+    found = Features(W, rng.uniform(0.0, 2.0 * np.pi, F), scale, np.zeros((len(torque), F)))
+    Z = found.waves(x)
+    normal = Z @ Z.T + positive("ridge", ridge) * x.shape[1] * np.eye(F)
+    return replace(found, weights=np.linalg.solve(normal, Z @ torque.T).T)
+
+
+def learn(
+    law: Learned, collect: Callable[[Learned], Record], rng: np.random.Generator,
+    rounds: int = 5, **settings: Any,
+) -> list[Learned]:  # fmt: skip
+    """The laws after each round, the first the one that was handed in.
+
+    A round runs the last law by `collect`, as with `track`, and fits to all runs so far; `rng` and
+    `settings` are those of `fit`.
+    """
+    laws, seen = [law], []
+    for _ in range(count("rounds", rounds, 1)):
+        seen.append(lacking(law.model, collect(laws[-1])))
+        x, torque = (np.concatenate(parts, axis=1) for parts in zip(*seen, strict=True))
+        laws.append(replace(law, extra=fit(x, torque, rng, **settings)))
+    return laws

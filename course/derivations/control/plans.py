@@ -1,0 +1,143 @@
+"""Claims of chapter 6: plans within limits, plans by trying, and what a log tells."""
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "s": Symbol("noise of an angle, one standard deviation [rad]"),
+    "h": Symbol("sample time dt [s]"),
+}
+
+
+@claim(
+    "MPC is better than a regulator whose command is clipped.",
+    "On a mass whose motor is weak it is where a limit begins to bind after the start, which only "
+    "a plan sees coming, as where it has to speed up and to brake: {far_m:g} m from its target "
+    "{gain:.2f} times cheaper. Where the limit binds from the start on or nowhere both cost the "
+    "same to {same:.0e}, and MPC plans {ahead:.0f} samples each time.",
+)
+def mpc_beats_clipping(found):
+    from itertools import pairwise
+
+    from course.charts.control import plans
+
+    far, ahead = found.given("far_m", 4.0), found.given("ahead", 40)
+
+    def saved(x):
+        """What MPC saves, and whether the clipped law meets a limit after it was free of it."""
+        gain = plans.cost(x, most=500)[0] / plans.cost(x, ahead, most=500)[0] - 1
+        met = []
+        for _ in range(500):
+            u = -plans.K @ x
+            met.append(np.sign(u[0]) * (abs(u[0]) > plans.WEAK))
+            x = plans.A @ x + plans.B @ np.clip(u, -plans.WEAK, plans.WEAK)
+        return gain, any(b not in (0, a) for a, b in pairwise(met))
+
+    starts = 10 ** found.rng.uniform(-1.7, 0.2, (30, 1)) * found.rng.normal(size=(30, 2))
+    draws = [saved(x) for x in [*starts, np.array([-0.14, 0.3])]]  # the last one brakes too late
+    coming, less = ([s for s, late in draws if late == wanted] for wanted in (True, False))
+    found.figure("gain", 1 + saved(np.array([far, 0.0]))[0], 1e-3)
+    found.figure("same", max(np.abs(less).max(), 1e-12), 0.5)
+    found.statement = "Costs of runs to rest from drawn places and speeds, 2 s ahead."
+    found.heard(min(s for s, _ in draws) > 1e-9,
+                only_if="a limit begins to bind after the start",
+                inside=[s > 1e-9 for s in coming], outside=[s > 1e-9 for s in less])  # fmt: skip
+    found.corrected(max(coming) > 0.05, draws[-1][0] > 0.05, np.abs(less).max() < 1e-9)
+
+
+@claim(
+    "Sampling control needs enough samples; with enough it finds the plan.",
+    "And a horizon in which the plan pays. To swing up with a third of the torque of gravity, "
+    "{few:.0f} tries succeed in {few_won:.0f} of {seeds:.0f} runs, {many:.0f} in {many_won:.0f}, "
+    "looking {ahead:.0f} samples ahead; looking {short:.0f} ahead, {many:.0f} tries succeed in "
+    "{short_won:.0f}.",
+)
+def samples_find_the_plan(found):
+    from course.charts.control import plans
+
+    seeds, few, many = found.given("seeds", 6), found.given("few", 2), found.given("many", 128)
+    ahead, short = found.given("ahead", 20), found.given("short", 4)
+
+    def won(samples, ahead):
+        return np.sum([plans.swings_up(samples, ahead, 100 + seed) for seed in range(seeds)])
+
+    found.figure("few_won", won(few, ahead), 1e-6)
+    found.figure("many_won", won(many, ahead), 1e-6)
+    found.figure("short_won", won(many, short), 1e-6)
+    found.statement = "A pendulum under MPPI, judged after seven seconds, one seed a run."
+    found.heard(won(many, short) >= seeds / 2)
+    found.corrected(won(many, ahead) > seeds / 2 > won(few, ahead))
+
+
+@claim(
+    "The inertia is the torque over the acceleration, and that is the angle's second difference.",
+    "Second differences of an angle with noise s carry noise {formula}: at {noise:.0e} rad and "
+    "{rate:.0f} Hz {worst:.0f} rad/s^2, and the inertia of a log comes out {diff:.0%} too small. "
+    "The same equation multiplied with a bump and integrated, nothing differentiated, is off by "
+    "{integral:.1%}.",
+    ask=(
+        "Each angle has independent noise of standard deviation s. What has the second difference "
+        "(q[k+1] - 2 q[k] + q[k-1])/dt^2?",
+        "s_a = sqrt(6)*s/h^2",
+        {
+            "2*s/h^2": "The three angles have weights 1, -2 and 1: add their squares.",
+            "4*s/h^2": "Standard deviations do not add, variances do.",
+            "sqrt(6)*s/h": "It is divided by dt twice.",
+        },
+    ),
+)
+def inertia_by_differences(found):
+    import sympy
+
+    from course.charts.control import logs
+    from course.control import identify
+
+    s, h = sympy.symbols("s h", positive=True)
+    found.formula = sympy.sqrt(sum(w**2 for w in (1, -2, 1))) * s / h**2
+    noise, dt = found.given("noise", 1e-4), 1 / found.given("rate", 500)
+    drawn = np.diff(found.rng.normal(0, noise, 100_000), 2) / dt**2
+    models = [logs.changed(found.rng, "inertia")[1] for _ in range(6)]
+    pairs = list(zip(logs.record(models, dt=dt, noise=noise), models, strict=True))
+    diff = np.array([logs.twice_differentiated(log, m) / m.inertia - 1 for log, m in pairs])
+    off = np.array([identify(log).model.inertia / m.inertia - 1 for log, m in pairs])
+    found.figure("worst", float(found.formula.subs({s: noise, h: dt})))
+    found.figure("diff", -np.median(diff), 0.01)
+    found.figure("integral", np.abs(off).max(), 0.05)
+    found.statement = "Inertias out of six drawn joints' logs, friction and gravity known."
+    found.heard(np.abs(diff).max() < 0.05)
+    found.corrected(abs(drawn.std() / float(found.formula.subs({s: noise, h: dt})) - 1) < 0.02,
+                    np.abs(off).max() < 0.005, np.max(diff) < -0.1)  # fmt: skip
+
+
+@claim(
+    "An error that follows the acceleration means that the inertia in the model is wrong.",
+    "A motor constant does the same: it scales inertia, friction and gravity alike, so a log can "
+    "tell the two apart only by friction or gravity. On horizontal, frictionless logs both explain "
+    "all {flat:.0f} of {flat:.0f}; with gravity or friction each of seven causes is named alone, "
+    "in {named:.0f} of {drawn:.0f} logs.",
+)
+def acceleration_means_inertia(found):
+    from dataclasses import replace
+
+    from course.charts.control import logs
+    from course.control import diagnose
+    from course.control.identify import CAUSES
+
+    def told(cases):
+        recorded = logs.record([truth for _, truth in cases], seconds=5.0)
+        return [set(diagnose(log, model).causes)
+                for log, (model, _) in zip(recorded, cases, strict=True)]  # fmt: skip
+
+    changes = [{"inertia": logs.FLAT.inertia * x} for x in found.rng.uniform(1.1, 1.4, 3)]
+    changes += [{"constant": x} for x in found.rng.uniform(0.7, 0.9, 3)]
+    flat = told([(logs.FLAT, replace(logs.FLAT, **change)) for change in changes])
+    names = [cause for cause in CAUSES for _ in range(2)]
+    cases = told([logs.changed(found.rng, cause) for cause in names])
+    named = [found_out == {cause} for found_out, cause in zip(cases, names, strict=True)]
+    found.figure("flat", np.sum([both == {"inertia", "constant"} for both in flat]), 1e-6)
+    found.figure("named", np.sum(named), 1e-6)
+    found.figure("drawn", len(cases) + 0 * np.sum(named))
+    found.statement = "Logs of drawn joints, one number other than believed, 0.03 mrad of noise."
+    found.heard(all(causes == {"inertia"} for causes in flat))
+    found.corrected(all(both == {"inertia", "constant"} for both in flat), np.mean(named) > 0.9)

@@ -1,0 +1,166 @@
+"""Claims of chapter 6: rules of thumb that hold, and how far."""
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "d": Symbol("depth of the set-point [m]"),
+    "K": Symbol("stiffness of the law [N/m]"),
+    "ke": Symbol("stiffness of the wall [N/m]"),
+    "F": Symbol("dry friction [N m]"),
+    "kp": Symbol("gain [N m/rad]"),
+}
+
+
+@claim(
+    "A command that is held for a sample is late by half a sample.",
+    "On an inertia the phase says so exactly; on a joint with friction it is {off_rad:.1e} rad "
+    "away where the swing turns by {turn:g} rad a sample, the worst of {draws:.0f} drawn joints. "
+    "At {fast:g} rad a sample, near the fastest swing there is, it is {fast_rad:.1f} rad.",
+)
+def hold_is_half_a_sample(found):
+    from course.control import sampled
+
+    turn, draws = found.given("turn", 1), int(found.given("draws", 20))
+
+    def off(inertia, damping, dt, turn=turn):
+        """Phase of the held joint, against the continuous one half a sample late [rad]."""
+        system, w = sampled.joint_system(inertia, damping), turn / dt
+        held = sampled.open_loop(sampled.held(*system, dt), sampled.pid_law(1.0, dt=dt), [w])[0]
+        late = np.exp(-0.5j * w * dt) / (1j * w * (1j * w * inertia + damping))
+        return abs(np.angle(held / late))
+
+    worst = max(off(*10 ** found.rng.uniform([-2, -2, -4], [1, 0, -2])) for _ in range(draws))
+    found.figure("off_rad", worst, 0.01)
+    found.figure("fast_rad", off(1.0, 1.0, 1.0, found.given("fast", 3)), 0.01)
+    found.statement = "Phase of the held loop, against the continuous one times a delay."
+    found.heard(worst < 0.05 * turn)
+    found.corrected(off(1.0, 0.0, 1e-3) < 1e-9, worst > 1e-6)
+
+
+@claim(
+    "A rate that is low-passed with a time constant tau is late by tau.",
+    "By tau and the half sample of the difference: {filtered_ms:.2f} ms with "
+    "{tau_ms:g} ms at {rate_hz:.0f} Hz. A tracking observer with that time constant is late by "
+    "{observer_ms:.2f} ms, and passes {share:.0%} of the filter's noise.",
+)
+def filtered_rate_is_late(found):
+    from course.control.pid import rates
+
+    dt, tau = 1 / found.given("rate_hz", 1000), found.given("tau_ms", 10) / 1000
+    t = dt * np.arange(4000)
+    noise = found.rng.standard_normal(40_000)
+
+    def lag(kind, tau):
+        return t[-1] - rates(0.5 * t**2, dt, kind, tau)[-1]
+
+    found.figure("filtered_ms", 1000 * lag("filtered", tau))
+    found.figure("observer_ms", 1000 * lag("observer", tau))
+    left = [np.std(rates(noise, dt, kind, tau)[4000:]) for kind in ("observer", "filtered")]
+    found.figure("share", left[0] / left[1], 0.05)
+    taus = found.rng.uniform(10 * dt, 0.1, 8)
+    found.statement = "Lag under a steady acceleration, and what white noise becomes."
+    found.heard(all(abs(lag("filtered", x) / x - 1) < 0.06 for x in taus))
+    found.corrected(all(abs(lag("filtered", x) - x - dt / 2) < 1e-9 for x in taus / 20),
+                    lag("observer", tau) > 1.9 * lag("filtered", tau))  # fmt: skip
+
+
+@claim(
+    "Half of the ultimate gain leaves a gain margin of two.",
+    "And little else: over delays of {low:g} to {high:g} times J/b the phase margin is "
+    "{phase_deg:.0f} degrees at its least, and a step overshoots by {least:.0%} to {most:.0%}.",
+)
+def half_the_ultimate_gain(found):
+    from course.charts.control.limits import ziegler_nichols
+
+    shares = np.geomspace(found.given("low", 0.01), found.given("high", 10), 5)
+    rows = [ziegler_nichols("P", x) for x in shares]
+    left = [row.margins() for row in rows]
+    over = [row.overshoot for row in rows]
+    found.figure("phase_deg", np.degrees(min(m.phase for m in left)), 1e-3)
+    found.figure("least", min(over), 1e-3)
+    found.figure("most", max(over), 1e-3)
+    found.statement = "Margins of the row for P at five delays, and its steps."
+    found.heard(all(abs(m.gain - 2) < 1e-3 for m in left))
+    found.corrected(min(m.phase for m in left) < 0.1, max(over) > 0.5)
+
+
+@claim(
+    "Without an integral, dry friction leaves an error of up to the friction over kp.",
+    "Anywhere up to {formula}: of {runs:.0f} drawn steps none came to rest farther off, the worst "
+    "at {worst:.1%} of it and the median at {median:.0%}.",
+    ask=(
+        "A joint with the dry friction F rests under PD with the gain kp. Up to which angle can it "
+        "be away from its target?",
+        "e, error < F/kp",
+        {
+            "F*kp": "More gain pulls it nearer.",
+            "2*F/kp": "It sticks on one side: what counts is one F.",
+            "F": "A torque is no angle.",
+        },
+    ),
+)
+def friction_leaves_an_error(found):
+    import sympy
+
+    from course.control import Actuator, Encoder, Gains, Joint, run_joint
+
+    F, kp, e = sympy.symbols("F kp e", positive=True)
+    found.formula = sympy.solve(kp * e - F, e)[0]
+    share = []
+    for _ in range(int(found.given("runs", 40))):
+        friction, gain, ratio, target = found.rng.uniform([0.1, 5, 0.1, 0.2], [1, 60, 1.5, 1.5])
+        gains = Gains(gain, 0.0, 2 * ratio * np.sqrt(0.5 * gain), rate="exact")
+        joint = Joint(0.5, 0.1, 0.0, friction)
+        run = run_joint(joint, Actuator(), Encoder(), gains, target, 1e-3, 12.0)
+        allowed = float(found.formula.subs({F: friction, kp: gain}))
+        share.append(abs(target - run.q[-1]) / allowed)
+    found.figure("worst", max(share), 1e-3)
+    found.figure("median", np.median(share), 0.02)
+    found.statement = "Steps of drawn joints and gains, with exact sticking."
+    found.heard(max(share) <= 1 + 1e-3)
+    found.corrected(max(share) > 0.9)
+
+
+@claim(
+    "A set-point inside a wall presses as two springs in series would: the law's and the wall's.",
+    "At rest, with {formula}: {deep_mm:g} mm deep in a wall of {ke:.0e} N/m that is "
+    "{soft_n:.2f} N for a stiffness of {soft:g} N/m and {stiff_n:.1f} N for {stiff:g}. The "
+    "runs agree to {worst:.0e}.",
+    ask=(
+        "An impedance law of stiffness K has its set-point d inside a wall of stiffness ke. With "
+        "which force does it press at rest?",
+        "F, force = d*K*ke/(K + ke)",
+        {
+            "d*K": "The wall gives way as well.",
+            "d*(K + ke)": "They are in series, not side by side.",
+            "d*ke": "That is without the law's own give.",
+        },
+    ),
+)
+def wall_in_series(found):
+    import sympy
+
+    from course.control import Probe, TouchLaw, run_touch
+
+    d, K, ke, x = sympy.symbols("d K ke x", positive=True)
+    found.formula = sympy.factor(ke * sympy.solve(K * (d - x) - ke * x, x)[0])
+    deep, wall = found.given("deep_mm", 20) / 1000, found.given("ke", 1e4)
+
+    def pressed(stiffness, wall, deep):
+        law = TouchLaw(stiffness, 2 * np.sqrt(stiffness * 4.0))
+        probe = Probe(4.0, 20.0, wall, 50.0)
+        return run_touch(probe, law, deep, 1e-3, 12.0, delay=1e-3).torque[-1]
+
+    def theory(stiffness, wall, deep):
+        return float(found.formula.subs({d: deep, K: stiffness, ke: wall}))
+
+    found.figure("soft_n", pressed(found.given("soft", 500), wall, deep), 1e-3)
+    found.figure("stiff_n", pressed(found.given("stiff", 4000), wall, deep), 1e-3)
+    draws = np.exp(found.rng.uniform(*np.log([[50, 500, 1e-3], [5e3, 5e4, 0.05]]), (12, 3)))
+    off = [abs(pressed(*row) / theory(*row) - 1) for row in draws]
+    found.figure("worst", max(max(off), 1e-9), 0.5)
+    found.statement = "Steady forces of the exact probe at drawn stiffnesses and depths."
+    found.heard(max(off) < 0.01)
+    found.corrected(max(off) < 1e-4)

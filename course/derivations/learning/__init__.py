@@ -1,0 +1,1 @@
+"""Claims of chapter 9, robot learning."""

@@ -1,0 +1,427 @@
+"""Claims of chapter 9 about many ways to do it: heads, samplers, chunks."""
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "p": Symbol("share of those who pass left", 0.05, 0.45),
+    "w": Symbol("how far aside they pass [m]"),
+    "s": Symbol("deviation of what pushes in a step [m]"),
+    "k": Symbol("steps carried out without a look", 1.5, 50.0),
+    "K": Symbol("chunks that are averaged", 1.5, 50.0),
+    "h": Symbol("step of the sampler", 0.05, 0.9),
+    "z": Symbol("the noise it starts from"),
+    "m": Symbol("mean of the demonstrated actions"),
+}
+
+
+@functools.cache
+def policy(name):
+    """A policy on record; "nearest" and "zero" are the nearest step shown, and ACT's code of 0."""
+    from course.learning import TwoWays, nearest, recorded, windows
+
+    if name == "nearest":
+        return nearest(*windows(TwoWays().demonstrate(100, 0), 8))
+    return replace(policy("autoencoder"), zero=True) if name == "zero" else recorded(name)
+
+
+@functools.cache
+def aside(name, **how):
+    """Where 2,000 first chunks lead, half way: how far aside [m]."""
+    from course.learning import TwoWays
+
+    rng = np.random.default_rng(5)
+    start = TwoWays().starts(2000, rng)
+    return (start + replace(policy(name), **how)(start, rng).sum(axis=1))[:, 1]
+
+
+def between(name, **how):
+    """Share of them that lead into the obstacle."""
+    return np.mean(np.abs(aside(name, **how)) < 0.2)
+
+
+def passed(act, noise=0.0, seed=3, steps=16):
+    """Share of 400 runs that pass the obstacle and arrive."""
+    from course.learning import TwoWays, roll
+
+    task, rng = TwoWays(noise=noise), np.random.default_rng(seed)
+    ran = roll(task, act, task.starts(400, rng), steps, rng)
+    return np.mean(task.sides(ran.states) != 0)
+
+
+def two_modes():
+    """Half at -1 and half at 1, each with a deviation of a tenth."""
+    from course.learning import Mixture
+
+    return Mixture(np.array([0.5, 0.5]), np.array([[-1.0], [1.0]]), np.array([0.1, 0.1]))
+
+
+@claim(
+    "Behaviour cloning averages the ways there are.",
+    "It is the squared error that does: it is least at {formula}, which nobody did. Of the first "
+    "chunks fitted by it {mean:.1%} lead into the obstacle; of a mixture fitted by likelihood to "
+    "the same demonstrations {mixture:.1%}, of the nearest ones themselves {nearest:.1%}.",
+    ask=("A share p passes w to the left, counted positive, the others w to the right. What does "
+         "the least squared error say?", "(2*p - 1)*w", {
+             "0*w": "So it is for as many left as right.", "p*w": "The others count as -w.",
+             "w": "The more frequent one is what the absolute error takes, for p above 1/2."}),
+)  # fmt: skip
+def cloning_averages(found):
+    import sympy
+
+    p, w, x = sympy.symbols("p w x", positive=True)
+    error = p * (x - w) ** 2 + (1 - p) * (x + w) ** 2
+    found.formula = sympy.factor(sympy.solve(sympy.diff(error, x), x)[0])
+    mean, *others = (found.figure(n, between(n), 0.1) for n in ("mean", "mixture", "nearest"))
+    found.statement = "2,000 first chunks of 8 steps each, from policies of 100 demonstrations."
+    averages = [mean > 0.5, *(share > 0.5 for share in others)]
+    found.heard(all(averages), only_if="it is fitted by squared error", inside=averages[:1],
+                outside=averages[1:], cases=True)  # fmt: skip
+    shown = policy("nearest")(np.zeros((1, 2)), found.rng)
+    found.corrected(mean > 0.95, max(others) < 0.01, shown.shape == (1, 8, 2))
+
+
+@claim(
+    "Of two clones take the one with the smaller error on held-out demonstrations.",
+    "The mean has the least squared error there is, and who draws as people do has twice as much. "
+    "Held out: {low:.4f} for the mean, which passes in {mean:.1%}, {high:.4f} for the mixture, "
+    "which passes in {mixture:.1%}; squared, {ratio:.2f} times as much.",
+    ask=("A share p passes at w, the others at -w. Somebody draws as they do, by himself: mean "
+         "squared distance to a held-out one?", "8*p*(1 - p)*w^2", {
+             "4*p*(1 - p)*w^2": "That is the mean's, the variance.",
+             "2*p*(1 - p)*w^2": "They differ so often, by 2 w each time.",
+             "4*p^2*w^2 + 4*(1 - p)^2*w^2": "That counts where both agree."}),
+)  # fmt: skip
+def held_out_error(found):
+    import sympy
+
+    from course.learning import Commit, TwoWays
+
+    p, w = sympy.symbols("p w", positive=True)
+    sides = ((p, w), (1 - p, -w))
+    found.formula = sum(a * b * (x - y) ** 2 for a, x in sides for b, y in sides)
+    held = TwoWays().demonstrate(1000, 77)
+
+    def error(name):
+        off = policy(name)(held.states[:, 0], np.random.default_rng(1)) - held.actions[:, :8]
+        return np.sqrt(np.mean(off**2))
+
+    low, high = found.figure("low", error("mean"), 0.05), found.figure("high", error("mixture"),
+                                                                       0.05)  # fmt: skip
+    mean, mixture = (found.figure(n, passed(Commit(policy(n), 8)), 0.5 if n == "mean" else 0.05)
+                     for n in ("mean", "mixture"))  # fmt: skip
+    ratio = found.figure("ratio", (high / low) ** 2, 0.1)
+    found.statement = "1,000 held-out demonstrations at their start, where the ways part [m]."
+    found.heard((low < high) == (mean > mixture))
+    found.corrected(low < high, mean < 0.1, mixture > 0.8, abs(ratio - 2.0) < 0.2)
+
+
+@claim(
+    "A diffusion policy draws one way or the other, and never what lies between.",
+    "Its noise hangs together, and so does where a smooth map takes it: something falls between. "
+    "Of first chunks {ten:.1%} lead into the obstacle with ten steps of the sampler, {fifty:.1%} "
+    "with {most:.0f}; of a mixture, which picks, {mixture:.1%}. Left goes {left:.0%}, as shown "
+    "{shown:.0%}.",
+)
+def diffusion_between(found):
+    from course.learning import TwoWays
+
+    most = int(found.given("most", 50))
+    ten, fifty = (found.figure(name, between("diffusion", steps=n), 0.2)
+                  for name, n in (("ten", 10), ("fifty", most)))  # fmt: skip
+    mixture = found.figure("mixture", between("mixture"))
+    left = found.figure("left", np.mean(aside("diffusion", steps=most) > 0.0), 0.05)
+    shown = found.figure("shown", np.mean(TwoWays().demonstrate(100, 0).states[:, 8, 1] > 0.0))
+    found.statement = "2,000 first chunks by DDIM, weights on record, 64 wide."
+    found.heard(fifty == 0.0)
+    found.corrected(ten > fifty, fifty > mixture, abs(left - shown) < 0.1)
+
+
+@claim(
+    "With one Euler step a flow policy is the mean of the demonstrations.",
+    "At time 0 a sample is noise only, so the exact field points at the mean: a step of h ends at "
+    "{formula}, a whole one at m, whatever the data. A trained net blurs what comes just after "
+    "time 0 into it: of first chunks {net:.0%} lead into the obstacle by one step of the flow on "
+    "record, of the mean's {mean:.0%}. With exact fields two steps make a mode of {exact:.3f} wide "
+    "{two:.2f}, ten {ten:.3f}: too wide, then too narrow.",
+    ask=("From noise z at time 0, by the exact field of flow matching to actions of mean m: where "
+         "does an Euler step of h end?", "(1 - h)*z + h*m", {
+             "z + h*m": "The velocity is clean minus noise.",
+             "h*z + (1 - h)*m": "At h = 0 it is still z.",
+             "m": "That is a whole step, h = 1."}),
+)  # fmt: skip
+def one_euler_step(found):
+    import sympy
+
+    from course.learning import Mixture, integrate
+
+    z, m, h = sympy.symbols("z m h")
+    found.formula = z + h * (m - z)
+
+    def off(parts, size):
+        """How far from their mean single steps end, for a drawn mixture."""
+        rng = found.rng
+        made = Mixture(rng.dirichlet(np.ones(parts)), rng.normal(0, 2, (parts, size)),
+                       rng.uniform(0.1, 1.0, parts))  # fmt: skip
+        noise = rng.standard_normal((50, size))
+        return np.abs(integrate(made.velocity, noise, 1, "euler") - made.weights @ made.means).max()
+
+    start = np.random.default_rng(0).standard_normal((20_000, 1))
+
+    def spread(steps):
+        end = integrate(two_modes().velocity, start, steps, "euler")
+        return end[end > 0.0].std()
+
+    two, ten, exact = (found.figure(name, spread(n), 1e-3)
+                       for name, n in (("two", 2), ("ten", 10), ("exact", 160)))  # fmt: skip
+    worst = max(off(*found.rng.integers(1, 5, 2)) for _ in range(20))
+    half = integrate(two_modes().velocity, start, 2, "euler")  # its first step is 1/2 of a step
+    first = 0.5 * start + 0.5 * two_modes().velocity(0.5 * start, 0.5)
+    found.statement = "20 drawn mixtures with exact fields, two modes of width 0.1, a flow net."
+    net = found.figure("net", between("flow", steps=1), 0.15)
+    mean = found.figure("mean", between("mean"), 0.15)
+    found.heard(net > 0.9, only_if="the field is the exact one", cases=True,
+                inside=[worst < 1e-9], outside=[net > 0.9])  # fmt: skip
+    found.corrected(np.allclose(half, first), two > 2.0 * exact, ten < 0.9 * exact,
+                    net < 0.9 * mean)  # fmt: skip
+
+
+@claim(
+    "Twice the steps of a sampler halve its error.",
+    "That is Euler's order, and DDIM's: by {euler:.2f} and {ddim:.2f} here, once steps are short "
+    "beside the modes; from two to four steps, to narrow modes, Euler gains {few:.1f}. Heun, at "
+    "twice the cost of a step, gains {heun:.2f}, Runge and Kutta's fourth {rk4:.1f}.",
+)
+def sampler_orders(found):
+    from course.learning import Mixture, denoise, integrate
+
+    noise = np.linspace(-2.0, 2.0, 41)[:, None]
+
+    def gain(solver, weights, means, deviations, n=80):
+        """Error of n steps over that of twice as many, on the exact field."""
+        made, ends = Mixture(weights, means, deviations), []
+        for steps in (n, 2 * n):
+            if solver == "ddim":
+                ends.append(denoise(made.clean, noise, steps, found.rng))
+            else:
+                ends.append(integrate(made.velocity, noise, steps, solver))
+        exact = integrate(made.velocity, noise, max(4 * n, 100), "rk4")
+        return np.divide(*(np.sqrt(np.mean((end - exact) ** 2)) for end in ends))
+
+    first = (np.array([0.3, 0.7]), np.array([[-1.0], [1.0]]), np.array([0.4, 0.5]))
+    euler, ddim, heun, rk4 = (found.figure(x, gain(x, *first, 20 if x == "rk4" else 80), 0.02)
+                              for x in ("euler", "ddim", "heun", "rk4"))  # fmt: skip
+    rng = found.rng
+    drawn = [(rng.dirichlet([3, 3]), rng.normal(0.0, 1.5, (2, 1)), rng.uniform(0.3, 1.0, 2))
+             for _ in range(8)]  # fmt: skip
+    narrow = (np.full(2, 0.5), first[1], np.full(2, 0.1))
+    few = found.figure("few", gain("euler", *narrow, 2), 0.02)
+    inside, outside = ([abs(gain(x, *made) - 2.0) < 0.1 for made in drawn]
+                       for x in ("euler", "heun"))  # fmt: skip
+    outside.append(abs(few - 2.0) < 0.1)
+    found.statement = "Mixtures of two in a line, exact fields, 80 steps and 160."
+    found.heard(all(outside), only_if="the sampler is of first order, its steps are short",
+                inside=inside, outside=outside)  # fmt: skip
+    found.corrected(abs(euler - 2.0) < 0.1, abs(ddim - 2.0) < 0.1, abs(heun - 4.0) < 0.4,
+                    abs(rk4 - 16.0) < 3.0, few > 3.0)  # fmt: skip
+
+
+@claim(
+    "A diffusion policy needs ten denoising steps at least.",
+    "That depends on what may fall between the ways. Of two narrow modes DDIM with the exact means "
+    "leaves {five:.1%} there after five steps, {ten:.2%} after ten.",
+)
+def ten_denoising_steps(found):
+    from course.learning import denoise
+
+    noise = np.random.default_rng(1).standard_normal((20_000, 1))
+
+    def left(steps):
+        return np.mean(np.abs(denoise(two_modes().clean, noise, steps, found.rng)) < 0.5)
+
+    five, ten = found.figure("five", left(5), 0.05), found.figure("ten", left(10), 0.1)
+    nine = left(9)
+    found.statement = "20,000 samples, modes at -1 and 1 of width 0.1; between is within 0.5."
+    inside, outside = ([bool(nine > share) for share in found.rng.uniform(*some, 8)]
+                       for some in ((0.2 * ten, ten), (five, 2.0 * five)))  # fmt: skip
+    found.heard(nine > five, only_if="less than {ten:.2%} may fall between", inside=inside,
+                outside=outside)  # fmt: skip
+    found.corrected(five > 5.0 * ten, ten < 0.005)
+
+
+@claim(
+    "Temporal ensembling makes modes vanish: it averages chunks that go different ways.",
+    "Of K chunks that pick a side each anew the mean is {formula} off on average. Where the state "
+    "tells what was begun they agree: the mixture on record passes in {mixture:.1%} with an "
+    "ensemble, in {alone:.1%} without; one that tosses a coin at every step in {coin:.1%} and, "
+    "carried out whole, in {whole:.1%}.",
+    ask=("K chunks say +w or -w, each by a coin of its own. Root mean square of their mean?",
+         "w/sqrt(K)", {"w": "That is one chunk.", "w/K": "Variances add, not deviations.",
+                       "w*sqrt(K)": "That grows; the sum does, not the mean."}),
+)  # fmt: skip
+def ensembling_averages(found):
+    import sympy
+
+    from course.learning import Commit, Ensemble
+
+    w, K = sympy.symbols("w K", positive=True)
+    found.formula = sympy.sqrt(K * w**2) / K
+    part = np.linspace(0.0, 1.0, 17)
+
+    def coin(states, rng):
+        """The right chunk for a side that is drawn anew at each call."""
+        phase = np.clip(np.rint(16 * states[:, :1]), 0, 15).astype(int)
+        later = part[np.minimum(phase + np.arange(17), 16)]
+        side = rng.choice([-0.35, 0.35], (len(states), 1)) * np.sin(np.pi * later)
+        return np.diff(np.stack((later, side), axis=2), axis=1)
+
+    acts = {"mixture": Ensemble(policy("mixture")), "alone": Commit(policy("mixture"), 1),
+            "coin": Ensemble(coin, 0.0), "whole": Commit(coin, 16)}  # fmt: skip
+    mixture, _, tossed, whole = (found.figure(n, passed(a), 0.2) for n, a in acts.items())
+    found.statement = "400 runs each of two ways, no noise."
+    kept = [passed(Ensemble(policy(n))) > 0.7 for n in ("flow", "diffusion", "mixture")]
+    found.heard(mixture < 0.2, only_if="the chunks don't follow what was begun",
+                inside=[tossed < 0.2], outside=[not x for x in kept], cases=True)  # fmt: skip
+    mean = np.mean(found.rng.choice([-1.0, 1.0], (20_000, 8)), axis=1)
+    found.corrected(all(kept), whole > 0.95,
+                    abs(mean.std() * np.sqrt(8) - 1) < 0.03)  # fmt: skip
+
+
+@claim(
+    "The more of a chunk is carried out without a look, the less a policy can react.",
+    "In k steps pushes of deviation s add up to {formula} where nobody looks. With pushes of "
+    "{size} m the mixture on record passes in {two:.1%} if it looks every second step, in "
+    "{eight:.1%} every eighth; undisturbed in {quiet_two:.1%} and {quiet_eight:.1%}. To react most "
+    "is not to pass most: with a look at each step it wavers, {each:.1%}.",
+    ask=("Each step is pushed by an independent deviation s. How far off after k steps that nobody "
+         "corrects, root mean square?", "s*sqrt(k)", {
+             "s*k": "Pushes cancel in part: variances add.", "s": "That is one step, or a look "
+             "that mends all at each step.", "s/sqrt(k)": "That is their mean, not their sum."}),
+)  # fmt: skip
+def react_less(found):
+    import sympy
+
+    from course.learning import Commit, TwoWays, roll
+
+    s, k = sympy.symbols("s k", positive=True)
+    found.formula = sympy.sqrt(k * s**2)
+    size = found.given("size", 0.05)
+    steps = {"two": 2, "eight": 8}
+    two, eight = (found.figure(n, passed(Commit(policy("mixture"), k), size), 0.15)
+                  for n, k in steps.items())  # fmt: skip
+    for name, each in steps.items():
+        found.figure(f"quiet_{name}", passed(Commit(policy("mixture"), each)), 0.05)
+    found.figure("each", passed(Commit(policy("mixture"), 1), size), 0.15)
+    heads = ("mixture", "flow", "diffusion", "nearest")
+    less = [
+        np.mean([passed(Commit(policy(n), 8), size, x) for x in (3, 4)])
+        < np.mean([passed(Commit(policy(n), 2), size, x) for x in (3, 4)])
+        for n in heads
+    ]
+    task, rng = TwoWays(noise=size), np.random.default_rng(2)
+    still = roll(task, lambda states, rng: 0.0 * states, np.zeros((4000, 2)), 8, rng).states
+    off = still[:, 8, 0].std() / float(found.formula.subs({s: size, k: 8}))
+    found.statement = "400 runs each; the four heads on record, twice 400 runs."
+    found.heard(all(less))
+    found.corrected(abs(off - 1.0) < 0.05, eight < two - 0.04)
+
+
+@claim(
+    "Cloned from people who pause, a policy without memory gets stuck where they paused.",
+    "It does if one state has one answer, and it looks within the pause: the nearest "
+    "demonstration after {pause:.0f} still steps ends in the pause if it carries out {pause:.0f} "
+    "steps of a chunk ({stuck:.0%} stuck) and gets through with one more ({through:.0%}). Who "
+    "draws among all that was shown there leaves some time later ({drawn:.0%}).",
+)
+def pauses(found):
+    from course.learning import Commit, TwoWays, nearest, roll, windows
+
+    def drawing(states, chunks):
+        """One of the chunks shown at the nearest state, each as likely."""
+
+        def act(seen, rng):
+            far = np.hypot(*(seen[:, None] - states).transpose(2, 0, 1))
+            ties = far < far.min(axis=1, keepdims=True) + 1e-9
+            return chunks[np.argmax(ties * rng.random(far.shape), axis=1)]
+
+        return act
+
+    def stuck(pause, executed, seed, answer=nearest):
+        shown = TwoWays().demonstrate(30, seed, pause=pause)
+        act = Commit(answer(*windows(shown, 8)), executed)
+        ran = roll(TwoWays(), act, shown.states[:, 0], 60, np.random.default_rng(0))
+        return np.mean(ran.states[:, :, 0].max(axis=1) < 0.9)
+
+    pause = int(found.given("pause", 4))
+    within = found.figure("stuck", stuck(pause, pause, 0))
+    over = found.figure("through", stuck(pause, pause + 1, 0))
+    drawn = found.figure("drawn", stuck(pause, 1, 0, drawing))
+    pairs = [(found.rng.integers(1, 8), found.rng.random()) for _ in range(8)]
+    found.statement = "30 demonstrations, chunks of 8 steps, 60 steps of time."
+    inside = [stuck(n, 1 + int(part * n), j) == 1.0 for j, (n, part) in enumerate(pairs)]
+    outside = [stuck(n, n + 1 + int(part * (8 - n)), j) == 1.0
+               for j, (n, part) in enumerate(pairs)]  # fmt: skip
+    outside.append(drawn == 1.0)
+    only_if = "it draws nothing, and carries out no more steps than a pause has"
+    found.heard(over == 1.0, only_if=only_if, inside=inside, outside=outside)
+    found.corrected(within == 1.0, over == 0.0, drawn < 0.1, not any(outside))
+
+
+@claim(
+    "Fifty demonstrations show the rarer way, too.",
+    "They miss one that a share p takes with chance (1 - p)^n: {rare:.0%} for n of {n:.0f}, p of "
+    "{share:.0%}. Of two ways, of which p take the first, five people miss one with the chance "
+    "{formula}.",
+    ask=("A share p passes left, the others right. Chance that five demonstrations show one way "
+         "only?", "p^5 + (1 - p)^5", {
+             "(1 - p)^5": "They may miss the other way too.", "2*p^5": "That is for p = 1/2.",
+             "5*p*(1 - p)^4": "That is the chance of exactly one to the left."}),
+)  # fmt: skip
+def ways_missed(found):
+    import sympy
+
+    from course.learning import TwoWays
+
+    p = sympy.Symbol("p", positive=True)
+    found.formula = p**5 + (1 - p) ** 5
+
+    def missed(share, number, sets, seed):
+        """Share of sets of demonstrations in which nobody went left, and one side only."""
+        ends = TwoWays().demonstrate(number * sets, seed, left=share).states[:, 8, 1]
+        left = (ends.reshape(sets, number) > 0.0).sum(axis=1)
+        return np.mean(left == 0), np.mean((left == 0) | (left == number))
+
+    n, share = int(found.given("n", 50)), found.given("share", 0.02)
+    rare = found.figure("rare", missed(share, n, 1000, 0)[0], 0.1)
+    found.statement = "1,000 sets of demonstrations, then 300 of drawn shares."
+    limit = 1.0 - 0.01 ** (1.0 / n)
+    inside, outside = ([bool(missed(x, n, 300, j)[0] < 0.03) for j, x in enumerate(
+                        found.rng.uniform(*some, 8))]
+                       for some in ((limit, 0.5), (0.1 * limit, 0.5 * limit)))  # fmt: skip
+    found.heard(rare < 0.03, only_if="it is taken by a share above 1 - (1/100)^(1/n)",
+                inside=inside, outside=outside)  # fmt: skip
+    five = missed(0.3, 5, 4000, 1)[1]
+    found.corrected(abs(rare - (1.0 - share) ** n) < 0.05,
+                    abs(five - float(found.formula.subs(p, 0.3))) < 0.03)  # fmt: skip
+
+
+@claim(
+    "As ACT runs its autoencoder, with the code at 0, nothing is drawn among several ways.",
+    "For one state all chunks are the same. Of first chunks {zero:.0%} lead into the obstacle "
+    "here, with a drawn code {drawn:.0%}; of a mixture {mixture:.0%}.",
+    source="T. Zhao et al., Learning fine-grained bimanual manipulation, 2023",
+)
+def code_of_zero(found):
+    zero, drawn, _ = (
+        found.figure(n, between(name), 0.15)
+        for n, name in (("zero", "zero"), ("drawn", "autoencoder"), ("mixture", "mixture"))
+    )
+    same = policy("zero")(np.zeros((100, 2)), np.random.default_rng(0))
+    free = policy("autoencoder")(np.zeros((100, 2)), np.random.default_rng(0))
+    found.statement = "The recorded autoencoder, a code of one number."
+    found.heard(same.std(axis=0).max() < 1e-9)
+    found.corrected(same.std(axis=0).max() < 1e-9, free.std(axis=0).max() > 1e-3, zero > drawn)

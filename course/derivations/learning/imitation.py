@@ -1,0 +1,262 @@
+"""Claims of chapter 9 about copying a demonstrator: what errors cost, what data leave open."""
+
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "eps": Symbol("chance of a wrong action in a step", 0.01, 0.9),
+    "a": Symbol("factor of the deviation from step to step", 0.1, 2.0),
+    "e": Symbol("error of each action"),
+    "K1": Symbol("gain of the angle"),
+    "K2": Symbol("gain of the rate"),
+    "c": Symbol("angle of every state seen, but for a factor"),
+    "s": Symbol("rate of every state seen, but for the same factor"),
+}
+
+
+def law_of(seed, task, steps=40, **how):
+    """Spectral radius of the loop under the linear law after the last round of DAgger."""
+    from course.learning import dagger, linear
+
+    rng = np.random.default_rng(seed)
+    *_, last = dagger(task, task.expert, linear, task.starts, steps, rng, number=10, **how)
+    law: Any = last.policy
+    return task.radius(law.gain[0])
+
+
+def regulator(rng):
+    """A drawn plant whose expert is stable."""
+    from course.learning import Regulator
+
+    (stiffness, dt, slow), ratio = rng.uniform([1.0, 0.02, 0.5], [9.0, 0.1, 2.0]), rng.random()
+    return Regulator(stiffness, dt, slow, (1.5 + 2.5 * ratio) * slow)
+
+
+@claim(
+    "A clone's errors compound: what they cost grows with the square of the time.",
+    "Three steps cost {formula} where nothing leads back, T in general the sum of 1 - (1 - eps)^t; "
+    "fitted over five to eighty steps that grows with the exponent {alone:.2f}. Where a wrong step "
+    "costs itself alone it is eps T, exponent {mended:.2f}; where eps T is large {lost:.2f}.",
+    ask=("Each step is wrong with chance eps, and after the first wrong one all are. How many of "
+         "three are wrong on average?", "6*eps - 4*eps^2 + eps^3", {
+             "3*eps": "So it is where each step is a new start.",
+             "6*eps": "That is for small eps: steps lost already cannot be lost again.",
+             "3 - 3*(1 - eps)^3": "A fall in the third step leaves two that were right."}),
+    source="S. Ross and D. Bagnell, Efficient reductions for imitation learning, 2010",
+)  # fmt: skip
+def errors_compound(found):
+    import sympy
+
+    from course.learning import context_costs, expected_cost
+
+    eps = sympy.Symbol("eps", positive=True)
+    found.formula = sympy.expand(sum(1 - (1 - eps) ** t for t in (1, 2, 3)))
+    steps = np.array([5, 10, 20, 40, 80])
+
+    def exponent(share, recovers):
+        """Of 20,000 episodes that are played, with a thousand contexts."""
+        wrong = np.arange(1000) < 1000 * share
+        played = [context_costs(wrong, T, 20_000, found.rng, recovers=recovers) for T in steps]
+        return np.polyfit(np.log(steps), np.log([c.mean() for c in played]), 1)[0]
+
+    def square(share, T):
+        return bool(np.divide(*expected_cost(share, [2 * T, T], recovers=False)) > 3.4)
+
+    alone = found.figure("alone", exponent(0.001, False), 0.04)
+    mended = found.figure("mended", exponent(0.001, True), 0.08)
+    lost = found.figure("lost", exponent(0.3, False), 0.04)
+    found.statement = "20,000 episodes each of a table of contexts; doubled times by the formula."
+    drawn = list(found.rng.integers(20, 200, 10))
+    inside, outside = ([square(x / T, T) for x, T in zip(found.rng.uniform(*some, 10), drawn,
+                        strict=True)] for some in ((0.01, 0.3), (0.7, 3.0)))  # fmt: skip
+    found.heard(square(0.1, 80), only_if="nothing leads back, and eps T is below a third",
+                inside=inside, outside=outside)  # fmt: skip
+    three = expected_cost(0.2, 3.0, recovers=False) - found.formula.subs(eps, 0.2)
+    found.corrected(1.8 < alone < 2.0, abs(mended - 1.0) < 0.1, lost < 1.3, abs(three) < 1e-12)
+
+
+@claim(
+    "A clone's small errors grow exponentially with the time.",
+    "The loop decides. With x' = a x + e the summed deviation of three steps is {formula}: in the "
+    "long run it grows with exponent {below:.2f} for a of {low}, with {one:.2f} for a of 1, and "
+    "exponentially only above.",
+    ask=("x' = a x + e from x = 0, a and e positive: sum of x over the first three steps?",
+         "3*e + 2*a*e + a^2*e", {
+             "3*e": "An error stays in the state, a times what it was.",
+             "e + a*e + a^2*e": "That is x after the third step.",
+             "6*e": "That is for a = 1."}),
+)  # fmt: skip
+def clone_error_grows(found):
+    import sympy
+
+    from course.learning import accumulated
+
+    a, e = sympy.symbols("a e", positive=True)
+    x = [e]
+    for _ in range(2):
+        x.append(sympy.expand(a * x[-1] + e))
+    found.formula = sum(x)
+
+    def exponent(factor, steps=2000):
+        """Of the second half of so many steps."""
+        T = np.arange(steps // 2, steps)
+        return np.polyfit(np.log(T), np.log(accumulated(factor, 0.01, steps)[T]), 1)[0]
+
+    def explodes(factor):
+        total = accumulated(factor, 0.01, 600)
+        return bool(total[599] > 100.0 * total[299])
+
+    low = found.given("low", 0.9)
+    below, one = found.figure("below", exponent(low)), found.figure("one", exponent(1.0))
+    found.statement = "2,000 steps from rest with the same error in each."
+    inside, outside = ([explodes(x) for x in found.rng.uniform(*some, 10)]
+                       for some in ((1.05, 1.5), (0.5, 1.0)))  # fmt: skip
+    found.heard(explodes(low), only_if="a deviation grows by itself, |a| above 1", inside=inside,
+                outside=outside)  # fmt: skip
+    three = float(found.formula.subs({a: low, e: 0.01}))
+    found.corrected(abs(below - 1.0) < 0.02, abs(one - 2.0) < 0.01,
+                    abs(accumulated(low, 0.01, 3)[-1] - three) < 1e-12)  # fmt: skip
+
+
+@claim(
+    "A clone that fits every label of a perfect expert is as good as the expert.",
+    "An expert that starts on its slow mode shows states of one line. The shortest gain that fits "
+    "is, for the angle, {formula}; its loop has the spectral radius {copy:.3f}, the expert's "
+    "{expert:.3f}, and no label is missed.",
+    ask=("An expert acts by -K1 x - K2 v; all states seen are multiples of (c, s). Of the gains "
+         "that fit all labels take the shortest: what is it for x?",
+         "(K1*c + K2*s)*c/(c^2 + s^2)", {
+             "K1": "The data don't tell this from other gains, and it is not the shortest.",
+             "(K1*c + K2*s)/c": "That fits too, with nothing for v; it is longer.",
+             "K1*c^2/(c^2 + s^2)": "The labels hold the part of v too."}),
+)  # fmt: skip
+def perfect_fit(found):
+    import sympy
+
+    from course.learning import Regulator, linear, roll
+
+    K1, K2, c, s = sympy.symbols("K1 K2 c s", positive=True)
+    seen = sympy.Matrix([[c, s], [2 * c, 2 * s]])
+    found.formula = sympy.simplify((seen.pinv() @ (seen @ sympy.Matrix([K1, K2])))[0])
+    task = Regulator()
+    ran = roll(task, task.expert, task.starts(20, found.rng), 40, found.rng)
+    states, labels = ran.states[:, :-1].reshape(-1, 2), ran.actions.reshape(-1, 1)
+    law = linear(states, labels)
+    missed = np.abs(law(states, found.rng) - labels).max()
+    found.figure("expert", task.radius(task.K))
+    copy = found.figure("copy", task.radius(law.gain[0]))
+
+    def as_good(plant, injected):
+        return bool(law_of(1, plant, rounds=0, injected=injected) < plant.radius(plant.K) + 1e-6)
+
+    plants = [regulator(found.rng) for _ in range(10)]
+    found.statement = "20 runs of 40 steps, then drawn plants, each with states on a line or not."
+    inside, outside = ([as_good(plant, x) for plant in plants] for x in (0.01, 0.0))
+    found.heard(copy < 1.0, only_if="the states it was shown span all directions", inside=inside,
+                outside=outside)  # fmt: skip
+    mode = task.slow_mode()
+    values = dict(zip((K1, K2, c, s), (*task.K, *mode), strict=True))
+    found.corrected(missed < 1e-9, law.rank == 1, copy > 1.1,
+                    abs(float(found.formula.subs(values)) - law.gain[0, 0]) < 1e-6)  # fmt: skip
+
+
+@claim(
+    "DAgger fixes the drift of a clone: it asks the expert where the learner goes.",
+    "And only there. After {rounds:.0f} rounds without any noise the learner is still on the "
+    "expert's line, spectral radius {quiet:.3f}; label noise as small as {least} sets it off, and "
+    "two rounds mend it, {mended:.3f}, while one may make it worse: {worst:.2f} in the worst of "
+    "{n:.0f} seeds. Pushes of {size} on the expert mend it without any round, {pushed:.3f}.",
+    source="S. Ross et al., DAgger, 2011; M. Laskey et al., DART, 2017",
+)
+def dagger_fixes_drift(found):
+    from course.learning import Regulator
+
+    task, rounds, size = Regulator(), int(found.given("rounds", 5)), found.given("size", 0.01)
+    n, least = int(found.given("n", 30)), found.given("least", 1e-6)
+    quiet = found.figure("quiet", law_of(0, task, rounds=rounds), 1e-3)
+    two, one = ([law_of(k, task, rounds=r, label_noise=least) for k in range(n)] for r in (2, 1))
+    mended, worst = found.figure("mended", max(two), 1e-2), found.figure("worst", max(one), 0.1)
+    pushed = found.figure("pushed", law_of(0, task, rounds=0, injected=size))
+    sizes = 10.0 ** found.rng.uniform(-6.0, -1.5, 10)
+    found.statement = "Ten runs of 40 steps a round, a linear learner."
+    inside, outside = ([law_of(k, task, rounds=2, label_noise=x) < 1.0
+                        for k, x in enumerate(some)] for some in (sizes, 0.0 * sizes))  # fmt: skip
+    found.heard(quiet < 1.0, only_if="something takes the learner off the line that was shown",
+                inside=inside, outside=outside)  # fmt: skip
+    expert = task.radius(task.K)
+    found.corrected(quiet > 1.1, abs(mended - expert) < 0.01, worst > 1.3,
+                    np.median(one) < 0.96, abs(pushed - expert) < 1e-6)  # fmt: skip
+
+
+@claim(
+    "A round of DAgger lowers the cost of a clone, as it adds the right data.",
+    "The learner has to fit them too. Round a circle, which leads back by itself, clones' cost "
+    "grows with exponent {exponent:.2f} only. Two rounds take it from {long_clone:.1f} to "
+    "{long_dagger:.1f} where each training has {long:.0f} steps; with {short:.0f} the same network "
+    "spreads thin over three times the data: from {short_clone:.1f} to {short_dagger:.1f}, and "
+    "worse in {worse:.0f} of {n:.0f} seeds.",
+)
+def dagger_needs_room(found):
+    from course.learning import Circle, clone, dagger, roll
+
+    task = Circle()
+
+    def costs(steps, seed):
+        """Distance from the circle summed up to each of 160 steps, before and after two rounds."""
+        rng = np.random.default_rng(seed)
+        learn = partial(clone, seed=seed, width=32, steps=steps, rate=3e-3)
+        each = list(dagger(task, task.expert, learn, task.starts, 40, rng, rounds=2))
+        ran = [roll(task, r.policy, task.starts(100, rng), 160, rng).states for r in each[::2]]
+        return [np.cumsum(task.cost(states[:, 1:]).mean(axis=0)) for states in ran]
+
+    long, short = int(found.given("long", 600)), int(found.given("short", 150))
+    n = int(found.given("n", 6))
+    runs = [costs(long, 0), costs(long, 1), *(costs(short, seed) for seed in range(n))]
+    T = np.array([10, 20, 40, 80, 160])
+    grown = [np.polyfit(np.log(T), np.log(first[T - 1]), 1)[0] for first, _ in runs]
+    found.figure("exponent", max(grown), 0.1)
+    ends = np.array([[first[-1], last[-1]] for first, last in runs])
+    for name, some in (("long", ends[:2]), ("short", ends[2:])):
+        found.figure(f"{name}_clone", np.median(some[:, 0]), 0.2)
+        found.figure(f"{name}_dagger", np.median(some[:, 1]), 0.4)
+    lower = [bool(last < first) for first, last in ends]
+    worse = found.figure("worse", np.sum(ends[2:, 1] > ends[2:, 0]), 0.4)
+    found.statement = "20 laps of 40 steps a round, 32 units a layer, medians of all seeds."
+    found.heard(all(lower), only_if="it is trained long enough to fit the new states",
+                inside=lower[:2], outside=lower[2:], cases=True)  # fmt: skip
+    found.corrected(max(grown) < 1.35, min(grown) > 0.7, worse > 0.5 * n)
+
+
+@claim(
+    "Diffusion policies mend the drift of cloning: they cover the modes better.",
+    "Drift is no matter of modes. The regulator's expert has one answer to every state; of runs "
+    "of a diffusion policy that learned it on the slow mode {lost:.0%} end more than ten times "
+    "farther off than they began; shown the way back by pushes of {size}, {taught:.0%}. A tenth of "
+    "these mends a linear law, as above, but not this net: {little:.0%}.",
+)
+def diffusion_mends_drift(found):
+    from course.learning import Regulator, diffusion_policy, roll
+
+    task = Regulator()
+
+    def lost(injected):
+        """Share of runs that end more than ten times as far from the top as they began."""
+        rng = np.random.default_rng(1)
+        ran = roll(task, task.expert, task.starts(100, rng), 40, rng, injected=injected)
+        rows = ran.states[:, :-1].reshape(-1, 2)
+        policy = diffusion_policy(rows, ran.actions.reshape(-1, 1), 0, width=32, steps=400,
+                                  rate=3e-3)  # fmt: skip
+        far = np.abs(roll(task, policy, task.starts(100, rng), 100, rng).states).max(axis=2)
+        return np.mean(far[:, -1] > 10.0 * far[:, 0])
+
+    size = found.given("size", 1.0)
+    plain, taught = found.figure("lost", lost(0.0), 0.05), found.figure("taught", lost(size))
+    little = found.figure("little", lost(0.1 * size), 0.2)
+    found.statement = "Trained on 100 runs of 40 steps, driven for 100 steps without noise."
+    found.heard(plain < 0.1)
+    law = law_of(0, task, rounds=0, injected=0.1 * size)
+    found.corrected(plain > 0.9, taught < 0.02, little > 0.5, law < 1.0)

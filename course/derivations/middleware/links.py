@@ -1,0 +1,377 @@
+"""Claims of chapter 10: what goes over a link, and what topics and services are."""
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "p": Symbol("share of packets lost", 0.01, 0.9),
+    "n": Symbol("packets of a message", 1.0, 1000.0),
+    "w": Symbol("pixels in a row"),
+    "h": Symbol("rows"),
+    "c": Symbol("bytes of a pixel"),
+    "f": Symbol("pictures a second [1/s]"),
+}
+
+
+def lossy(reliability, packets, loss, messages, rate=float("inf")):
+    """A reader, its link and bus after messages of so many packets, all published at once."""
+    from course.middleware.bus import Bus, Link
+    from course.middleware.qos import QoS
+
+    bus, link = Bus(), Link(loss=loss, rate=rate)
+    qos = QoS(reliability, "keep_all")
+    writer = bus.node("camera").writer("image", qos)
+    reader = bus.node("eye").reader("image", None, qos, link)
+    for k in range(messages):
+        writer.publish(k, packets * link.fragment)
+    bus.run(1e6)
+    return reader, link, bus
+
+
+@claim(
+    "A link that loses one packet in a thousand loses one picture in a thousand.",
+    "A picture is lost with any of its packets. Of {n:.0f} packets, as VGA colour has, "
+    "{lost:.0%} of the pictures were lost at {p:.1%}, of {twelve:.0f} packets {few:.1%}, which is "
+    "{formula}: if each is lost for itself. Packets that are lost in a row hit fewer pictures.",
+    ask=("Each packet is lost with the probability p, for itself, and none is sent again. With "
+         "which probability is a message of 12 packets lost?", "1 - (1 - p)^12", {
+             "p": "That is one packet.",
+             "12*p": "Close where it is small; two lost packets lose one message.",
+             "p^12": "That is all of them lost.",
+             "(1 - p)^12": "That is the message that comes through."}),
+)  # fmt: skip
+def picture_lost_like_packet(found):
+    import sympy
+
+    from course.middleware.bus import Link
+
+    p = sympy.Symbol("p", positive=True)
+    through = sympy.prod([1 - p] * 12)
+    found.formula = 1 - through
+    n, loss = int(found.given("n", Link().fragments(640 * 480 * 3))), found.given("p", 1e-3)
+    twelve = int(found.given("twelve", 12))
+
+    def share(packets, loss, messages=4000):
+        return lossy("best_effort", packets, loss, messages)[0].lost / messages
+
+    lost = found.figure("lost", share(n, loss), 0.1)
+    few = found.figure("few", share(twelve, loss, 20_000), 0.3)
+    drawn = found.rng.uniform(0.01, 0.3, 6)
+    # As many losses, in rows of ten.
+    rows = found.rng.random((4000, n)) < loss / 10
+    rows = np.logical_or.reduce([np.roll(rows, k) for k in range(10)])
+    found.statement = "Messages on the bus, each packet drawn; losses in rows of ten by themselves."
+    found.heard(lost < 2.0 * loss)
+    found.corrected(
+        abs(lost - (1.0 - (1.0 - loss) ** n)) < 0.03,
+        abs(few - float(found.formula.subs(p, loss))) < 0.004,
+        all(abs(share(12, float(x)) - float(found.formula.subs(p, x))) < 0.04 for x in drawn),
+        abs(rows.mean() / loss - 1.0) < 0.1,
+        rows.any(axis=1).mean() < 0.3 * lost,
+    )
+
+
+def forgets(packets, loss, messages=1000):
+    """Whether a reliable writer of depth 1, whose reader asks too late, sends nothing again."""
+    from course.middleware.bus import Bus, Link
+    from course.middleware.qos import QoS
+
+    bus, link = Bus(), Link(loss=loss, delay=0.02)
+    writer = bus.node("camera").writer("image", QoS(depth=1))
+    reader = bus.node("eye").reader("image", None, QoS(history="keep_all"), link)
+    for k in range(messages):
+        bus.after(k / 30, writer.publish, k, packets * link.fragment)
+    bus.run(messages)
+    # All but the last few, which nothing replaced.
+    return reader.lost > 100 and reader.rounds - reader.lost <= 3
+
+
+@claim(
+    "Reliable on a lossy link sends the picture again and again.",
+    "Only what is missing, as long as the writer keeps it: {formula} packets in all. A picture of "
+    "{n:.0f} packets on a link that loses {p:.1%} took {more:.2%} more packets and {rounds:.2f} "
+    "rounds in the mean; sent anew as a whole until all is there it would take {whole:.2f} times "
+    "all. The price is age, as each round is a way back and forth; a writer of depth 1, asked when "
+    "the next picture is out, sent nothing again.",
+    ask=("A message of n packets, each lost with the probability p each time. Only those that are "
+         "lost are sent again, until all are there. How many packets are sent, in the mean?",
+         "n/(1 - p)", {
+             "n*(1 + p)": "Of those sent again some are lost again.",
+             "n": "That is without losses.",
+             "n/p": "A quiet link sends few.",
+             "n/(1 - p)^2": "The way there counts once."}),
+)  # fmt: skip
+def reliable_resends_all(found):
+    import sympy
+
+    n, p, k = sympy.symbols("n p k", positive=True)
+    found.formula = sympy.simplify(n * (1 + (sympy.Sum(p**k, (k, 1, sympy.oo)).doit().args[0][0])))
+    size, loss = int(found.given("n", 627)), found.given("p", 1e-3)
+
+    def packets(size, loss, messages=300, rate=1e9):
+        """Of each message in the mean, and rounds: the wire never rests before all is through."""
+        reader, link, bus = lossy("reliable", size, loss, messages, rate)
+        sent = 1e-9 * bus.wires[link] * rate / link.fragment
+        return sent / messages, 1.0 + reader.rounds / messages
+
+    sent, rounds = packets(size, loss, 3000)
+    found.figure("more", sent / size - 1.0, 0.2)
+    found.figure("rounds", rounds, 0.03)
+    alone = lossy("best_effort", size, loss, 4000)[0]
+    whole = found.figure("whole", 4000 / alone.received, 0.1)
+    drawn = [(int(a), float(b)) for a, b in found.rng.uniform((5, 0.05), (200, 0.5), (5, 2))]
+    seen = [(packets(a, b)[0], float(found.formula.subs({n: a, p: b}))) for a, b in drawn]
+    found.statement = "Bytes on the bus's wire; what asks for them is not lost and not counted."
+    found.heard(bool(abs(rounds / whole - 1.0) < 0.1))
+    found.corrected(all(abs(a / b - 1.0) < 0.03 for a, b in seen), rounds < whole - 0.2,
+                    sent < 1.01 * size, forgets(size, loss))  # fmt: skip
+
+
+@claim(
+    "One camera at 720p and 30 Hz, colour and depth, goes through gigabit Ethernet.",
+    "Not as it is: {formula} is {camera:.0f} MB/s, and the cable carries {cable:.0f} at the most. "
+    "Where all wait for it and none is thrown away, pictures get older by {slope_ms:.0f} ms with "
+    "each second of recording. VGA colour is {vga:.1f} MB/s, in {packets:.0f} packets a picture.",
+    ask=("A camera gives f pictures a second, w by h pixels of c bytes each, as they are. How many "
+         "bytes a second?", "B, rate = w*h*c*f", {
+             "8*w*h*c*f": "That is bits.",
+             "w*h*f": "A pixel has more than one byte.",
+             "w*h*c/f": "More pictures are more bytes.",
+             "(w + h)*c*f": "Rows times columns."}),
+)  # fmt: skip
+def gigabit_is_enough(found):
+    import sympy
+
+    from course.middleware.bus import Bus, Link
+    from course.middleware.qos import QoS
+
+    w, h, c, f, k = sympy.symbols("w h c f k", positive=True)
+    found.formula = sympy.summation(sympy.summation(c, (k, 1, w)), (k, 1, h)) * f
+
+    def rate(*of):
+        return float(found.formula.subs(dict(zip((w, h, c, f), of, strict=True))))
+
+    def slope(size, wire, hz=30.0, seconds=10.0):
+        """By how much pictures get older in each second [s/s], their age when it ends [s]."""
+        bus, seen = Bus(), list[tuple[float, float]]()
+        out = bus.node("camera").writer("image", QoS(history="keep_all"))
+        bus.node("eye").reader("image", lambda s: seen.append((s.stamp, bus.now - s.stamp)),
+                               QoS(history="keep_all"), Link(rate=wire))  # fmt: skip
+        bus.node("shutter").timer(1.0 / hz, lambda: (out.publish(0, size), None)[1])
+        bus.run(seconds)
+        stamp, old = np.transpose(seen)
+        return float(np.polyfit(stamp, old, 1)[0])
+
+    wire = 1e6 * found.given("cable", 125)
+    camera = found.figure("camera", rate(1280, 720, 5, 30) / 1e6)
+    vga = found.figure("vga", rate(640, 480, 3, 30) / 1e6)
+    packets = found.figure("packets", Link().fragments(int(rate(640, 480, 3, 1))))
+    grows = found.figure("slope_ms", 1e3 * slope(int(rate(1280, 720, 5, 1)), wire), 0.01)
+    found.statement = "Arithmetic, and pictures on a wire of that many bytes a second, no headers."
+    found.heard(grows < 1.0)
+    found.corrected(camera > 125.0, abs(grows / (1e3 * (camera / 125.0 - 1.0)) - 1.0) < 0.01,
+                    abs(slope(int(rate(640, 480, 3, 1)), wire)) < 1e-6, vga < 28.0,
+                    packets * 1472 >= rate(640, 480, 3, 1))  # fmt: skip
+
+
+@claim(
+    "A small command waits behind a large picture on the same wire.",
+    "It does, whatever the reliability, where the picture is sent at once and what comes first "
+    "goes first: at {mb_s:.0f} MB/s one of {mb:.1f} MB keeps the wire for {keeps_ms:.1f} ms, and "
+    "commands at {hz:.0f} Hz waited up to {waited_ms:.1f} ms. On wires of their own they waited "
+    "{alone_ms:.3f} ms, and beside a writer that spreads its packets over {spread_ms:.0f} ms "
+    "{paced_ms:.3f} ms.",
+)
+def command_waits_for_picture(found):
+    from course.middleware.bus import Bus, Link
+    from course.middleware.qos import QoS
+
+    speed, size = 1e6 * found.given("mb_s", 125), 1e6 * found.given("mb", 0.9)
+    period = 1.0 / found.given("hz", 1000)
+
+    def waited(reliability, shared, phase=0.37, spread=0.0):
+        bus, late, wire = Bus(), list[float](), Link(rate=speed)
+        qos = QoS(reliability, "keep_all")
+        image, torque = (bus.node(x).writer(x, qos) for x in ("image", "torque"))
+        bus.node("eye").reader("image", None, qos, wire)
+        bus.node("drive").reader("torque", lambda s: late.append(bus.now - s.stamp), qos,
+                                 wire if shared else Link(rate=speed))  # fmt: skip
+        parts = wire.fragments(int(size)) if spread else 1
+
+        def shot():
+            for k in range(parts):
+                bus.after(k * spread / parts, image.publish, 0, int(size) // parts)
+
+        bus.node("a").timer(1 / 30, shot, float(phase))
+        bus.node("b").timer(period, lambda: (torque.publish(0, 100), None)[1])
+        bus.run(1.0)
+        return 1e3 * max(late)
+
+    kinds = ("reliable", "best_effort")
+    keeps = found.figure(
+        "keeps_ms", 1e3 * Link(rate=speed).fragments(int(size)) * 1472 / speed, 0.01
+    )
+    most = found.figure("waited_ms", max(waited(kind, True) for kind in kinds), 0.05)
+    alone = found.figure("alone_ms", waited("reliable", False), 0.05)
+    spread = 1e-3 * found.given("spread_ms", 20)
+    paced = found.figure("paced_ms", waited("reliable", True, spread=spread), 0.1)
+    drawn = [waited(kind, True, x) for kind in kinds for x in found.rng.uniform(0.1, 0.9, 4)]
+    found.statement = "Pictures and commands on one wire of the bus, in ten phases."
+    found.heard(all(x > 0.8 * keeps for x in drawn))
+    found.corrected(max(most, *drawn) < 1.01 * keeps, alone < 0.01, paced < 0.02)
+
+
+def newest(reliability, loss, repair, seconds=5.0):
+    """Age of the newest of 1,000 joint states a second, as seen at any time on the bus [ms].
+
+    Args:
+        repair: how long after its time a state that was lost once is there [s].
+    """
+    from course.middleware.bus import Bus, Link
+    from course.middleware.qos import QoS
+
+    bus, ages, state, delay = Bus(), list[float](), [0.0], 1e-4
+    link = Link(delay=delay, loss=loss, nack=repair - 2.0 * delay)
+    out = bus.node("drives").writer("joint_states", QoS(reliability))
+    bus.node("control").reader(
+        "joint_states", lambda s: state.__setitem__(0, s.stamp), QoS(reliability), link
+    )
+    bus.node("a").timer(1e-3, lambda: (out.publish(0), None)[1])
+    bus.node("b").timer(1.0037e-3, lambda: ages.append(1e3 * (bus.now - state[0])))
+    bus.run(seconds)
+    return np.array(ages[10:])
+
+
+@claim(
+    "On a link with losses, joint states for a control loop need a reliable topic.",
+    "A lost state is replaced by the next, which under reliable waits until the lost one has come "
+    "again. With {loss:.0%} lost and {slow_ms:.0f} ms to repair, a thousand states a second were "
+    "{best_ms:.2f} ms old in the mean with best effort and {sure_ms:.2f} with reliable, their "
+    "worst hundredth {best_tail:.1f} and {sure_tail:.1f} ms; with {quick_ms:.1f} ms to repair "
+    "reliable makes it {quick:.2f} ms. What is said once, a goal or a change of mode, needs "
+    "reliable.",
+)
+def joint_states_reliable(found):
+    loss, kinds = found.given("loss", 0.1), ("best_effort", "reliable")
+    slow, quick = (1e-3 * found.given(*x) for x in (("slow_ms", 3), ("quick_ms", 0.3)))
+    best, sure = (newest(kind, loss, slow) for kind in kinds)
+    for name, some in (("best", best), ("sure", sure)):
+        found.figure(f"{name}_ms", some.mean(), 0.1)
+        found.figure(f"{name}_tail", np.quantile(some, 0.99), 0.2)
+    again = found.figure("quick", newest("reliable", loss, quick).mean(), 0.1)
+    fair = [newest(kind, 0.0, slow).mean() for kind in kinds]
+
+    def fresher(loss, repair):
+        one, other = (newest(kind, float(loss), float(repair)).mean() for kind in kinds)
+        return bool(other < one)
+
+    within, after = found.rng.uniform((0.1, 2e-4), (0.3, 7e-4), (8, 2)), found.rng.uniform(
+        (0.1, 1.3e-3), (0.3, 4e-3), (8, 2))  # fmt: skip
+    found.statement = "Joint states on the bus, 5 s each, looked at in all phases."
+    found.heard(bool(sure.mean() < best.mean()),
+                only_if="what was lost is there again before the next state",
+                inside=[fresher(*x) for x in within], outside=[fresher(*x) for x in after]
+                )  # fmt: skip
+    found.corrected(bool(again < best.mean()), abs(fair[0] / fair[1] - 1.0) < 1e-6,
+                    bool(np.quantile(sure, 0.99) > np.quantile(best, 0.99)),
+                    not any(fresher(*x) for x in after[:3]))  # fmt: skip
+
+
+@claim(
+    "Topics are many-to-many.",
+    "They are: {writers:.0f} writers and {readers:.0f} readers made {all:.0f} deliveries of one "
+    "sample each. That includes what nobody wants: of two controllers on one command topic both "
+    "are obeyed, the drive changed hands {changes:.0f} times in {turns:.0f} samples, and no end "
+    "was told that anything is wrong. DDS can make a topic exclusive, where the stronger one "
+    "alone is obeyed; ROS 2 can't.",
+)
+def topics_many_to_many(found):
+    from course.middleware.qos import QoS
+    from course.oracles.cyclonedds import Topic, participant, take
+
+    many, others = int(found.given("writers", 3)), int(found.given("readers", 4))
+    turns = int(found.given("turns", 10))
+    with participant() as member:
+        topic, second = Topic(member), Topic(member)
+        writers = [topic.writer(QoS()) for _ in range(many)]
+        readers = [topic.reader(QoS()) for _ in range(others)]
+        for k, writer in enumerate(writers):
+            topic.write(writer, k)
+        got = [sorted(take(reader)) for reader in readers]
+        pair, drive = [second.writer(QoS()) for _ in range(2)], second.reader(QoS(depth=100))
+        for k in range(turns):
+            second.write(pair[k % 2], k % 2)
+        obeyed = take(drive)
+        told = sum(one.get_offered_incompatible_qos_status().total_count for one in pair)
+        third, sole = Topic(member), QoS(ownership="exclusive", depth=100)
+        weak, strong = (third.writer(sole, strength=k) for k in (1, 2))
+        drive = third.reader(sole)
+        third.write(strong, 1)
+        for k in range(turns):
+            third.write((weak, strong)[k % 2], k % 2)
+        alone = take(drive)
+    found.figure("all", sum(map(len, got)))
+    changes = found.figure("changes", int(np.count_nonzero(np.diff(obeyed))))
+    found.statement = "Writers and readers on Cyclone DDS."
+    found.heard(got == [list(range(many))] * others)
+    found.corrected(changes == turns - 1, told == 0, set(alone) == {1})
+
+
+def answered(work, busy=0.0, phase=0.0, clients=1):
+    """Times until services answered on the bus, by client [s], and whether each got its own."""
+    from course.middleware.bus import Bus, Group
+    from course.middleware.executor import Executor
+
+    bus, seen = Bus(), list[tuple[float, bool]]()
+    server = bus.node("server", Executor(bus))
+
+    def serve(x):
+        yield work
+        return 2 * x
+
+    def other():
+        yield busy
+
+    def ask(client, x, start=0.0):
+        start = bus.now
+        answer = yield client.call(x)
+        seen.append((bus.now - start, answer == 2 * x))
+
+    server.service("double", serve)
+    if busy:
+        server.timer(1.0, other, 0.1)
+    for k in range(clients):
+        node = bus.node(f"client {k}", Executor(bus, 2))
+        client = node.client("double", Group("answers"))
+        node.timer(1.0, lambda client=client, k=k: ask(client, k), 0.1 + phase)
+    bus.run(1.0)
+    return seen
+
+
+@claim(
+    "A topic takes a millisecond, a service five, and it is one-to-one.",
+    "None has a time of its own. A service is two topics and a callback that waits for its turn: "
+    "the same one of {work_ms:.0f} ms answered after {least_ms:.0f} to {most_ms:.0f} ms, as "
+    "another callback of its server ran. And it is many-to-one: {clients:.0f} clients that asked "
+    "at once each got their own answer, the last after {last_ms:.0f} ms. But requests wait in a "
+    "queue of depth {depth:.0f}: of {many:.0f} at once {heard:.0f} were answered, and the others "
+    "wait for ever.",
+)
+def service_takes_five(found):
+    from course.middleware.qos import QoS
+
+    work = 1e-3 * found.given("work_ms", 2)
+    busy = 1e-3 * found.given("busy_ms", 40)
+    phases = np.linspace(-0.05, 0.05, 41)
+    seen = [1e3 * answered(work, busy, float(x))[0][0] for x in phases]
+    least = found.figure("least_ms", min(seen), 0.01)
+    most = found.figure("most_ms", max(seen), 0.05)
+    crowd = answered(work, clients=int(found.given("clients", 5)))
+    last = found.figure("last_ms", 1e3 * max(x for x, _ in crowd), 0.01)
+    depth = found.figure("depth", QoS().depth)
+    heard = found.figure("heard", len(answered(work, clients=int(found.given("many", 20)))))
+    found.statement = "A server with a second callback on the bus, and clients that ask at once."
+    found.heard(len(crowd) < 2 or most < 1.5 * least)
+    found.corrected(all(right for _, right in crowd), len(crowd) == 5, most > 10.0 * least,
+                    abs(last - 5e3 * work) < 0.1, heard == depth)  # fmt: skip

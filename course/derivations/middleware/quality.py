@@ -1,0 +1,475 @@
+"""Claims of chapter 10: who hears whom, what is kept, and what an end is told; on Cyclone DDS."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "d": Symbol("depth of the queue", 1.0, 20.0),
+    "T": Symbol("period of the writer [s]"),
+}
+
+
+def late(**changed):
+    """A quality of service that hands on the past."""
+    from course.middleware.qos import QoS
+
+    return QoS(**{"durability": "transient_local", **changed})
+
+
+def through(offered, requested, link, messages=2000, apart=1e-3, **more):
+    """The reader that messages went to on the bus, one every so many seconds."""
+    from course.middleware.bus import Bus
+
+    bus = Bus()
+    writer = bus.node("writer").writer("x", offered, **more)
+    reader = bus.node("reader").reader("x", None, requested, link)
+    for k in range(messages):
+        bus.after(k * apart, writer.publish, k)
+    bus.run(messages * apart + 100.0)
+    return reader
+
+
+@claim(
+    "Where one end is reliable and the other is best-effort, the two don't hear each other.",
+    "Only one way round: of the four pairs {silent:.0f} is silent, a best-effort writer with a "
+    "reader that asks for reliable. A reliable writer serves a best-effort reader, as best "
+    "effort: on a link that loses {loss:.0%} nothing was sent again and {lost:.0%} was missing.",
+    source="OMG, Data Distribution Service 1.4, 2015, sec. 2.2.3.14",
+)
+def reliability_both_ways(found):
+    from course.middleware.bus import Link
+    from course.middleware.qos import ORDERS, QoS, compatible
+    from course.oracles.cyclonedds import verdicts
+
+    kinds = ORDERS["reliability"]
+    pairs = [(QoS(a), QoS(b)) for a in kinds for b in kinds]
+    heard = {(a.reliability, b.reliability): one.delivered == 1
+             for (a, b), one in zip(pairs, verdicts(pairs), strict=True)}  # fmt: skip
+    silent = [pair for pair, one in heard.items() if not one]
+    found.figure("silent", len(silent))
+    reader = through(QoS(), QoS("best_effort"), Link(loss=found.given("loss", 0.2)))
+    lost = found.figure("lost", reader.lost / 2000, 0.2)
+    found.statement = "All pairs on Cyclone DDS; a link with losses on the bus."
+    found.heard(not heard["reliable", "best_effort"] and not heard["best_effort", "reliable"])
+    found.corrected(silent == [tuple(kinds)], reader.rounds == 0, bool(abs(lost - 0.2) < 0.05),
+                    all(one == (not compatible(*pair)) for pair, one in
+                        zip(pairs, heard.values(), strict=True)))  # fmt: skip
+
+
+@claim(
+    "Messages that come late are a sign of a mismatch in quality of service.",
+    "A mismatch makes silence: of {sent:.0f} samples {came:.0f} came, and both ends were told that "
+    "they don't fit and that {policy} fails. What is late, waited in a queue, on a link or for an "
+    "executor.",
+)
+def mismatch_is_late(found):
+    from course.middleware.bus import Link
+    from course.middleware.qos import QoS
+    from course.oracles.cyclonedds import verdicts
+    from course.oracles.qos_matrix import history
+
+    pair = QoS("best_effort"), QoS()
+    (told,) = verdicts([pair])
+    sent = int(found.given("sent", 20))
+    came = found.figure("came", len(history(*pair, sent)))
+    found.figure("policy", told.writer)
+    events = through(*pair, Link(), 3).bus.events
+    found.statement = "On Cyclone DDS, and the events of the bus."
+    found.heard(came > 0)
+    found.corrected(came == 0, told.writer == told.reader == "reliability",
+                    [one.end for one in events] == ["writer", "reader"],
+                    all(one.detail == (told.reader,) for one in events))  # fmt: skip
+
+
+def drawn(rng, least=None):
+    """A quality of service by chance; at least as strong as another in each policy with an order.
+
+    Shared ownership, which has no order.
+    """
+    from course.middleware.qos import ORDERS, QoS
+
+    def kind(name):
+        low = ORDERS[name].index(getattr(least, name)) if least else 0
+        return str(rng.choice(ORDERS[name][low:]))
+
+    def seconds(name):
+        most = min(getattr(least, name), 1e3) if least else 30.0
+        return float(rng.uniform(0.05, most)) if least or rng.random() < 0.7 else math.inf
+
+    times = ("deadline", "liveliness_lease_duration")
+    return QoS(**{name: kind(name) for name in ORDERS}, **{name: seconds(name) for name in times})
+
+
+@claim(
+    "A writer that offers more than a reader asks for is heard.",
+    "So it is, in each of the {ordered:.0f} policies here that have an order: all {tried:.0f} "
+    "drawn pairs. Of times the shorter is the stronger offer. Ownership has no order, and what is "
+    "kept and how long is no part of it.",
+    source="OMG, Data Distribution Service 1.4, 2015, sec. 2.2.3",
+)
+def stronger_offer(found):
+    from course.middleware.qos import ORDERS, QoS, compatible
+    from course.oracles.cyclonedds import verdicts
+
+    requests = [drawn(found.rng) for _ in range(int(found.given("tried", 24)))]
+    offers = [replace(drawn(found.rng, least=one), depth=int(found.rng.integers(1, 20)))
+              for one in requests]  # fmt: skip
+    seen = verdicts(list(zip(offers, requests, strict=True)))
+    ends: list[dict[str, Any]] = [{n: k[at] for n, k in ORDERS.items()} for at in (0, -1)]
+    found.figure("ordered", len(compatible(QoS(**ends[0]), QoS(**ends[1], deadline=0.1))))
+    unlike = [QoS(ownership=kind) for kind in ("shared", "exclusive")]
+    mixed = verdicts([(unlike[0], unlike[1]), (unlike[1], unlike[0])])
+    # The other way round a pair is silent as soon as one policy is really stronger.
+    back = [bool(compatible(a, b)) for a, b in zip(requests, offers, strict=True)]
+    found.statement = "Pairs by chance on Cyclone DDS."
+    found.heard(all(one.delivered == 1 for one in seen))
+    found.corrected(not any(compatible(*pair) for pair in zip(offers, requests, strict=True)),
+                    not any(one.matched for one in mixed), all(back))  # fmt: skip
+
+
+@claim(
+    "A volatile writer and a transient-local reader: only what came before is missing.",
+    "All is missing: volatile is the weaker offer and the pair is silent, of {sent:.0f} samples "
+    "that were written while both were there {came:.0f} came. The other way round all {back:.0f} "
+    "came.",
+)
+def volatile_is_no_past(found):
+    from course.middleware.qos import QoS, compatible
+    from course.oracles.qos_matrix import history
+
+    sent = int(found.given("sent", 8))
+    came = found.figure("came", len(history(QoS(), late(), sent)))
+    back = found.figure("back", len(history(late(), QoS(), sent)))
+    found.statement = "On Cyclone DDS."
+    found.heard(came == sent)
+    found.corrected(came == 0, back == sent, compatible(QoS(), late()) == ("durability",))
+
+
+@claim(
+    "A writer with a deadline is heard by a reader that asks for one.",
+    "A deadline promises the longest time between two samples, so the shorter is the stronger "
+    "offer. No deadline is an infinite one: it met {met:.0f} of {asked:.0f} requests. The lease of "
+    "liveliness is compared in the same way.",
+)
+def deadline_for_deadline(found):
+    from course.middleware.qos import QoS
+    from course.oracles.cyclonedds import verdicts
+
+    asked = found.rng.uniform(0.05, 20.0, int(found.given("asked", 10)))
+    name = {"deadline": "deadline", "lease": "liveliness_lease_duration"}
+
+    def heard(policy, factors):
+        def one(period: float) -> QoS:
+            wish: dict[str, Any] = {name[policy]: float(period)}
+            return QoS(**wish)
+
+        pairs = [(one(f * t), one(t)) for f, t in zip(factors, asked, strict=True)]
+        return [one.delivered == 1 for one in verdicts(pairs)]
+
+    below, above = found.rng.uniform(0.3, 1.0, asked.size), found.rng.uniform(1.001, 1.1, 10)
+    below[0] = 1.0
+    inside, outside = heard("deadline", below), heard("deadline", above)
+    met = found.figure("met", sum(heard("deadline", np.full(asked.size, math.inf))))
+    found.statement = "Deadlines and leases by chance on Cyclone DDS."
+    found.heard(all(outside), only_if="the writer's is at most as long as the reader's",
+                inside=inside, outside=outside)  # fmt: skip
+    found.corrected(met == 0, all(heard("lease", below)), not any(heard("lease", above)),
+                    not any(outside))  # fmt: skip
+
+
+@claim(
+    "The event of a pair that doesn't match names the policies that fail.",
+    "Of {failing:.0f} that failed Cyclone DDS named {named:.0f}, the same at both ends. Who mends "
+    "it meets the next; comparing the two profiles names all.",
+)
+def event_names_all(found):
+    from course.middleware.qos import QoS, compatible
+    from course.oracles.cyclonedds import verdicts
+
+    offered = QoS("best_effort")
+    requested = QoS(durability="transient_local", deadline=0.1, liveliness="manual_by_topic")
+    failing, named = compatible(offered, requested), []
+    while compatible(offered, requested):
+        (told,) = verdicts([(offered, requested)])
+        named.append(told.reader)
+        if told.writer != told.reader or told.delivered:
+            break
+        offered = replace(offered, **{told.reader: getattr(requested, told.reader)})
+    found.figure("failing", len(failing))
+    one = found.figure("named", len({named[0]}))
+    found.statement = "On Cyclone DDS, mended policy by policy."
+    found.heard(len(failing) == one)
+    found.corrected(len(named) == len(failing), sorted(named) == sorted(failing))
+
+
+@claim(
+    "On a reliable topic every sample arrives.",
+    "Reliable means that what the network loses is sent again, as long as the writer has it. Of "
+    "{burst:.0f} samples at once depth {depth:.0f} keeps {kept:.0f}, reliable or not. On a link "
+    "that loses {loss:.0%} a reliable writer of depth 1 lost {gone:.0%} where asking again took "
+    "longer than its period, and none where it was quicker; one that keeps all lost none.",
+    source="OMG, Data Distribution Service 1.4, 2015, sec. 2.2.3.18",
+)
+def reliable_arrives(found):
+    from course.middleware.bus import Link
+    from course.middleware.qos import QoS
+    from course.oracles.qos_matrix import history
+
+    burst, depth = int(found.given("burst", 8)), int(found.given("depth", 3))
+    kept = found.figure("kept", len(history(QoS(), QoS(depth=depth), burst)))
+    best = history(QoS("best_effort"), QoS("best_effort", depth=depth), burst)
+    link = Link(delay=0.01, loss=found.given("loss", 0.2))
+    short, long = (
+        through(replace(QoS(depth=1), history=kind), QoS(history="keep_all"), link)
+        for kind in ("keep_last", "keep_all")
+    )
+    gone = found.figure("gone", short.lost / 2000, 0.2)
+    quick = through(QoS(depth=1), QoS(history="keep_all"), replace(link, delay=1e-4))
+
+    def all_of(n, writer, reader):
+        return history(QoS(depth=int(writer)), QoS(depth=int(reader)), int(n)) == list(range(n))
+
+    n = found.rng.integers(2, 15, 8)
+    inside = [all_of(k, k + a, k + b) for k, (a, b) in
+              zip(n, found.rng.integers(0, 3, (8, 2)), strict=True)]  # fmt: skip
+    outside = [all_of(k, k, k - 1) for k in n]
+    found.statement = "Bursts on Cyclone DDS, whose reader looks afterwards; losses on the bus."
+    found.heard(kept == burst,
+                only_if="the two have met, neither end's history overruns, no lifespan ends and "
+                "the writer lives on",
+                inside=[*inside, long.lost == 0],
+                outside=[*outside, history(QoS(), QoS(), 3, late=True) == [0, 1, 2]])  # fmt: skip
+    found.corrected(
+        len(best) == kept == depth, gone > 0.1, not any(outside), long.rounds > 0, quick.lost == 0
+    )
+
+
+def ages(depth, ratio, reliability="reliable", reads=400, apart=0.01):
+    """Age of what a slow reader takes from a full queue on the bus, in periods of the writer."""
+    from course.middleware.bus import Bus
+    from course.middleware.qos import QoS
+
+    bus, seen = Bus(), list[float]()
+    qos = QoS(reliability, depth=depth)
+    out = bus.node("writer").writer("x", qos)
+    reader = bus.node("reader").reader("x", None, qos)
+
+    def look():
+        if sample := reader.take():
+            seen.append((bus.now - sample.stamp) / apart)
+
+    bus.node("clock").timer(apart, lambda: (out.publish(0), None)[1])
+    bus.node("other clock").timer(ratio * apart, look, phase=0.5)
+    bus.run(reads * ratio * apart)
+    return np.array(seen)[3 * depth :]
+
+
+@claim(
+    "Best effort drops old frames for a slow reader, so that none of them queues.",
+    "The depth does, under either. A full queue of depth d hands out samples that are between (d "
+    "- 1)*T and d*T old, with clocks of their own {formula} in the mean. Best effort with depth "
+    "{depth:.0f} was {deep:.0f} periods of the writer late, reliable with depth 1 was "
+    "{newest:.0f} late.",
+    ask=("A slower reader takes, one by one at moments of its own, the oldest of a full queue of "
+         "depth d, whose writer has the period T. The mean age of what it takes?",
+         "A, age = (d - 1/2)*T",
+         {"(d - 1)*T": "That is the least, just after a sample came.",
+          "d*T": "That is the greatest, just before the next one comes.",
+          "d*T/2": "The queue is full each time, not half full.",
+          "T/2": "That is depth 1."}),
+)  # fmt: skip
+def best_effort_is_fresh(found):
+    import sympy
+
+    from course.middleware.qos import ORDERS
+    from course.oracles.slow_reader import queue_ages
+
+    d, T, w = sympy.symbols("d T w", positive=True)
+    found.formula = sympy.factor(sympy.integrate((d - 1) * T + w, (w, 0, T)) / T)
+    depth = int(found.given("depth", 10))
+    deep = found.figure("deep", queue_ages(depth, 3, 20, "best_effort").ages[-1])
+    newest = found.figure("newest", queue_ages(1, 3, 20, "reliable").ages[-1])
+    drawn = zip(found.rng.integers(1, 12, 6), found.rng.uniform(1.3, 4.0, 6), strict=True)
+    seen = [(int(k), ages(int(k), float(r), ORDERS["reliability"][int(k) % 2])) for k, r in drawn]
+    found.statement = "On Cyclone DDS in turns, and on the bus with clocks of their own."
+    found.heard(deep == 0)
+    found.corrected(deep == depth - 1, newest == 0,
+                    all(k - 1 - 1e-6 < a.min() and a.max() < k + 1e-6 for k, a in seen),
+                    all(abs(a.mean() - float(found.formula.subs({d: k, T: 1}))) < 0.1
+                        for k, a in seen))  # fmt: skip
+
+
+def still_there(lifespan=math.inf, dies=False):
+    """Whether a reader that joins a second late gets the last sample, on the bus."""
+    from course.middleware.bus import Bus
+
+    bus = Bus()
+    writer = bus.node("monitor").writer("x", late(depth=1, lifespan=lifespan))
+    writer.publish("safe")
+    bus.run(1.0)
+    if dies:
+        writer.die()
+    reader = bus.node("screen").reader("x", None, late())
+    bus.run(2.0)
+    return len(reader) > 0
+
+
+@claim(
+    "With transient-local durability a reader that joins late gets the last message.",
+    "Both ends have to ask for it, and to be reliable: on Cyclone DDS {given:.0f} of the four "
+    "pairs of durabilities handed the past on, and {reliable:.0f} of those of reliabilities. A "
+    "sample that outlived its lifespan, or its writer, is gone.",
+)
+def late_joiner_gets_the_last(found):
+    from course.middleware.qos import ORDERS
+    from course.oracles.qos_matrix import history
+
+    def gets(offered, requested):
+        return history(offered, requested, 4, late=True) == [3]
+
+    kinds = {name: ORDERS[name][:2] for name in ("durability", "reliability")}
+    last = late(depth=1)
+    given = {name: [gets(late(**{"depth": 1, name: a}), late(**{name: b}))
+                    for a in some for b in some] for name, some in kinds.items()}  # fmt: skip
+    found.figure("given", sum(given["durability"]))
+    found.figure("reliable", sum(given["reliability"]))
+    found.statement = "Pairs on Cyclone DDS; lifespan and the writer's end on the bus."
+    found.heard(
+        all(given["reliability"]), cases=True,
+        only_if="both ends are transient-local and reliable, its lifespan lasts and its writer "
+        "lives",
+        inside=[gets(last, late(depth=n)) for n in (1, 2, 10)] + [still_there()],
+        outside=[*given["durability"][:3], *given["reliability"][:3], still_there(lifespan=0.5),
+                 still_there(dies=True)],
+    )  # fmt: skip
+    found.corrected(sum(given["durability"]) == 1, sum(given["reliability"]) == 1,
+                    not still_there(lifespan=0.5), not still_there(dies=True))  # fmt: skip
+
+
+@claim(
+    "A transient-local writer of depth d hands a late reader its last d samples.",
+    "In DDS another policy decides. With depth {depth:.0f} Cyclone DDS handed over {plain:.0f}, as "
+    "its durability service keeps that many unless told otherwise; ROS 2's layer for Cyclone sets "
+    "the one to the other. The reader's own depth limits it again.",
+    source="Eclipse Cyclone DDS, issues 1616 and 1782; rmw_cyclonedds_cpp, rmw_node.cpp, Foxy 2020 "
+    "and later",
+)
+def late_joiner_depth(found):
+    from course.oracles.qos_matrix import history
+
+    def handed(depth, service, reader=20):
+        return len(history(late(depth=int(depth)), late(depth=reader), 12,
+                           late=True, kept_for_late=int(service)))  # fmt: skip
+
+    depth = int(found.given("depth", 3))
+    plain = found.figure("plain", handed(depth, 0))
+    depths = found.rng.integers(2, 10, 8)
+    found.statement = "Late readers on Cyclone DDS, after 12 samples."
+    found.heard(plain == depth,
+                only_if="its durability service has the depth d as well, and the reader no less",
+                inside=[handed(k, k) == k for k in depths],
+                outside=[handed(k, k - 1) == k for k in depths]
+                + [handed(k, k, int(k) - 1) == k for k in depths])  # fmt: skip
+    found.corrected(plain == 1, handed(5, 5, reader=2) == 2)
+
+
+def usable(lifespan, delay, seconds):
+    """Whether a sample can still be taken so long after its arrival, on the bus [s]."""
+    from course.middleware.bus import Bus, Link
+    from course.middleware.qos import QoS
+
+    bus = Bus()
+    writer = bus.node("a").writer("x", QoS(lifespan=lifespan))
+    reader = bus.node("b").reader("x", None, QoS(), Link(delay=delay))
+    writer.publish(0)
+    bus.run(delay + seconds)
+    return reader.take() is not None
+
+
+@claim(
+    "A lifespan sees to it that nothing older than it is handed out.",
+    "By the standard it runs from the stamp, as on the bus here: with {life_ms:.0f} ms to live and "
+    "{link_ms:.0f} ms on the link a sample could be taken up to {left_ms:.0f} ms after its "
+    "arrival. Cyclone DDS did not go by the stamp, as the standard allows where clocks may "
+    "disagree: stamped {ago_s:.0f} s ago, with {life_s:.0f} s to live, {came:.0f} of "
+    "{sent:.0f} came. Who needs a bound on age reads the stamp.",
+    source="OMG, Data Distribution Service 1.4, 2015, sec. 2.2.3.16; Eclipse Cyclone DDS 11",
+)
+def lifespan_bounds_age(found):
+    import time
+
+    from course.middleware.qos import QoS
+    from course.oracles.cyclonedds import Topic, participant, take
+
+    life, link = (1e-3 * found.given(*x) for x in (("life_ms", 100), ("link_ms", 60)))
+    waits = [1e-3 * k for k in range(120) if usable(life, link, 1e-3 * k)]
+    left = found.figure("left_ms", 1e3 * max(waits), 0.05)
+    ago, lasts = found.given("ago_s", 60), found.given("life_s", 30)
+    with participant() as member:
+        topic = Topic(member)
+        writer, reader = topic.writer(QoS(lifespan=lasts)), topic.reader(QoS())
+        topic.write(writer, *range(int(found.given("sent", 3))), stamp=time.time() - ago)
+        came = found.figure("came", len(take(reader)))
+    found.statement = "Times of taking on the bus; early stamps on Cyclone DDS, in one process."
+    found.heard(came == 0)
+    found.corrected(came == 3, 1e3 * (life - link) - 1.5 < left < 1e3 * (life - link))
+
+
+def missed_on_the_bus(gap, deadline):
+    """Events of missed deadlines at the writer and at the reader, of one gap on the bus."""
+    from course.middleware.bus import Bus
+    from course.middleware.qos import QoS
+
+    bus = Bus()
+    writer = bus.node("a").writer("x", QoS(deadline=deadline))
+    bus.node("b").reader("x", None, QoS(deadline=deadline))
+    for k in range(2):
+        bus.after(k * gap, writer.publish, k)
+    bus.run(gap)
+    return [sum(one.end == end for one in bus.events) for end in ("writer", "reader")]
+
+
+@claim(
+    "A deadline that is missed raises one event, and a dead camera is one that misses it.",
+    "One for each deadline in the gap: {gap_ms:.0f} ms under a deadline of {deadline_ms:.0f} ms "
+    "raised {events:.0f} at each end. The clock starts with the first sample and stops when "
+    "Cyclone DDS knows that the writer is gone: one that never wrote raised {never:.0f}, one that "
+    "was closed {closed:.0f}.",
+)
+def deadline_is_one_event(found):
+    import gc
+    import time
+
+    from course.middleware.qos import QoS
+    from course.oracles.cyclonedds import Topic, participant
+    from course.oracles.qos_matrix import missed
+
+    gap = 1e-3 * found.given("gap_ms", 120)
+    deadline = 1e-3 * found.given("deadline_ms", 50)
+
+    events = found.figure("events", missed_on_the_bus(gap, deadline)[1])
+    with participant() as member:
+        topic = Topic(member)
+        _, reader = topic.writer(QoS(deadline=0.02)), topic.reader(QoS(deadline=0.02))
+        time.sleep(0.1)
+        never = found.figure("never", reader.get_requested_deadline_missed_status().total_count)
+        topic = Topic(member)
+        writer, reader = topic.writer(QoS(deadline=0.02)), topic.reader(QoS(deadline=0.02))
+        topic.write(writer, 1)
+        del writer
+        gc.collect()
+        time.sleep(0.1)
+        closed = found.figure("closed", reader.get_requested_deadline_missed_status().total_count)
+    real = missed(deadline, gap, 2)
+    draws = found.rng.uniform((0.05, 0.01), (0.5, 0.049), (20, 2))
+    found.statement = "Gaps on the bus, and those that there really were on Cyclone DDS."
+    found.heard(events == 1)
+    found.corrected(all(missed_on_the_bus(float(g), float(d)) == [math.floor(g / d)] * 2
+                        for g, d in draws), never == closed == 0,
+                    real.least <= real.offered <= real.most,
+                    real.least <= real.requested <= real.most)  # fmt: skip

@@ -1,0 +1,348 @@
+"""Claims of chapter 10: nodes and processes, controllers, launch files, and policies in between."""
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "n": Symbol("parameters"),
+    "b": Symbol("bytes of a parameter"),
+    "f": Symbol("actions a second [1/s]"),
+    "k": Symbol("actions of one pass"),
+    "C": Symbol("time of a pass [s]"),
+    "H": Symbol("actions of a chunk that are played", 1.0, 50.0),
+    "T": Symbol("time of an action [s]"),
+}
+
+
+@claim(
+    "A node is a process.",
+    "A node is a name with topics, services and parameters; how many share a process is said when "
+    "they are started. The usual launch file makes {started:.0f} processes of {written:.0f} nodes; "
+    "here {nodes:.0f} nodes worked in {processes:.0f} process. In ROS 2 that is composition.",
+    source="ROS 2 documentation, Composing multiple nodes in a single process, Humble 2022",
+)
+def node_is_a_process(found):
+    import os
+
+    from course.middleware import launch
+    from course.middleware.bus import Bus
+
+    bus, at = Bus(), dict[str, int]()
+    for name in ("camera", "perception", "planner", "control", "monitor"):
+        node = bus.node(name)
+        node.timer(0.1, lambda name=name: at.__setitem__(name, os.getpid()))
+    bus.run(0.5)
+    nodes = found.figure("nodes", len(at))
+    processes = found.figure("processes", len(set(at.values())))
+    listed = launch.nodes(launch.USUAL)
+    written = found.figure("written", len(listed))
+    started = found.figure("started", len({(x.package, x.executable) for x in listed}))
+    found.statement = "Process numbers seen by the callbacks of a stack; a launch file, run."
+    found.heard(processes == nodes)
+    found.corrected(processes == 1, nodes == 5, started == written)
+
+
+CRASH = """
+import ctypes, resource, sys, threading
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+def fail(): ctypes.string_at(0)
+one = threading.Thread(target=fail)
+one.start(); one.join()
+print("alive")
+"""
+
+
+def told_of_a_crash(lease):
+    """Whether a reader is told that its writer died on the bus, and whether who asked got an
+    answer."""
+    from course.middleware.bus import Bus
+    from course.middleware.qos import QoS
+
+    bus = Bus()
+    eye = bus.node("perception")
+    writer = eye.writer("pose", QoS(liveliness_lease_duration=lease))
+    bus.node("control").reader("pose", None, QoS(liveliness_lease_duration=lease))
+
+    def never(_):
+        yield 1e9
+
+    eye.service("where", never)
+    answer = bus.node("planner").client("where").call(0)
+    writer.die()
+    bus.run(100.0)
+    return [one.kind for one in bus.events], answer.done
+
+
+@claim(
+    "Where each node is a process, the crash of one leaves the others running.",
+    "It does, if they share no lock in memory; in one process it takes all with it. But running "
+    "is not knowing: without a lease or deadline {events:.0f} events told the others on the bus, "
+    "with one {told:.0f} did (DDS also notices when the lease of a whole process ends, seconds "
+    "later), and who waits for an answer waits on. That the arm then holds its place has to be "
+    "programmed.",
+)
+def processes_isolate(found):
+    import subprocess
+    import sys
+
+    def python(code):
+        return subprocess.Popen([sys.executable, "-S", "-c", code], text=True,
+                                stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                                stderr=subprocess.DEVNULL)  # fmt: skip
+
+    other = python("input(); print('alive')")
+    crashed = python(CRASH)
+    said = crashed.communicate()[0]  # over, before the other one is asked
+    answer = other.communicate("are you?\n")[0]
+    silent, done = told_of_a_crash(float("inf"))
+    noticed, _ = told_of_a_crash(0.1)
+    found.figure("events", len(silent))
+    told = found.figure("told", len(noticed))
+    found.statement = "A process with two threads, one of which reads address 0; leases on the bus."
+    found.heard(answer.strip() == "alive" and crashed.returncode != 0)
+    found.corrected(said == "", silent == [], told == 1 and noticed == ["not alive"], not done)
+
+
+@claim(
+    "A controller in the callback of the joint states runs at 1 kHz.",
+    "It runs once a message: at {hz:.0f} Hz of joint states it sent {sent:.0f} commands a second, "
+    "none when they stopped, and {burst:.0f} in one instant when a callback in front of it had "
+    "taken {busy_ms:.0f} ms, as deep as its queue. A loop of its own keeps its rate and sees how "
+    "old its state is.",
+)
+def callback_sets_the_rate(found):
+    from course.middleware.bus import Bus
+    from course.middleware.executor import Executor
+    from course.middleware.qos import QoS
+
+    def commands(hz, stops=np.inf, busy=0.0):
+        """When commands were sent [s]; a callback that takes `busy` comes at 0.5 s."""
+        bus, sent = Bus(), list[float]()
+        out = bus.node("drives").writer("joint_states")
+        node = bus.node("control", Executor(bus))
+        node.reader("joint_states", lambda s: sent.append(bus.now), QoS())
+
+        def other():
+            yield busy
+
+        if busy:
+            node.timer(10.0, other, 0.05)
+        bus.node("clock").timer(
+            1.0 / hz, lambda: (out.publish(0), None)[1] if bus.now < stops else None
+        )
+        bus.run(0.9999)
+        return np.array(sent)
+
+    hz = found.given("hz", 200)
+    sent = found.figure("sent", commands(hz).size)
+    times = commands(hz, busy=1e-3 * found.given("busy_ms", 200))
+    burst = found.figure("burst", int(np.unique(times, return_counts=True)[1].max()))
+    late = commands(hz, stops=0.5)
+    found.statement = "Joint states at some rates on the bus, one second each."
+    found.heard(sent > 900)
+    found.corrected(all(commands(float(x)).size == np.ceil(0.9999 * x) for x in (50, 333, 1000)),
+                    sent == hz, bool(late.max() < 0.5), burst == QoS().depth)  # fmt: skip
+
+
+@claim(
+    "A callback that takes joints by number is safe for any message of joint states.",
+    "The common form trusts sizes: with more joints than targets, or no velocities, it read beyond "
+    "its vectors, {stopped:.0f} of {bad:.0f} such messages stopped it under the sanitizer, and it "
+    "took memory {made:.0f} times a message. One that checks sizes when it is configured took "
+    "memory {none:.0f} times in {updates:.0f} updates. Names have to be compared as well: the "
+    "order of joints in a message is not promised.",
+    source="sensor_msgs/JointState, ROS 2 Jazzy 2024; ros2_control documentation, Jazzy 2024",
+)
+def any_joint_message(found):
+    import tempfile
+    from pathlib import Path
+
+    from course.middleware import controller
+
+    targets, six = [[0.5] * 6], [6, *[0.1] * 6, 6, *[0.2] * 6]
+    wrong = [[7, *[0.1] * 7, 7, *[0.2] * 7], [6, *[0.1] * 6, 0]]
+    settings = found.rng.uniform(0.1, 5.0, (4, 6))
+    rows = found.rng.normal(0.0, 2.0, (int(found.given("updates", 100)), 12))
+    with tempfile.TemporaryDirectory() as folder:
+        program = controller.build(Path(folder))
+        fine = controller.drive(program, "callback", targets, [six, six])
+        failed = [controller.drive(program, "callback", targets, [row]) for row in wrong]
+        ours = controller.drive(program, "update", settings, rows)
+    found.figure("bad", len(failed))
+    stopped = found.figure("stopped", sum(bool(one.report) for one in failed))
+    made = found.figure("made", min(fine.allocations), 0.5)
+    none = found.figure("none", sum(ours.allocations))
+    told = [controller.torques(row[:6], row[6:], *settings) for row in rows]
+    found.statement = "Both in C++ under the address sanitizer, and the same law in Python."
+    found.heard(all(one.code == 0 for one in failed))
+    found.corrected(stopped == len(wrong), fine.code == 0 and made >= 2, none == 0, all(ours.good),
+                    bool(np.abs(np.array(ours.torque) - told).max() <= 1e-15))  # fmt: skip
+
+
+@claim(
+    "A launch file that says best effort at 30 Hz and a rate of 1000 sets both.",
+    "Comments set nothing, and a parameter only what the node declares and reads. The usual file "
+    "sets the quality of service of {usual:.0f} ends, ours of {ours:.0f}. And rate, given to a "
+    "node that calls it update_rate as ros2_control's does, leaves that at its default of "
+    "{left:.0f} Hz, without a word.",
+    source="rclcpp, qos_overriding_options.hpp, Galactic 2021 and later; ros2_control "
+    "documentation, Controller Manager, Jazzy 2024",
+)
+def launch_comments(found):
+    from course.middleware import launch
+
+    def ends(text):
+        return sum(len(launch.overrides(node.parameters)) for node in launch.nodes(text))
+
+    usual, ours = found.figure("usual", ends(launch.USUAL)), found.figure("ours", ends(launch.OURS))
+    (control,) = (x for x in launch.nodes(launch.USUAL) if "rate" in x.parameters)
+    node = launch.Parameters(control.parameters)
+    left = found.figure("left", node.declare("update_rate", int(found.given("default", 100))))
+    asked = control.parameters["rate"]
+    found.statement = "Both files run against stand-ins of launch, their parameters read by name."
+    found.heard(usual > 0)
+    found.corrected(usual == 0, ours > 4, left != asked, "rate" not in node.value,
+                    not launch.silent(launch.nodes(launch.OURS)))  # fmt: skip
+
+
+@claim(
+    "All parameters of a node can be tuned while it runs.",
+    "Setting one changes what is read from then on. Of {kinds:.0f} ways to use a parameter "
+    "{tuned:.0f} took the new value over: read anew in each cycle, or told by a callback. One that "
+    "was copied at the start kept the old one, and one that was never declared was refused, as one "
+    "is that is declared read-only: ros2_control's update_rate, by its documentation.",
+    source="ROS 2 documentation, Parameters, and ros2_control, Controller Manager, Jazzy 2024",
+)
+def parameters_are_tunable(found):
+    from course.middleware import launch
+
+    def stiffness(way, start, new):
+        """What a controller works with after it was set to a new value."""
+        node, used = launch.Parameters({"stiffness": start}), {}
+        if way != "undeclared":
+            used["now"] = node.declare("stiffness", 1.0)
+        if way == "told":
+            node.told.append(lambda name, value: used.update(now=value))
+        try:
+            node.set("stiffness", new)
+        except ValueError:
+            return start
+        return node.value["stiffness"] if way == "read" else used["now"]
+
+    ways = ("read", "told", "copied", "undeclared")
+    drawn = found.rng.uniform(1.0, 100.0, (8, 2))
+    works = {way: [stiffness(way, float(a), float(b)) == b for a, b in drawn] for way in ways}
+    found.figure("kinds", len(works))
+    tuned = found.figure("tuned", sum(all(one) for one in works.values()))
+    found.statement = "A stand-in that keeps parameters as rclcpp does, four ways to use one."
+    found.heard(all(works["copied"]),
+                only_if="it is declared, not read-only, and read anew or followed by a callback",
+                inside=works["read"] + works["told"],
+                outside=works["copied"] + works["undeclared"])  # fmt: skip
+    found.corrected(tuned == 2, not any(works["copied"]), not any(works["undeclared"]))
+
+
+@claim(
+    "A model of seven billion parameters at 10 Hz needs a GPU on board.",
+    "A pass reads all weights and makes k actions: {formula}. With two bytes each and an action a "
+    "pass that is {each:.0f} GB/s, and two channels of a PC's memory give {pc:.1f}. With "
+    "{chunk:.0f} actions a pass it is {few:.1f} GB/s, and from another computer it comes over a "
+    "link, older by its {link_ms:.0f} ms: {far_ms:.0f} ms in place of {near_ms:.0f} in the mean. "
+    "Computing, the cache of a transformer and several passes for one action come on top.",
+    ask=("A model of n parameters of b bytes makes k actions in a pass, in which each weight is "
+         "read once from memory, and gives f actions a second. How many bytes a second does it "
+         "read at the least?", "B, rate = n*b*f/k", {
+             "n*b*f": "A pass makes k actions.",
+             "n*b*f*k": "More actions a pass are fewer passes.",
+             "n*f/k": "A parameter has b bytes.",
+             "8*n*b*f/k": "That is bits."}),
+)  # fmt: skip
+def seven_billion_on_board(found):
+    import sympy
+
+    from course.role import Stage, age
+
+    n, b, f, k, t = sympy.symbols("n b f k t", positive=True)
+    found.formula = sympy.diff(n * b * (f * t / k), t)
+
+    def read(layers, width, actions, a_pass):
+        """Bytes of weights that a network reads for so many actions, counted matrix by matrix."""
+        weights = [np.zeros((width, width), np.float16) for _ in range(layers)]
+        count, state = 0, np.zeros(width, np.float16)
+        for _ in range(0, actions, a_pass):
+            for matrix in weights:
+                state, count = matrix @ state, count + matrix.nbytes
+        return count, sum(matrix.size for matrix in weights)
+
+    counted = [(*read(3, 8, 24, x), x) for x in (1, 2, 8)]
+
+    def traffic(size, actions=1.0, rate=10.0, model=7e9):
+        values = {n: model, b: float(size), f: rate, k: float(actions)}
+        return float(found.formula.subs(values)) / 1e9
+
+    pc, chunk = found.given("pc", 89.6), found.given("chunk", 8)
+    each = found.figure("each", traffic(2))
+    found.figure("few", traffic(2, chunk))
+    link = 1e-3 * found.given("link_ms", 40)
+    stages = [Stage("camera", 0.01, 1 / 30), Stage("policy", 0.09, 0.1), Stage("drive", 1e-4, 1e-3)]
+    near = age(stages).mean
+    far = age([stages[0], Stage("link", link, overload="pipelined"), *stages[1:]]).mean
+    found.figure("near_ms", 1e3 * near)
+    found.figure("far_ms", 1e3 * far)
+    sizes, few = found.rng.uniform(1.4, 4.0, 8), found.rng.uniform(2.0, 16.0, 8)
+    found.statement = "Counted on small networks; two channels of DDR5-5600; ages of chapter 0."
+    found.heard(bool(traffic(2, chunk) > pc),
+                only_if="each action takes a pass of its own, the memory beside the processor is "
+                "too slow for that, and no link to another computer is quick enough",
+                inside=[traffic(x) > pc for x in sizes],
+                outside=[traffic(min(x, 2.5), a) > pc
+                         for x, a in zip(sizes, few, strict=True)])  # fmt: skip
+    found.corrected(each > pc, abs(far - near - link) < 1e-9,
+                    all(abs(bytes_ / float(found.formula.subs({n: size, b: 2, f: 24, k: x})) - 1.0)
+                        < 1e-9 for bytes_, size, x in counted))  # fmt: skip
+
+
+@claim(
+    "A policy that plays chunks of actions has no latency.",
+    "The arm never waits, and moves by an older picture: at the end of a chunk it is {formula} "
+    "old. With a pass of {pass_ms:.0f} ms and chunks of {played:.0f} actions of {action_ms:.0f} ms "
+    "that is {worst_ms:.0f} ms, and {mean_ms:.0f} in the mean; with chunks as short as the pass "
+    "{short_ms:.0f}.",
+    ask=("A pass takes C from its picture. It gives a chunk, of which H actions of T each are "
+         "played while the next pass runs, so that the next chunk is there just in time. How old "
+         "is the picture at the end of a chunk?", "A, age = C + H*T", {
+             "C": "That is at its beginning.",
+             "H*T": "The pass has taken its time before.",
+             "C + H*T/2": "That is the mean.",
+             "2*C": "That is a chunk that lasts as long as a pass."}),
+)  # fmt: skip
+def chunks_hide_latency(found):
+    import sympy
+
+    from course.middleware.executor import run_chain
+    from course.role import Stage
+
+    C, H, T, x = sympy.symbols("C H T x", positive=True)
+    found.formula = C + sympy.integrate(1, (x, 0, H * T))
+    a_pass, action = (1e-3 * found.given(*x) for x in (("pass_ms", 100), ("action_ms", 20)))
+    played = int(found.given("played", 25))
+
+    def ages(a_pass, chunk):
+        """Ages behind the motion on the bus [s]: a pass as each chunk is to end [s]."""
+        run = run_chain([Stage("policy", a_pass, chunk)], [0.3], 0, 60.0 * chunk)
+        return run.age(found.rng.uniform(5.0 * chunk, 58.0 * chunk, 4000))
+
+    seen, short = ages(a_pass, played * action), ages(a_pass, a_pass)
+    worst = found.figure("worst_ms", 1e3 * seen.max(), 0.01)
+    mean = found.figure("mean_ms", 1e3 * seen.mean(), 0.03)
+    found.figure("short_ms", 1e3 * short.max(), 0.01)
+    drawn = [(float(a), float(h)) for a, h in found.rng.uniform((0.02, 0.1), (0.1, 0.6), (5, 2))]
+    found.statement = "A policy as a stage of chapter 0 on the bus, ages at drawn moments."
+    found.heard(worst < 1.1e3 * a_pass)
+    found.corrected(
+        all(abs(ages(a, h).max() / float(found.formula.subs({C: a, H: 1, T: h})) - 1.0) < 0.01
+            for a, h in drawn), bool(seen.min() > 0.99 * a_pass),
+        bool(abs(mean / (1e3 * (a_pass + 0.5 * played * action)) - 1.0) < 0.03),
+        bool(abs(short.max() / (2.0 * a_pass) - 1.0) < 0.01),
+    )  # fmt: skip

@@ -1,0 +1,583 @@
+"""Claims of chapter 10: deadlines, locks, executors and loops, as promised and as they are."""
+
+from itertools import cycle, permutations
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "u": Symbol("utilization of the first task", 0.05, 0.95),
+    "T": Symbol("period of the loop [s]"),
+    "C": Symbol("work in each period [s]"),
+    "L": Symbol("time by which a wake-up is late [s]"),
+    "J": Symbol("greatest lateness [s]"),
+    "v": Symbol("velocity of the joint [rad/s]"),
+}
+
+
+@claim(
+    "Tasks that use more of a core than Liu and Layland's bound miss their deadlines.",
+    "By rate, for tasks that can be interrupted, it suffices and is not needed: with {load:.0%}, "
+    "above the bound of {bound:.1%}, {meet:.0%} of {sets:.0f} random sets of {n:.0f} tasks met all "
+    "deadlines, and periods that divide one another do up to a full core. Beside one task that "
+    "uses u, another is safe up to {formula} whatever its period. Callbacks of an executor, which "
+    "can't be interrupted, missed with {two:.0%}, below the bound for two.",
+    ask=("Two tasks under rate-monotonic priorities, of which one uses the share u of the core. Up "
+         "to which share of the other is no deadline missed, whatever the periods?",
+         "U, share = (1 - u)/(1 + u)", {
+             "1 - u": "That is a full core, for periods that divide one another.",
+             "2*(sqrt(2) - 1) - u": "That is Liu and Layland's sum, which promises less.",
+             "ln(2) - u": "That is the sum for many tasks.",
+             "(1 - u)^2": "Both shares plus 1, multiplied, may be 2."}),
+    source="Liu and Layland, 1973; Bini, Buttazzo and Buttazzo, A hyperbolic bound, 2001",
+)  # fmt: skip
+def liu_layland_says_no(found):
+    import sympy
+
+    from course.middleware.executor import Work, respond
+    from course.middleware.schedule import breakdown, liu_layland, random_sets, response_times
+
+    u, x = sympy.symbols("u x", positive=True)
+    found.formula = sympy.factor(sympy.solve(sympy.Eq((u + 1) * (x + 1), 2), x)[0])
+    n, sets = int(found.given("n", 4)), int(found.given("sets", 1000))
+    load = found.given("load", 0.85)
+    bound = found.figure("bound", liu_layland(n))
+    C, T = random_sets(n, load, sets, found.rng)
+    meet = found.figure("meet", np.isfinite(response_times(C, T)).all(axis=0).mean(), 0.15)
+
+    def safe(share, other, ratios):
+        """Whether two tasks are in time at all these ratios of periods, either the quicker one."""
+        pairs = [(np.array([share, other]), np.stack([np.ones_like(ratios), ratios])),
+                 (np.array([other, share]), np.stack([np.ones_like(ratios), ratios]))]  # fmt: skip
+        return all(np.isfinite(response_times(a[:, None] * t, t)).all() for a, t in pairs)
+
+    ratios, shares = np.linspace(1.0, 3.0, 801), found.rng.uniform(0.05, 0.9, 12)
+    told = [(float(a), float(found.formula.subs(u, a))) for a in shares]
+    # The worst ratio of periods of all: there a little more is too much.
+    worst = [np.append(ratios, [1.0 + a, 1.0 + b]) for a, b in told]
+    short, long = Work("control", 1e-3, 0.02), Work("camera", 0.025, 1 / 30, "subscription")
+    two = found.figure("two", sum(w.execution / w.period for w in (short, long)))
+    waits = respond([short, long], "timers first", 1, (0.1, 0.0), 0.2)["control"].max()
+    found.statement = "Exact response times of random sets, and of pairs at 800 ratios of periods."
+    found.heard(meet < 0.01)
+    found.corrected(meet > 0.5, load > bound, two < liu_layland(2), bool(waits > short.period),
+                    all(safe(a, b * 0.999, r) for (a, b), r in zip(told, worst, strict=True)),
+                    not any(safe(a, b * 1.01, r) for (a, b), r in zip(told, worst, strict=True)),
+                    abs(float(breakdown([0.1, 0.2, 0.4], [1.0, 2.0, 4.0])) - 1.0) < 1e-6,
+                    )  # fmt: skip
+
+
+@claim(
+    "No task answers later than when all are released at once.",
+    "So it is for tasks that are in time, can be interrupted and never wait: the "
+    "response times of the analysis were those of a run from that moment in all {sets:.0f} random "
+    "sets, and {later:.0f} of {tried:.0f} runs with other phases were later. With locks or a late "
+    "release the terms for blocking and jitter come on top.",
+    source="Liu and Layland, 1973; Audsley and others, 1993",
+)
+def critical_instant(found):
+    from course.middleware.schedule import random_sets, response_times, run
+
+    sets = int(found.given("sets", 400))
+    C, T = random_sets(4, 0.85, sets, found.rng)
+    said = response_times(C, T)
+    meets = np.isfinite(said)
+    first = run(C, T, 2.0)
+    equal = np.abs(first.longest - said)[meets].max() < 1e-9
+    phases = [run(C, T, 2.0, phase=found.rng.random(T.shape) * T).longest for _ in range(5)]
+    later = [np.any((seen > first.longest + 1e-9) & meets, axis=0).sum() for seen in phases]
+    found.figure("later", sum(later))
+    found.figure("tried", sum(seen.shape[1] for seen in phases))
+    held = response_times(C, T, 1e-3)
+    found.statement = "The analysis, runs from the critical instant, and runs with other phases."
+    found.heard(sum(later) == 0)
+    late = np.zeros_like(T)
+    late[0] = 0.5 * T[0]
+    told, ran = response_times(C, T, jitter=late), run(C, T, 2.0, jitter=late).longest
+    found.corrected(bool(equal), bool(np.array_equal(first.late == 0, meets)),
+                    bool(np.any((ran > first.longest + 1e-9)[1:] & meets[1:])),
+                    not np.any((ran > told + 1e-9) & np.isfinite(told)),
+                    bool(np.all(held >= said)), meets.mean() > 0.5)  # fmt: skip
+
+
+@claim(
+    "Among fixed priorities none does better than the shorter period first.",
+    "Where each deadline is the period, each can be interrupted, nobody waits or is released late, "
+    "and all can come at once: of {sets:.0f} random sets of four tasks {some:.0f} were in time "
+    "under some order and all of these by rate. In an order that knows nothing of periods "
+    "{wrong:.0%} of them were. Deadlines shorter than periods want the shorter deadline first.",
+    source="Liu and Layland, 1973; Leung and Whitehead, 1982",
+)
+def by_rate_is_best(found):
+    from course.middleware.schedule import random_sets, response_times
+
+    C, T = random_sets(4, 0.85, int(found.given("sets", 400)), found.rng, ratio=20.0)
+    orders = [list(order) for order in permutations(range(4))]
+    good = np.array([np.isfinite(response_times(C[o], T[o])).all(axis=0) for o in orders])
+    some = good.any(axis=0)
+    found.figure("some", some.sum(), 0.1)
+    wrong = found.figure("wrong", good[:, some].mean(), 0.2)
+    # A slow task with an early deadline is in time in front of a quicker one, and not behind it.
+    late = response_times([0.3, 0.2], [1.0, 2.0])[1], response_times([0.2, 0.3], [2.0, 1.0])
+    J = T * np.where(found.rng.random(T.shape) < 0.3, 0.6, 0.0)
+    jitter = np.array([np.isfinite(response_times(0.8 * C[o], T[o], 0.0, J[o])).all(axis=0)
+                       for o in orders])  # fmt: skip
+    found.statement = "Exact response times in all 24 orders of priority."
+    found.heard(bool(np.array_equal(good[0], some)))
+    found.corrected(wrong < 0.8, some.sum() > 100, jitter[0].sum() < jitter.any(axis=0).sum(),
+                    bool(late[0] > 0.25), bool(late[1][0] < 0.25),
+                    bool(np.isfinite(late[1][1])))  # fmt: skip
+
+
+def high_waits(protocol, section, middle, between):
+    """How long a high task waits for a low one's section, with so many tasks between them [s]."""
+    from course.middleware.schedule import run
+
+    n = between + 2
+    seen = run([0.01] + [middle] * between + [section], [60.0] * n, 60.0,
+               phase=[1e-6] + [2e-6] * between + [0.0],
+               section=[0.01] + [0.0] * between + [section], lock=[0] + [-1] * between + [0],
+               protocol=protocol)  # fmt: skip
+    return float(seen.longest[0]) - 0.01
+
+
+@claim(
+    "A task of high priority waits for a lock no longer than a lower one holds it.",
+    "A lock that hands nothing on also lets it wait for all between: for a section of "
+    "{section_ms:.0f} ms and tasks of {middle_ms:.0f} ms, {one_ms:.0f} ms with one of them and "
+    "{five_ms:.0f} ms with five. With inheritance or a ceiling it is {held_ms:.0f} ms, and "
+    "what computes above it comes on top: {top_ms:.0f} ms below one more of those. On Linux "
+    "Python's locks and std::mutex have neither.",
+    source="Sha, Rajkumar and Lehoczky, Priority inheritance protocols, 1990",
+)
+def inversion_is_bounded(found):
+    from course.middleware.schedule import run
+
+    section, middle = (1e-3 * found.given(*x) for x in (("section_ms", 20), ("middle_ms", 100)))
+
+    def bounded(protocol, hold, between, many):
+        return high_waits(protocol, float(hold), float(between), int(many)) < hold + 1e-6
+
+    one, five = (high_waits("none", section, middle, n) for n in (1, 5))
+    kinds = ("inheritance", "ceiling")
+    held = [high_waits(kind, section, middle, 5) for kind in kinds]
+    found.figure("one_ms", 1e3 * one, 1e-3)
+    found.figure("five_ms", 1e3 * five, 1e-3)
+    found.figure("held_ms", 1e3 * max(held), 1e-3)
+    top = [run([middle, 0.01, section], [60.0] * 3, 60.0, phase=[2e-6, 1e-6, 0.0],
+               section=[0.0, 0.01, section], lock=[-1, 0, 0], protocol=kind).longest[1] - 0.01
+           for kind in kinds]  # fmt: skip
+    found.figure("top_ms", 1e3 * max(top), 1e-3)
+    drawn = found.rng.uniform((0.001, 0.01, 1.0), (0.1, 0.5, 6.99), (8, 3))
+    found.statement = "Three to eight tasks and a lock on one simulated core."
+    found.heard(one < section + 1e-6,
+                only_if="the lock hands on the priority of who waits, or has a ceiling, its "
+                "holder waits for no other, and nobody is above",
+                inside=[bounded(kind, *x) for x in drawn for kind in kinds],
+                outside=[bounded("none", *x) for x in drawn]
+                + [bool(x < section + 1e-6) for x in top])  # fmt: skip
+    found.corrected(abs(one - section - middle) < 1e-4, abs(five - section - 5 * middle) < 1e-4,
+                    all(x < section + 1e-6 for x in held))  # fmt: skip
+
+
+@claim(
+    "ROS 2 is not real-time by default.",
+    "So it is: its executors don't interrupt a callback. One of {control_ms:.0f} ms for control "
+    "ended up to {worst_ms:.1f} ms after its time beside one of {camera_ms:.0f} ms for pictures, "
+    "the bound is the sum of both, in each of three orders; one of them has timers first. On a "
+    "thread and in a group of its own it took {own_ms:.0f} ms; that thread still needs a priority "
+    "and memory that is locked.",
+    source="Casini and others, ECRTS 2019; ROS 2 documentation, About executors, Jazzy 2024",
+)
+def not_real_time_by_default(found):
+    from course.middleware.executor import ORDERS, Work, bounds, respond
+
+    short, long = (1e-3 * found.given(*x) for x in (("control_ms", 1), ("camera_ms", 25)))
+    works = [Work("control", short, 0.05), Work("camera", long, 1 / 30, "subscription")]
+    apart = [works[0], Work("camera", long, 1 / 30, "subscription", "own")]
+    phases = np.linspace(0.0, 1 / 3, 40)
+    seen = {order: max(respond(works, order, phases=(x, 0.0), seconds=0.2)["control"].max()
+                       for x in phases) for order in ORDERS}  # fmt: skip
+    own = max(respond(apart, order, 2, (x, 0.0), 0.2)["control"].max()
+              for x in phases[:10] for order in ORDERS)  # fmt: skip
+    worst = found.figure("worst_ms", 1e3 * max(seen.values()), 0.02)
+    found.figure("own_ms", 1e3 * own, 0.01)
+    told = [1e3 * bounds(works, order)["control"] for order in ORDERS]
+    found.statement = "Three orders of an executor on the bus, 40 phases, and their bounds."
+    found.heard(all(x > 0.9 * (short + long) for x in seen.values()))
+    found.corrected(all(worst <= x + 1e-6 for x in told), bool(own < 1.01 * short),
+                    max(told) < 1e3 * (short + long) + 1e-6)  # fmt: skip
+
+
+class Clock:
+    """A clock that moves when somebody sleeps or works; wake-ups are late by what is drawn [s]."""
+
+    def __init__(self, late):
+        self.ns, self.late = 1_000_000_000, late
+
+    def now(self):
+        return self.ns
+
+    def sleep(self, seconds):
+        self.ns += round(1e9 * (seconds + self.late()))
+
+    def work(self, seconds):
+        self.ns += round(1e9 * seconds)
+
+
+def looped(late, work, periods=1000, relative=False, period=1e-3):
+    """When the work of a loop began on such a clock [s], and its record."""
+    from course.middleware import loop
+
+    clock, begun = Clock(late), list[float]()
+
+    def step(_):
+        begun.append(1e-9 * (clock.ns - 1_000_000_000))
+        clock.work(work)
+
+    record = loop.run(step, period, periods, relative=relative, now=clock.now, sleep=clock.sleep)
+    return np.array(begun), record
+
+
+@claim(
+    "A loop that sleeps for a period after its work runs at its rate.",
+    "It sleeps on top of what it has done and of waking up late, and runs at {formula}: with "
+    "{work_us:.0f} us of work and {wake_us:.0f} us of waking up at {hz:.1f} in place of "
+    "{asked:.0f} Hz, further behind by {drift_us:.0f} us each period. One that sleeps until start "
+    "plus a whole number of periods stays within {held_us:.0f} us of its times.",
+    ask=("A loop works for C, then sleeps for T, and wakes up L late each time. Its rate?",
+         "f, rate = 1/(T + C + L)", {
+             "1/T": "That is a loop on absolute times.",
+             "1/(T + C)": "Waking up late adds up as well.",
+             "1/(T - C - L)": "It is slower, not quicker.",
+             "1/(T + L)": "The work comes before the sleep."}),
+    source="J. W. S. Liu, Real-Time Systems, 2000",
+)  # fmt: skip
+def relative_sleep(found):
+    import sympy
+
+    T, C, L, k = sympy.symbols("T C L k", positive=True)
+    found.formula = 1 / sympy.simplify(sympy.diff(k * (T + C + L), k))
+    work, wake = (1e-6 * found.given(*x) for x in (("work_us", 100), ("wake_us", 15)))
+    asked = found.given("asked", 1000)
+
+    def rate(work, wake, period, relative=True):
+        begun = looped(lambda: wake, work, 1000, relative, period)[0][1:]
+        return (begun.size - 1) / (begun[-1] - begun[0])
+
+    begun, record = looped(lambda: wake, work, relative=True)
+    found.figure("hz", rate(work, wake, 1.0 / asked), 1e-3)
+    found.figure("drift_us", 1e6 * np.diff(record.lateness)[1:].mean(), 1e-3)
+    held = looped(lambda: wake, work)[1]
+    late = found.figure("held_us", 1e6 * held.lateness.max(), 1e-3)
+    drawn = found.rng.uniform((1e-4, 1e-6, 1e-3), (2e-3, 2e-4, 1e-2), (8, 3))
+    found.statement = "The chapter's loop on a clock that only sleep and work move."
+    found.heard(abs(rate(work, wake, 1e-3) / asked - 1.0) < 1e-3)
+    found.corrected(
+        all(abs(rate(*map(float, x)) / float(found.formula.subs({C: x[0], L: x[1], T: x[2]})) - 1.0)
+            < 1e-4 for x in drawn),
+        late < 1e6 * wake + 1e-3, held.skipped == 0, begun.size == 1000,
+        abs(rate(work, wake, 1e-3, relative=False) / asked - 1.0) < 1e-4,
+    )  # fmt: skip
+
+
+@claim(
+    "A loop at 1 kHz with less than 1 ms of jitter is a good one.",
+    "That is a whole period: drawn evenly and anew each time, intervals were between "
+    "{least_us:.0f} and {most_us:.0f} us. A velocity taken over the nominal period is then wrong "
+    "by {formula} in the root mean square, {wrong:.0%} of the velocity itself, and by {fair:.1%} "
+    "with a jitter of {good_us:.0f} us; lateness that stays the same does no harm, every other "
+    "period late {turns:.0%}. Taken over the measured interval it is right.",
+    ask=("A loop of period T begins each period late by what is drawn evenly between 0 and J. It "
+         "takes the velocity of a joint that moves at v as the change of its angle over T. Root "
+         "mean square of the error?", "e, error = v*J/(sqrt(6)*T)", {
+             "v*J/T": "That is the greatest error.",
+             "v*J/(sqrt(12)*T)": "Both ends of the interval are late.",
+             "v*J/(sqrt(3)*T)": "Lateness is between 0 and J, not between -J and J.",
+             "v*J/(2*T)": "Deviations are squared before they are averaged."}),
+)  # fmt: skip
+def jitter_below_a_period(found):
+    import sympy
+
+    T, J, v, x, y = sympy.symbols("T J v x y", positive=True)
+    square = sympy.integrate(sympy.integrate((x - y) ** 2, (x, 0, J)), (y, 0, J)) / J**2
+    found.formula = sympy.simplify(v * sympy.sqrt(square) / T)
+    good = 1e-6 * found.given("good_us", 20)
+
+    def error(jitter, period=1e-3, periods=20_000, late=None):
+        """Of a velocity of 1 rad/s over the nominal period; intervals [s]; periods skipped."""
+        late = late or (lambda: found.rng.uniform(0.0, jitter))
+        begun, record = looped(late, 0.0, periods, period=period)
+        apart = np.diff(begun[1:])
+        return np.sqrt(np.mean((apart / period - 1.0) ** 2)), apart, record.skipped
+
+    wrong, apart, skipped = error(0.99e-3)
+    other = cycle((0.0, 0.99e-3))
+    turns = found.figure("turns", error(0.0, late=lambda: next(other))[0], 0.01)
+    found.figure("wrong", wrong, 0.05)
+    fair = found.figure("fair", error(good)[0], 0.1)
+    found.figure("least_us", 1e6 * apart.min(), 0.5)
+    found.figure("most_us", 1e6 * apart.max(), 0.05)
+    drawn = [(float(a), float(b)) for a, b in found.rng.uniform((1e-4, 1e-3), (9e-4, 5e-3), (4, 2))]
+    found.statement = "The chapter's loop on a clock whose wake-ups are late by chance."
+    found.heard(bool(wrong < 0.05))
+    found.corrected(
+        all(abs(error(j, t)[0] / float(found.formula.subs({J: j, T: t, v: 1})) - 1.0) < 0.03
+            for j, t in drawn), bool(fair < 0.02), skipped == 0, bool(turns > 2.0 * wrong),
+        bool(error(0.0, late=lambda: 0.99e-3)[0] < 1e-6), bool(apart.max() > 1.9e-3),
+        bool(apart.min() < 1e-4),
+    )  # fmt: skip
+
+
+def control_misses(callback, start, own=False, many=1):
+    """Whether a loop of 1 kHz that computes 0.1 ms misses its period beside callbacks [s].
+
+    Args:
+        callback: what each takes.
+        start: how long after a release of the loop they come.
+        own: the loop has a thread and a group of its own.
+        many: how many.
+    """
+    from course.middleware.executor import Work, respond
+
+    group = "theirs" if own else "default"
+    others = [Work(f"{k}", callback, 0.05, "subscription", group) for k in range(many)]
+    phases = [0.0] + [start / 0.05] * many
+    works = [Work("control", 1e-4, 1e-3), *others]
+    return bool(respond(works, "ready set", 2 if own else 1, phases, 0.2)["control"].max() > 1e-3)
+
+
+@claim(
+    "A callback of more than 1 ms makes a loop of 1 kHz miss its period.",
+    "Not one on another thread, and not whenever it comes: one of {long_ms:.1f} ms did in "
+    "{share:.0%} of all phases. And on one thread shorter ones do it together: {several:.0f} in a "
+    "row of {short_ms:.1f} ms each did {missed:.0f} of {tried:.0f} times, one never. The sum of "
+    "all that may stand in front of the loop counts, and the loop itself.",
+)
+def callback_over_a_period(found):
+    drawn = found.rng.uniform((1.02e-3, 9e-4), (5e-3, 9.9e-4), (10, 2))
+    inside, outside = ([control_misses(float(a), float(b), own) for a, b in drawn]
+                       for own in (False, True))  # fmt: skip
+    short, several = 1e-3 * found.given("short_ms", 0.5), int(found.given("several", 3))
+    starts = found.rng.uniform(6e-4, 9.9e-4, int(found.given("tried", 8)))
+    missed = found.figure("missed", sum(control_misses(short, x, many=several) for x in starts))
+    alone = [control_misses(short, x) for x in starts]
+    long, phases = 1e-3 * found.given("long_ms", 1.2), np.linspace(0.0, 1e-3, 50, endpoint=False)
+    share = found.figure("share", np.mean([control_misses(long, x) for x in phases]), 0.1)
+    early = found.rng.uniform((1.02e-3, 1.2e-4), (1.2e-3, 6e-4), (10, 2))
+    found.statement = "An executor on the bus, the callback just in front of a release of the loop."
+    outside += [control_misses(float(a), float(b)) for a, b in early]
+    found.heard(all(outside), only_if="both wait for the same thread and it begins just before the "
+                "loop is due", inside=inside, outside=outside)  # fmt: skip
+    found.corrected(missed == starts.size, not any(alone), not any(outside), share < 0.5)
+
+
+def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, callers=1):
+    """Callbacks of a node that ask a service each second, on the bus.
+
+    Args:
+        own: the client has a group of its own.
+        waits: the callback waits for the answer; else it returns, and goes on with the answer.
+        work: what the service takes [s].
+        apart: the node's other timer has a group of its own.
+        callers: how many such callbacks, the further ones in groups of their own.
+
+    Returns:
+        How many answers came, who is stuck, and how often another timer of the node ran that is
+        due each 0.1 s.
+    """
+    from course.middleware.bus import Bus, Group
+    from course.middleware.executor import Executor, deadlocks
+
+    bus, got, ticks = Bus(), list[int](), list[float]()
+    node, server = bus.node("control", Executor(bus, threads)), bus.node("planner", Executor(bus))
+
+    def serve(x):
+        yield work
+        return x
+
+    server.service("plan", serve)
+    client = node.client("plan", Group("answers") if own else None)
+
+    def ask():
+        got.append((yield client.call(1)))
+
+    timer = ask if waits else lambda: client.call(1).then(got.append)
+    for k in range(callers):
+        node.timer(1.0, timer, group=Group(f"caller {k}") if k else None)
+    node.timer(0.1, lambda: ticks.append(bus.now), group=Group("ticks") if apart else None)
+    bus.run(seconds)
+    return len(got), deadlocks(bus), len(ticks)
+
+
+@claim(
+    "More threads cure a service call that hangs inside a callback.",
+    "Not by themselves: the answer is a callback too, and in the caller's group it waits for the "
+    "caller, with {threads:.0f} threads as with one: {answers:.0f} answers. A group of its own "
+    "and a thread more than callbacks that wait at once are a cure, {enough:.0f} for one and "
+    "{three:.0f} for two; not to wait is one without any.",
+    source="ROS 2 documentation, Using callback groups, Humble 2022",
+)
+def threads_cure_deadlock(found):
+    threads = int(found.given("threads", 8))
+    answers, stuck, _ = calling(threads)
+    found.figure("answers", answers)
+    enough = min(n for n in range(1, 5) if calling(n, own=True)[0] > 2)
+    found.figure("enough", enough)
+    # Two that wait hold two threads, and both hang.
+    three = min(n for n in range(1, 6) if calling(n, own=True, callers=2, work=0.01)[0] > 2)
+    found.figure("three", three)
+    free = calling(1, waits=False)
+    found.statement = "A timer's callback that asks a service, on the bus; who waits for whom."
+    found.heard(answers > 0)
+    found.corrected(len(stuck) == 1, enough == 2, three == 3, bool(calling(1, own=True)[1]),
+                    free[0] > 2 and not free[1], not calling(2, own=True)[1])  # fmt: skip
+
+
+@claim(
+    "A service call holds up the other callbacks of its node.",
+    "Those that share group or thread with what waits for the answer, or makes it. While a service "
+    "took {work_ms:.0f} ms of each second, another timer ran {held:.0f} times of {due:.0f}; where "
+    "the callback returned and went on with the answer {free:.0f} times, and in a group and on a "
+    "thread of its own {apart:.0f} times. Served in the same node it ran {served:.0f} times, "
+    "though nobody waited.",
+)
+def service_blocks(found):
+    from course.middleware.bus import Bus
+    from course.middleware.executor import Executor
+
+    work = 1e-3 * found.given("work_ms", 800)
+
+    def held(waits, work, apart=False):
+        return calling(2, True, waits, float(work), 9.95, apart)[2]
+
+    def served(work):
+        """How often the timer ran where its own node serves, and nobody waits."""
+        bus, ticks = Bus(), list[float]()
+        node = bus.node("control", Executor(bus))
+
+        def serve(x):
+            yield float(work)
+            return x
+
+        node.service("plan", serve)
+        client = node.client("plan")
+        node.timer(1.0, lambda: (client.call(1), None)[1])
+        node.timer(0.1, lambda: ticks.append(bus.now))
+        bus.run(9.95)
+        return len(ticks)
+
+    due = found.figure("due", held(False, 0.001))
+    ran = found.figure("held", held(True, work), 0.05)
+    free = found.figure("free", held(False, work), 0.05)
+    aside = found.figure("apart", held(True, work, True), 0.05)
+    found.figure("served", served(work), 0.05)
+    drawn = found.rng.uniform(0.25, 0.9, 8)
+    found.statement = "A node with two timers on the bus, ten seconds."
+    found.heard(free < 0.9 * due,
+                only_if="they share group or thread with what waits for the answer or makes it",
+                inside=[held(True, x) < 0.9 * due for x in drawn]
+                + [served(x) < due for x in drawn],
+                outside=[held(False, x) < 0.9 * due for x in drawn]
+                + [held(True, x, apart=True) < 0.9 * due for x in drawn])  # fmt: skip
+    found.corrected(ran < 0.5 * due, free == due == aside)
+
+
+def burdened(periods, litter, pages=0, **asked):
+    """Record of a loop that leaves objects in cycles and takes new memory each period.
+
+    Args:
+        litter: how many objects.
+        pages: how many pages of memory it writes to for the first time.
+        asked: of `course.middleware.loop.urgent`.
+    """
+    import gc
+    import mmap
+
+    from course.middleware import loop
+
+    kept, before, clock = [], gc.get_threshold(), Clock(lambda: 0.0)
+
+    def work(_):
+        for _ in range(litter):
+            ring: list = []
+            ring.append(ring)
+        if pages:
+            kept.append(mmap.mmap(-1, 4096 * pages))
+            kept[-1][::4096] = bytes(pages)
+
+    try:
+        gc.set_threshold(700, 10, 10)
+        with loop.urgent(lock=False, **asked):
+            return loop.run(work, 1e-3, periods, now=clock.now, sleep=clock.sleep)
+    finally:
+        gc.set_threshold(*before)
+        for one in kept:
+            one.close()
+
+
+@claim(
+    "Under SCHED_FIFO a loop in Python is real-time.",
+    "The priority keeps ordinary processes away, and what stops a loop from within comes as "
+    "before: in {periods:.0f} periods that left {litter:.0f} objects each the collector ran "
+    "{runs:.0f} times, and new memory cost page faults. With the collector off it ran {quiet:.0f} "
+    "times; memory has to be taken and locked before the loop. And the priority is asked for: who "
+    "may not have it runs without.",
+)
+def fifo_makes_real_time(found):
+    from course.middleware import loop
+
+    periods, litter = int(found.given("periods", 200)), int(found.given("litter", 100))
+    noisy = burdened(periods, litter, quiet=False)
+    quiet = burdened(periods, litter, quiet=True)
+    runs = found.figure("runs", noisy.collections, 0.3)
+    found.figure("quiet", quiet.collections)
+    fresh = burdened(20, 0, pages=64, quiet=True)
+    with loop.urgent(core=100_000, lock=False, scheduler="other") as granted:
+        refused = list(granted.refused)
+    found.statement = "Under SCHED_FIFO where the system grants it; collections and faults counted."
+    found.heard(noisy.collections == 0)
+    found.corrected(runs > 10, quiet.collections == 0, fresh.faults > 10, refused == ["core"])
+
+
+@claim(
+    "A garbage collection in a Python node hits the control loop.",
+    "In its own interpreter: of {here:.0f} collections while the loop ran all were its own, and of "
+    "as many in another process it counted {there:.0f}. What it shares with other processes is the "
+    "core, and for that there are priorities.",
+)
+def gc_hits_the_loop(found):
+    import subprocess
+    import sys
+
+    from course.middleware import loop
+
+    def collections(apart, times):
+        """Counted by a loop, in each of whose periods somebody collects once."""
+        import gc
+
+        code = "import gc; gc.collect(); print(sum(s['collections'] for s in gc.get_stats()))"
+        theirs = []
+
+        def work(_):
+            if apart:
+                done = subprocess.run([sys.executable, "-S", "-c", code], capture_output=True,
+                                      check=True)  # fmt: skip
+                theirs.append(int(done.stdout))
+            else:
+                gc.collect()
+
+        clock = Clock(lambda: 0.0)
+        with loop.urgent(scheduler="other", lock=False, quiet=True):
+            record = loop.run(work, 1e-3, times, now=clock.now, sleep=clock.sleep)
+        return record.collections, sum(theirs)
+
+    here = found.figure("here", collections(False, 3)[0])
+    there, theirs = collections(True, 3)
+    found.figure("there", there)
+    found.statement = "Collections counted by the chapter's loop, in its process and in another."
+    found.heard(there > 0, only_if="both are in one interpreter of Python", cases=True,
+                inside=[collections(False, n)[0] == n for n in (1, 5)],
+                outside=[there > 0])  # fmt: skip
+    found.corrected(there == 0, theirs >= 3, here == 3)

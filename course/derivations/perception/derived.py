@@ -1,0 +1,116 @@
+"""Claims of chapter 7: formulas that follow from the law of noise, and from a rigid fit."""
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+from course.derivations.perception import walls
+
+SYMBOLS = {
+    "z": Symbol("distance [m]"),
+    "f": Symbol("focal length [pixels]"),
+    "B": Symbol("baseline [m]"),
+    "s": Symbol("standard deviation of a disparity [pixels]"),
+    "h": Symbol("height of a part [m]"),
+    "k": Symbol("standard deviations"),
+    "sigma": Symbol("standard deviation of a coordinate [m]"),
+    "N": Symbol("points", 4.0, 100.0),
+}
+
+
+@claim(
+    "Noise that is even in disparity leaves the mean depth where it is.",
+    "A depth bends as 1 / d: the mean is {formula} too far, {bias_mm:.1f} mm at {far:.0f} m with "
+    "{noise} px, and no number of pictures removes it. The mean of 1 / z has no such error.",
+    ask=("Depth is f B / d, and the disparity d has a small even error of standard deviation s. To "
+         "second order, by how much is the mean depth at z too far?", "e = z^3*s^2/(f*B)^2", {
+             "z^2*s/(f*B)": "That is the standard deviation: the first order, which is even.",
+             "z^3*s^2/(2*(f*B)^2)": "The second derivative of f B / d is 2 f B / d^3; half of it "
+                                    "times the variance.",
+             "z^2*s^2/(f*B)": "Check the unit: metres are wanted."}),
+)  # fmt: skip
+def depth_bias(found):
+    import sympy
+
+    z, f, B, s, d = sympy.symbols("z f B s d", positive=True)
+    found.formula = (sympy.diff(f * B / d, d, 2) / 2 * s**2).subs(d, f * B / z)
+    far, noise = found.given("far", 3.0), found.given("noise", 0.5)
+    seen = walls(far, found.rng, 60, noise=noise)
+    bias = found.figure("bias_mm", 1000 * (np.mean(seen) - far), 0.1)
+    law = 1000 * float(found.formula.subs({z: far, f: 600, B: 0.05, s: noise}))
+    left = 1000 * abs(1 / np.mean(1 / seen) - far)
+    found.statement = "The mean over 1,176,000 pixels of a wall."
+    found.heard(abs(bias) < 1.0)
+    found.corrected(abs(bias / law - 1) < 0.1, left < 0.1 * bias)
+
+
+@claim(
+    "The range on the data sheet says how far away a part may lie.",
+    "Its height says it. Seen from above, a part of {height_mm:.0f} mm is {k:.0f} standard "
+    "deviations high at {formula}, {far:.2f} m for a sensor that measures up to {range:.0f} m.",
+    ask=("From above, a part of height h counts as above the table where it is k standard "
+         "deviations of a depth higher. How far may the table be?", "z = sqrt(h*f*B/(k*s))", {
+             "h*f*B/(k*s)": "Noise grows with the square of the distance: a root.",
+             "sqrt(k*s/(h*f*B))": "The wrong way up: a higher part is found farther away.",
+             "sqrt(h*f*B/s)": "Of k standard deviations, not of one."}),
+)  # fmt: skip
+def farthest_part(found):
+    import sympy
+
+    from course.perception import Camera, Sensor, sense
+
+    h, f, B, k, s, z = sympy.symbols("h f B k s z", positive=True)
+    found.formula = sympy.solve(sympy.Eq(z**2 * s / (f * B), h / k), z)[0]
+    eye = Camera(140, 140, 600.0, 600.0, 69.5, 69.5)
+    sensor = Sensor(0.05, 0.1, far=found.given("range", 10.0))
+    height, sigmas = found.given("height_mm", 10) / 1000, found.given("k", 4)
+
+    def above(z):
+        """Share of the pixels of the part's top that are so much higher than the table."""
+        top = sense(np.full((140, 140), z - height), eye, sensor, found.rng)
+        return np.mean(z - top > sigmas * sensor.sigma(z, eye))
+
+    near, far = 0.2, 5.0
+    for _ in range(12):
+        middle = 0.5 * (near + far)
+        near, far = (middle, far) if above(middle) > 0.5 else (near, middle)
+    limit = found.figure("far", near, 0.02)
+    law = float(found.formula.subs({h: height, f: 600, B: 0.05, k: sigmas, s: 0.1}))
+    found.statement = "Where half of a part's pixels are higher, by halving over the distance."
+    found.heard(limit > sensor.far)
+    found.corrected(abs(limit / law - 1) < 0.03)
+
+
+@claim(
+    "The more points are touched, the smaller is the residual of a calibration.",
+    "It grows, to sigma: per coordinate it is {formula}, {few:.2f} sigma for {n:.0f} points and "
+    "{many:.2f} for {most:.0f}. What falls is the error of the camera's place.",
+    ask=("A rigid motion is fitted to N points, each coordinate with an error of sigma. Root mean "
+         "square residual of a coordinate?", "r = sigma*sqrt(1 - 2/N)", {
+             "sigma*sqrt(1 - 6/N)": "Six numbers are fitted to 3 N coordinates.",
+             "sigma*sqrt(3/N)": "That is the error at the points' middle. It falls.",
+             "sigma": "That is without a fit, or for very many points."}),
+)  # fmt: skip
+def fit_residual(found):
+    import sympy
+
+    from course.perception import rigid_fit
+
+    sigma, N = sympy.symbols("sigma N", positive=True)
+    found.formula = sigma * sympy.sqrt((3 * N - 6) / (3 * N))
+
+    def residual(n):
+        squares = []
+        for _ in range(12_000 // (3 * n - 6)):
+            a = found.rng.uniform(-1, 1, (3, n))
+            b = a + 1e-3 * found.rng.standard_normal((3, n))
+            R, p = rigid_fit(a, b)
+            squares.append(np.mean((R @ a + p[:, None] - b) ** 2))
+        return 1000 * np.sqrt(np.mean(squares))
+
+    counts = int(found.given("n", 4)), 10, int(found.given("most", 40))
+    seen = [residual(n) for n in counts]
+    law = [float(found.formula.subs({sigma: 1, N: n})) for n in counts]
+    few, many = found.figure("few", seen[0], 0.03), found.figure("many", seen[2], 0.03)
+    found.statement = "2,000, 500 and 105 fits to 4, 10 and 40 points: of each 12,000 free errors."
+    found.heard(many < few)
+    found.corrected(np.allclose(seen, law, rtol=0.03), few < many < 1.0)

@@ -1,0 +1,225 @@
+"""Claims of chapter 7: what a tutorial's chain is said to do, and a pose good enough to grasp."""
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "L": Symbol("length [m]"),
+    "W": Symbol("width [m]"),
+    "phi": Symbol("turn [rad]", 0.1, 1.4),
+    "b": Symbol("width of a finger [m]"),
+    "e": Symbol("error sideways [m]", 0.001, 0.002),
+    "t": Symbol("error of the turn [rad]", 0.01, 0.1),
+}
+
+
+@claim(
+    "The five steps of an Open3D tutorial run on a depth picture.",
+    "Their first step reads a file of points. With one that holds our picture they find "
+    "{there:.0f} clusters for {boxes:.0f} boxes; without it Open3D warns, goes on with {empty:.0f} "
+    "points, and fails at the plane. A depth picture has to be made points of first.",
+    source="Open3D 0.20 itself",
+)
+def tutorial_runs(found):
+    import tempfile
+    from pathlib import Path
+
+    from course.charts.perception.poses import BOX, EYE, SENSOR, TABLE
+    from course.charts.perception.precision import on_table
+    from course.oracles.open3d import Picture, library
+    from course.perception import render, sense, shape, together
+
+    o3d, folder = library(), tempfile.TemporaryDirectory()
+
+    def clusters(file):
+        cloud = o3d.io.read_point_cloud(file).voxel_down_sample(0.005)
+        _, near = cloud.segment_plane(0.01, 3, 1000)
+        return np.max(cloud.select_by_index(near, invert=True).cluster_dbscan(0.02, 50)) + 1
+
+    def fails(file):
+        try:
+            return clusters(file) is None
+        except RuntimeError:
+            return len(o3d.io.read_point_cloud(file).points) == 0
+
+    boxes = int(found.given("boxes", 3))
+    places = [
+        (x, 0.0, yaw) for x, yaw in zip((-0.25, 0.0, 0.25), found.rng.uniform(0, 1, 3), strict=True)
+    ]
+    things = [BOX.moved(on_table(BOX, *place)) for place in places[:boxes]]
+    depth, _ = render(together([shape("plane").moved(TABLE), *things]), EYE)
+    there = str(Path(folder.name) / "scene.ply")
+    o3d.io.write_point_cloud(there, Picture(sense(depth, EYE, SENSOR, found.rng), EYE).cloud())
+    count = found.figure("there", clusters(there))
+    none = str(Path(folder.name) / "none.pcd")  # a reader that says nothing by itself
+    found.figure("empty", len(o3d.io.read_point_cloud(none).points))
+    found.statement = "The steps with the tutorial's numbers, with a file and without."
+    found.heard(fails(there), only_if="a file of points is there", inside=[count == boxes],
+                outside=[not fails(none)], cases=True)  # fmt: skip
+    found.corrected(count == boxes, fails(none))
+
+
+@claim(
+    "RANSAC removes the table, and what is left are the objects.",
+    "It removes the largest plane. A board whose top has {more:.1f} times the table's pixels is "
+    "taken for the table, and the table is left as an object. And a plate of {share:.0%} of them, "
+    "two or three tolerances high, tilts the plane by {tilt:.1f} degrees: one that slants through "
+    "both is larger than either.",
+)
+def ransac_takes_the_table(found):
+    from course.charts.perception.poses import EYE, SENSOR, TABLE
+    from course.perception import (
+        back_project,
+        ransac_plane,
+        render,
+        sense,
+        shape,
+        together,
+    )  # fmt: skip
+    from course.rigid_body.quaternion import rotate
+
+    def table_found(side):
+        """Whether the plane is the table, and the board's pixels over the table's."""
+        board = shape("box", side, side, 0.05)
+        top = np.append(TABLE[:3] + rotate(TABLE[3:], np.array([0, 0, 0.05])), TABLE[3:])
+        depth, ids = render(together([shape("plane").moved(TABLE), board.moved(top)]), EYE)
+        points, _ = back_project(sense(depth, EYE, SENSOR, found.rng), EYE)
+        plane, _, _ = ransac_plane(points, 0.006, found.rng)
+        return abs(plane[:3] @ TABLE[:3] + plane[3]) < 0.02, np.sum(ids == 1) / np.sum(ids == 0)
+
+    def slant(side, height):
+        """The plane's tilt [rad] where a large plate lies at the right, its share, if it is off."""
+        plate, at = shape("box", 0.5, 0.5, 0.5 * height), np.array([side, 0.0, 0.5 * height])
+        low = np.append(TABLE[:3] + rotate(TABLE[3:], at + [0.5, 0.0, 0.0]), TABLE[3:])
+        depth, ids = render(together([shape("plane").moved(TABLE), plate.moved(low)]), EYE)
+        points, _ = back_project(sense(depth, EYE, SENSOR, found.rng), EYE)
+        plane, _, _ = ransac_plane(points, 0.006, found.rng)
+        up = rotate(TABLE[3:], np.array([0.0, 0.0, 1.0]))
+        tilt, share = np.arccos(min(1.0, plane[:3] @ up)), np.sum(ids == 1) / np.sum(ids == 0)
+        return tilt, share, tilt < 0.005
+
+    small = [table_found(x) for x in found.rng.uniform(0.03, 0.15, 8)]
+    large = [table_found(x) for x in found.rng.uniform(0.27, 0.3, 8)]
+    found.figure("more", min(share for _, share in large), 0.1)
+    plates = [slant(x, 0.006 * h) for x, h in found.rng.uniform((0.02, 2), (0.1, 3), (8, 2))]
+    found.figure("share", max(share for _, share, _ in plates), 0.1)
+    tilt = found.figure("tilt", np.degrees(np.median([tilt for tilt, _, _ in plates])), 0.3)
+    found.statement = "Square boards of 60 to 600 mm, 100 mm high, and low plates, on a table."
+    found.heard(all(ok for ok, _ in large), only_if="nothing flat shows more than the table, or is "
+                "as large and only a few tolerances higher", inside=[ok for ok, _ in small],
+                outside=[ok for ok, _ in large] + [ok for _, _, ok in plates])  # fmt: skip
+    found.corrected(tilt > 0.5, max(share for _, share, _ in plates) < 1,
+                    not any(ok for ok, _ in large), all(share < 1 for _, share in small),
+                    all(share > 1 for _, share in large))  # fmt: skip
+
+
+@claim(
+    "The extent of an axis-aligned box around a cluster is the object's size.",
+    "Of a part of {long:.0f} x {wide:.0f} mm turned by phi it is {formula} along x: at {turn} rad "
+    "{measured:.0f} mm, though no side is as long. Lay the part's own shape onto the points.",
+    ask=("A rectangle L x W is turned by phi, less than a right angle. Extent along x?",
+         "L*cos(phi) + W*sin(phi)", {
+             "L": "Only where it lies along the axes.",
+             "L*cos(phi)": "The other side reaches out too.",
+             "sqrt(L**2 + W**2)": "That is the diagonal: the greatest extent of all turns."}),
+)  # fmt: skip
+def extent_is_size(found):
+    import sympy
+
+    from course.charts.perception.poses import BOX, EYE, TABLE
+    from course.charts.perception.precision import on_table
+    from course.kinematics.chain import invert
+    from course.perception import back_project, render
+    from course.rigid_body.quaternion import rotate
+
+    L, W, phi = sympy.symbols("L W phi", positive=True)
+    turn = sympy.Matrix([[sympy.cos(phi), -sympy.sin(phi)], [sympy.sin(phi), sympy.cos(phi)]])
+    found.formula = sympy.expand(2 * (turn * sympy.Matrix([L / 2, -W / 2]))[0])
+    long, wide = 2000 * BOX.sizes[:2, 0]
+    found.figure("long", long)
+    found.figure("wide", wide)
+
+    def extent(yaw):
+        points, _ = back_project(render(BOX.moved(on_table(BOX, 0.0, 0.0, yaw)), EYE)[0], EYE)
+        back = invert(TABLE[:, None])[:, 0]
+        return 1000 * np.ptp(rotate(back[3:], points)[0])
+
+    turns = [found.given("turn", 0.6), *found.rng.uniform(0.1, 1.4, 6)]
+    law = [float(found.formula.subs({L: long, W: wide, phi: x})) for x in turns]
+    measured = found.figure("measured", extent(turns[0]), 0.02)
+    found.statement = "Extents along the table's x of exact pictures of a box at seven turns."
+    found.heard(abs(measured - long) < 5)
+    found.corrected(np.allclose([extent(x) for x in turns], law, atol=5.0), measured > long + 10)
+
+
+@claim(
+    "A pipeline of 100 ms keeps up with a camera of 30 pictures a second.",
+    "One worker gives {rate:.0f} poses a second. Several that take turns give all {camera:.0f}, "
+    "each as old: at {speed:.0f} mm/s the part is {late_mm:.0f} mm on. A prediction to the time "
+    "of use, not a faster rate, takes that away: {left_mm:.1f} mm are left.",
+)
+def pipeline_keeps_up(found):
+    from course.perception import Tracker
+    from course.role import Stage, age
+
+    camera, work = found.given("camera", 30), found.given("work_ms", 100) / 1000
+    alone = Stage("pipeline", work, overload="skip")
+    turns = Stage("pipeline", work, overload="pipelined")
+    rate = found.figure("rate", 1 / alone.interval(1 / camera))
+    speed = found.given("speed", 200) / 1000
+    stages = [age([Stage("camera", 1e-6, 1 / camera), one]).least for one in (alone, turns)]
+    late = found.figure("late_mm", 1000 * speed * stages[1], 1e-3)
+    tracker, noise = Tracker(), 2e-4
+    for k in range(30):
+        z = np.array([speed * k / camera, 0, 0]) + noise * found.rng.standard_normal(3)
+        tracker.update(k / camera, z, noise**2 * np.eye(3))
+    ahead = tracker.predict(29 / camera + work)[0][0] - speed * (29 / camera + work)
+    left = found.figure("left_mm", 1000 * abs(ahead), 0.1)
+    found.statement = "Chapter 0's chain of a camera and one stage; a filter on 30 pictures."
+    found.heard(rate >= camera)
+    found.corrected(rate < camera, abs(1 / turns.interval(1 / camera) - camera) < 1e-6,
+                    min(stages) > 0.99 * work, left < 0.2 * late)  # fmt: skip
+
+
+@claim(
+    "A pose error of 2 mm is good enough to grasp.",
+    "Fingers of width b lose {formula} of the play on a side to an error e and a turn t of a part "
+    "of width W. Of {play} mm on each side, {error_mm} mm and {turn_deg} degrees leave enough for "
+    "fingers of {narrow:.0f} mm, and not of {wide:.0f} mm.",
+    ask=("Two parallel fingers of width b close over a part of width W, which lies e to the side "
+         "and is turned by t. By how much has each to stand off from W/2?",
+         "e + b/2*tan(t) + W/2*(1/cos(t) - 1)", {
+             "e": "A turned part is wider between the fingers.",
+             "e + b*tan(t)": "The part turns about the fingers' middle: half of it.",
+             "e + W/2*sin(t)": "It is the fingers' width that meets the slope, not the part's."}),
+)  # fmt: skip
+def two_millimetres_will_do(found):
+    import sympy
+
+    from course.contact import box, distance
+
+    W, b, e, t, y = sympy.symbols("W b e t y", positive=True)
+    side = sympy.solve(-sympy.sin(t) * b / 2 + sympy.cos(t) * (y - e) - W / 2, y)[0]
+    found.formula = sympy.simplify(side - W / 2)
+    width, error = 0.05, found.given("error_mm", 2) / 1000
+    play, turn = found.given("play", 2.5) / 1000, np.radians(found.given("turn_deg", 2))
+
+    def gap(finger, shift=error, angle=turn):
+        """Least distance of a finger from the turned part, of one on each side."""
+        part, tool = box((0.1, 0.5 * width)), box((0.5 * finger, 0.01))
+        far = 0.5 * width + play + 0.01
+        return min(float(np.min(distance(part, np.array([0.0, shift, angle]), tool,
+                                         np.array([0.0, s * far, 0.0])).distance))
+                   for s in (-1, 1))  # fmt: skip
+
+    law = sympy.lambdify((W, b, e, t), found.formula)
+    most = (play - error - width * (1 / np.cos(turn) - 1) / 2) * 2 / np.tan(turn)
+    narrow, wide = found.figure("narrow", 700 * most), found.figure("wide", 1300 * most)
+    draws = found.rng.uniform(0, 1, (2, 8))
+    found.statement = "Chapter 2's distances between a turned part and two fingers."
+    found.heard(gap(wide / 1000) > 0, only_if="the fingers are narrow",
+                inside=[gap(0.98 * x * most) > 0 for x in draws[0]],
+                outside=[gap((1.02 + x) * most) > 0 for x in draws[1]])  # fmt: skip
+    found.corrected(gap(narrow / 1000) > 0 > gap(wide / 1000),
+                    abs(law(width, most, error, turn) - play) < 1e-9)  # fmt: skip

@@ -1,0 +1,197 @@
+"""Claims of chapter 7: depth pictures, their noise, and calibration."""
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+from course.derivations.perception import seen, walls
+
+SYMBOLS = {
+    "z": Symbol("distance [m]"),
+    "f": Symbol("focal length [pixels]"),
+    "B": Symbol("baseline [m]"),
+    "s": Symbol("standard deviation of a disparity [pixels]"),
+    "sigma": Symbol("standard deviation of a coordinate [m]"),
+    "N": Symbol("points"),
+}
+
+
+@claim(
+    "A depth camera's noise is one number: below a millimetre, or 1 to 3 mm.",
+    "It is {formula}: the same sensor has {low:.2f} mm at {near} m, {middle:.1f} at {mid} m and "
+    "{high:.0f} at {far} m. Each number is right somewhere.",
+    ask=("Depth is f B / d, and d has the standard deviation s. Standard deviation of depth z?",
+         "sigma = z^2*s/(f*B)", {
+             "z*s/(f*B)": "One z is missing: the derivative of f B / d is -z^2 / (f B).",
+             "s/(f*B)": "That is the noise of the inverse depth.",
+             "f*B/s": "That is the distance of a disparity s."}),
+)  # fmt: skip
+def noise_is_one_number(found):
+    import sympy
+
+    z, f, B, s, d = sympy.symbols("z f B s d", positive=True)
+    found.formula = (-s * sympy.diff(f * B / d, d)).subs(d, f * B / z)
+    places = [found.given("near", 0.3), found.given("mid", 0.7), found.given("far", 3.0)]
+    spread = [np.std(walls(x, found.rng)) for x in places]
+    for k, name in enumerate(("low", "middle", "high")):
+        found.figure(name, 1000 * spread[k], 0.03)
+    law = [float(found.formula.subs({z: x, f: 600, B: 0.05, s: 0.1})) for x in places]
+    found.statement = "The spread over 19,600 pixels of a wall at three distances."
+    found.heard(max(spread) < 1e-3 or all(1e-3 <= x <= 3e-3 for x in spread))
+    found.corrected(np.allclose(spread, law, rtol=0.02))
+
+
+@claim(
+    "Averaging enough pictures removes any error of depth.",
+    "Not that of the steps of disparity, if the noise is small beside them: at {between} between "
+    "two steps {silent:.2f} of one stays for ever without noise, with noise of a third of a step "
+    "{third:.3f}. Some noise makes an average better.",
+    source="B. Widrow, I. Kollar, Quantization Noise, 2008, ch. 4",
+)
+def averaging_removes_all(found):
+    def left(share, between=0.25, step=0.25):
+        """The error of the mean disparity of six pictures, over a step."""
+        z = 30.0 / ((40 + between) * step)
+        seen = 30.0 / walls(z, found.rng, 6, noise=share * step, step=step)
+        return abs(np.mean(seen) / step - 40 - between)
+
+    place = found.given("between", 0.25)  # where noise leaves most; without it the middle is worst
+    silent = found.figure("silent", left(0.0, place))
+    third = found.figure("third", left(1 / 3, place), 0.15)
+    least, draws = found.given("least", 0.45), found.rng.uniform(size=(2, 12))
+    found.statement = "117,600 pixels of a wall between two steps, over noise and place."
+    found.heard(silent < 0.01, only_if="the noise is above {least} of a step; a hundredth of a "
+                "step is left then", inside=[left(least + x, y) < 0.01 for x, y in draws.T],
+                outside=[left(0.7 * least * x, y) < 0.01 for x, y in draws.T])  # fmt: skip
+    found.corrected(silent > 0.2, abs(third - np.exp(-2 * np.pi**2 / 9) / np.pi) < 0.005)
+
+
+@claim(
+    "The mean of N pixels is less noisy than one by the root of N.",
+    "Neighbours of a stereo picture share their noise: over {side:.0f} by {side:.0f} pixels and a "
+    "matching window of {window:.0f} the mean is {ratio:.1f} times as noisy as that says. A "
+    "covariance that forgets it is too small by nearly window^2.",
+)
+def pixels_are_independent(found):
+    def ratio(n, window, count=150):
+        means = (30.0 / walls(1.0, found.rng, count, n, window=window)).mean(axis=(1, 2))
+        return np.std(means) / 0.1 * n
+
+    side, window = int(found.given("side", 48)), int(found.given("window", 5))
+    much = found.figure("ratio", ratio(side, window, 600), 0.1)
+    sides = found.rng.integers(8, 49, 10)
+    found.statement = "The spread of the mean over 150 to 600 pictures of a wall."
+    found.heard(abs(much - 1.0) < 0.3, only_if="the noise is white: the window is one pixel",
+                inside=[abs(ratio(n, 1) - 1.0) < 0.3 for n in sides],
+                outside=[abs(ratio(n, w) - 1.0) < 0.3 for n in sides for w in (2, 7)])  # fmt: skip
+    found.corrected(0.9 * window < much < 1.1 * window)
+
+
+@claim(
+    "Half a pixel in the principal point does not matter.",
+    "It moves all by {formula}, {shift_mm:.2f} mm at {far:.2f} m, and no test inside sees it: the "
+    "residual is {same:.3f} times the right one's, and the pose says that it is known to "
+    "{told_mm:.3f} mm. With pixel centres at whole numbers the middle of W columns is (W - 1)/2.",
+    ask=("The principal point is taken half a pixel off. How far is a point at z off sideways?",
+         "e = z/(2*f)", {
+             "1/(2*f)": "That is the angle: times the distance.",
+             "z/f": "That is a whole pixel.",
+             "f/(2*z)": "The wrong way up: a longer lens has smaller pixels."}),
+)  # fmt: skip
+def half_a_pixel(found):
+    from dataclasses import replace
+
+    import sympy
+
+    from course.charts.perception.poses import BOX, EYE, SENSOR
+    from course.perception import locate
+
+    z, f, c, u = sympy.symbols("z f c u", positive=True)
+    found.formula = sympy.expand(z * (u - c) / f - z * (u - c - sympy.Rational(1, 2)) / f)
+    depth, _ = seen(BOX, 0.0, 0.5, found.rng)
+    right, off = (
+        locate(depth, eye, SENSOR, BOX)[0] for eye in (EYE, replace(EYE, cx=EYE.cx + 0.5))
+    )
+    shift = found.figure("shift_mm", 1000 * abs(off.p[0] - right.p[0]), 0.03)
+    same = found.figure("same", off.residual / right.residual, 1e-3)
+    told = found.figure("told_mm", 1000 * np.sqrt(off.covariance[:3, :3].max()), 0.03)
+    law = 1000 * float(found.formula.subs({z: found.figure("far", right.p[2], 1e-3), f: EYE.fx}))
+    found.statement = "One picture of a box on a table, located with both principal points."
+    found.heard(shift < 3 * told)
+    found.corrected(abs(same - 1) < 0.01, off.status == "found", abs(shift / law - 1) < 0.05)
+
+
+@claim(
+    "A calibration is as good as its residual says.",
+    "Three touched points up to {wide} m apart leave a residual of {three_mm:.2f} mm and an error "
+    "of {far_mm:.1f} mm at {away} m above them; more points raise the residual and lower the "
+    "error. It is {formula} at the points' middle, and grows beyond them with the distance over "
+    "their extent.",
+    ask=("A rigid fit to N points, each coordinate known to sigma: root mean square error at their "
+         "middle?", "e = sigma*sqrt(3/N)", {
+             "sigma/sqrt(N)": "That is one coordinate; the error has three.",
+             "3*sigma/sqrt(N)": "Three variances add: the root of 3.",
+             "sigma*sqrt(1 - 2/N)": "That is the residual: it grows with N."}),
+    source="Fitzpatrick, West, Maurer, Predicting error in point-based registration, 1998",
+)  # fmt: skip
+def calibration_residual(found):
+    import sympy
+
+    from course.perception import rigid_fit, target_error
+
+    sigma, N = sympy.symbols("sigma N", positive=True)
+    found.formula = sympy.sqrt(3 * sigma**2 * N / N**2)  # of a mean of N, three coordinates
+    at, seen_at, told = np.array([[0, 0], [0, 0], [0, found.given("away", 0.6)]]), [], []
+    wide = found.given("wide", 0.3)
+    for n in (3, 30):
+        points = found.rng.uniform(-0.5, 0.5, (3, n)) * [[wide], [0.7 * wide], [0.1 * wide]]
+        if n == 3:  # a thin triangle, drawn by chance, has any error
+            points = wide * np.array([[-0.5, 0.5, 0.0], [-0.35, -0.35, 0.35], [0.0, 0.0, 0.0]])
+        points -= points.mean(axis=1, keepdims=True)
+        both, squares = np.hstack((points, at)), np.zeros(n + 2)
+        for _ in range(1000):
+            wrong = 1e-3 * found.rng.standard_normal((3, n))
+            R, p = rigid_fit(points, points + wrong)
+            shown = np.hstack((wrong, np.zeros((3, 2))))
+            squares += np.sum((R @ both + p[:, None] - both - shown) ** 2, axis=0) / 1000
+        seen_at.append(np.sqrt([np.mean(squares[:n]), *squares[n:]]))
+        middle = float(found.formula.subs({sigma: 1e-3, N: n}))
+        told.append([*target_error(points, at, 1e-3), middle])
+    (three, near, far), (many, _, less) = 1000 * np.array(seen_at)
+    found.figure("three_mm", three, 0.05)
+    found.figure("far_mm", far, 0.05)
+    found.statement = "1,000 fits to 3 and to 30 points with 1 mm of noise."
+    found.heard(far < 2 * three)
+    found.corrected(np.allclose([x[[1, 2, 1]] for x in seen_at], told, rtol=0.1), near < far,
+                    many > three, less < 0.5 * far)  # fmt: skip
+
+
+@claim(
+    "Enough motions calibrate the camera in the hand of any arm.",
+    "They must turn about two axes or more. A planar arm's motions are told apart by none: with "
+    "{many:.0f} motions and {noise} rad of noise the rank of the equations is {rank:.0f}. The "
+    "shift along the axis then comes out as zero, here {off_mm:.0f} mm off: nothing tells it.",
+    source="F. C. Park, B. J. Martin, Robot sensor calibration, 1994",
+)
+def motions_calibrate_any_arm(found):
+    from course.kinematics.chain import compose, invert
+    from course.perception import hand_eye
+    from course.rigid_body.quaternion import exp
+
+    X = np.array([0.05, 0.02, 0.12, *exp(np.array([0.4, 0.3, -0.5]))])
+    noise = found.given("noise", 1e-3)
+
+    def solved(count, tilt):
+        """The answer where the axes of the turns are z, but for a share `tilt` of others."""
+        turns = 0.7 * found.rng.standard_normal((3, count)) * [[tilt], [tilt], [1.0]]
+        shifts = 0.2 * tilt * found.rng.standard_normal((3, count))
+        A, by = np.concatenate((shifts, exp(turns))), np.tile(X[:, None], count)
+        wrong = np.concatenate((0 * shifts, exp(noise * found.rng.standard_normal((3, count)))))
+        return hand_eye(A, compose(compose(compose(invert(by), A), by), wrong))
+
+    flat = solved(int(found.given("many", 200)), 0.0)
+    rank = found.figure("rank", flat.rank)
+    off = found.figure("off_mm", 1000 * abs(flat.pose[2] - X[2]), 0.1)
+    free = [solved(20, x).pose[2] - X[2] for x in found.rng.uniform(0.2, 1.0, 10)]
+    found.statement = "Motions of a hand at random, in a plane and in space."
+    found.heard(rank == 3)
+    found.corrected(rank == 2, off > 20.0, abs(flat.pose[2]) < 1e-3 < 0.01 > np.abs(free).max())

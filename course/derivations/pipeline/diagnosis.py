@@ -1,0 +1,285 @@
+"""Claims of chapter 11: runs that fail, a reward by the step, and what shapes cost."""
+
+import functools
+from dataclasses import replace
+from itertools import combinations, permutations
+from typing import Any
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "dt": Symbol("step [s]", 0.01, 0.5),
+    "H": Symbol("time constant of the discount [s]", 0.5, 5.0),
+}
+
+
+@claim(
+    "90 of 100 runs worked, then 95 of 100: the change helped.",
+    "{worked:.0f} of {n:.0f} is a rate between {low:.0%} and {high:.0%}. To tell the two apart in "
+    "four tests of five takes {own:.0f} runs of each; on the same seeds, if all that worked still "
+    "works, {same:.0f}.",
+    source="E. B. Wilson, 1927; Fleiss, Levin and Paik, Statistical methods for rates, 2003",
+)
+def ninety_or_ninety_five(found):
+    from course.measure.success import wilson
+    from course.sim_to_real import trials
+
+    n, worked = int(found.given("n", 100)), int(found.given("worked", 90))
+    low, high = (float(end) for end in wilson(worked, n))
+    found.figure("low", low)
+    found.figure("high", high)
+    own = int(found.figure("own", trials(0.9, 0.95), 0.0))
+    same = int(found.figure("same", trials(0.9, 0.95, together=0.9), 0.0))
+
+    def seen(first, second, n):
+        middle = 0.5 * (first + second)
+        return np.abs(second - first) / np.sqrt(2.0 * middle * (1.0 - middle) / n) > 1.96
+
+    first, second = (found.rng.binomial(own, rate, 20_000) / own for rate in (0.9, 0.95))
+    power = seen(first, second, own)
+    # On the same seeds only those count that one wins and the other loses: here none is lost.
+    paired = 2.0 * 0.5 ** found.rng.binomial(same, 0.05, 20_000) < 0.05
+    found.statement = "Wilson's interval, and 20,000 experiments of each kind, tested at 5 %."
+    found.heard(bool(seen(worked / n, 0.95, n)))
+    found.corrected(low < 0.85, high < 0.95, bool(abs(power.mean() - 0.8) < 0.02),
+                    bool(abs(paired.mean() - 0.8) < 0.05), own > 2.5 * same)  # fmt: skip
+
+
+@claim(
+    "A run that failed is cured by mending one stage.",
+    "Often, but a late camera and a lag point the same way behind a target that moves: of "
+    "{n:.0f} such runs {pairs:.0f} needed two stages mended, after {runs:.0f} replays.",
+)
+def one_repair_cures(found):
+    from course.pipeline import STAGES, Scenario
+    from course.pipeline.blame import CASE, FAULTS, Fault, confusion
+
+    late = Fault("late", "age", disturb=lambda f, s: replace(f, arrived=f.arrived + 500_000))
+    case = Scenario(velocity=(-0.04, 0.03)), replace(CASE[1], kd=12.0)
+    n = found.given("n", 5)
+    said, taken, _ = confusion(n, (late,), case)
+    pairs = found.figure("pairs", said[0, len(STAGES)], 0.3)
+    found.figure("runs", np.mean(taken[0]), 0.3)
+    single, *_ = confusion(2, (FAULTS[0],))
+    found.statement = "Frames half a second late, Kd 12, a target of 50 mm/s; replays of each run."
+    found.heard(said[0, : len(STAGES)].sum() == n)
+    found.corrected(pairs >= 3, single[0, 0] == 2)
+
+
+@claim(
+    "The stage with the largest error at the end of a run is the one at fault.",
+    "Errors are handed on: that names {last:.0%} of ten kinds of faults rightly. Contracts at the "
+    "interfaces, upstream first, then replays with one stage ideal, name {ours:.0%}.",
+)
+def last_error_blames(found):
+    from course.pipeline import STAGES
+    from course.pipeline.blame import FAULTS, confusion
+
+    said, _, last = confusion(1)
+    right = np.arange(len(FAULTS)), [STAGES.index(fault.stage) for fault in FAULTS]
+    ours = found.figure("ours", said[right].sum() / said.sum(), 0.05)
+    theirs = found.figure("last", last[right].sum() / last.sum(), 0.2)
+    found.statement = "One failing run of each of ten injected faults."
+    found.heard(theirs > 0.9)
+    found.corrected(ours > 0.8, theirs < 0.7)
+
+
+WORST: dict[str, dict[str, Any]] = {
+    "perceive": {"noise": 0.2},
+    "age": {"latency": 1.5},
+    "plan": {"step": 0.03, "margin": 0.0, "check_cost": 2e-3},
+    "control": {"kp": 2000.0, "kd": 0.0},
+    "move": {"physics": 0.03, "control": 0.03},
+}
+
+
+@claim(
+    "With everything at its worst, contracts lead back sooner than turning sliders.",
+    "No single slider cures it. By the first contract that is broken, stage by stage, it took "
+    "{contracts:.0f} runs in the mean. All choices of sliders, smallest first, took {sliders:.0f}; "
+    "but sliders turned back one by one, in any order, and left there {kept:.1f}: with five stages "
+    "contracts save little besides the thought of which.",
+)
+def contracts_before_sliders(found):
+    from course.pipeline import Scenario, Settings, run
+    from course.pipeline.blame import contracts
+
+    scene, agreed = Scenario(), replace(Settings(), noise=0.01)
+
+    @functools.cache
+    def tried(good, seed):
+        worst = [value for stage, value in WORST.items() if stage not in good]
+        told = {name: x for value in worst for name, x in value.items()}
+        return run(scene, replace(agreed, **told), seed=seed)
+
+    def by_contracts(seed):
+        good: frozenset[str] = frozenset()
+        runs = 1
+        while not (record := tried(good, seed)).success and runs < 9:
+            broken = [one.stage for one in contracts(record, agreed) if one.stage not in good]
+            good, runs = good.union(broken[:1]), runs + 1
+        return runs
+
+    def first_that_works(choices, seed):
+        return next(i for i, some in enumerate(choices) if tried(frozenset(some), seed).success) + 1
+
+    seeds = range(3)
+    ours = found.figure("contracts", np.mean([by_contracts(seed) for seed in seeds]), 0.2)
+    every = [some for n in range(6) for some in combinations(WORST, n)]
+    theirs = found.figure("sliders", np.mean([first_that_works(every, k) for k in seeds]), 0.4)
+    kept = found.figure(
+        "kept",
+        np.mean(
+            [
+                first_that_works([order[:n] for n in range(6)], k)
+                for order in permutations(WORST)
+                for k in seeds
+            ]
+        ),
+        0.2,
+    )
+    found.statement = "Five stages at their worst, three seeds."
+    found.heard(ours < min(kept, theirs))
+    found.corrected(
+        ours <= len(WORST) + 1,
+        theirs > 1.5 * ours,
+        kept < 1.4 * ours,
+        not any(tried(frozenset([one]), k).success for one in WORST for k in seeds),
+    )
+
+
+@claim(
+    "A reward of -1 a step until the goal asks for the same behaviour at any step.",
+    "At a tenth of the step, with discount and reward as they were, what was best ({before}) is no "
+    "longer: {after}. A discount of {formula} is half the cure ({half}); with a reward of -1 for "
+    "the time that a step was it is the old task ({mended}).",
+    ask=("The discount of a task has the time constant H. What is it for a step dt?",
+         "gamma = exp(-dt/H)", {
+             "1 - dt/H": "That is its beginning, for short steps only.",
+             "exp(-H/dt)": "A shorter step discounts less.",
+             "1/(1 + dt/H)": "That is the rule of a random end, to first order the same.",
+             "exp(-dt*H)": "A longer horizon discounts less."}),
+    source="K. Doya, Reinforcement learning in continuous time and space, 2000",
+)  # fmt: skip
+def reward_by_the_step(found):
+    import sympy
+
+    from course.pipeline.timestep import Way, chain, prefers
+
+    dt, H, a = sympy.symbols("dt H a", positive=True)
+    # What is kept over one step of a decay at the rate 1 / H.
+    f = sympy.Function("f")
+    decay = sympy.dsolve(sympy.Eq(f(a).diff(a), -f(a) / H), f(a), ics={f(0): 1})
+    found.formula = decay.rhs.subs(a, dt)
+    way, old, new = Way(), 0.01, 0.001
+    kept = float(found.formula.subs({dt: old, H: way.horizon}))
+    paid = way.horizon * (1.0 - kept)
+    before = prefers(chain(way, old))
+    after = prefers(chain(way, new, gamma=kept, per_step=paid))
+    half = prefers(chain(way, new, per_step=paid))
+    mended = prefers(chain(way, new))
+    for name, value in (("before", before), ("after", after), ("half", half), ("mended", mended)):
+        found.figure(name, value[0])
+    found.statement = "A walker's chain of 20 and of 200 steps, solved exactly."
+    found.heard(after[0] == before[0])
+    found.corrected(mended[0] == before[0], after[0] != before[0],
+                    abs(mended[1] / before[1] - 1.0) < 0.1)  # fmt: skip
+
+
+@claim(
+    "At a tenth of the step, repeating each action ten times leaves the task as it was.",
+    "Discount and ways are the old ones, what is best is still to {best}, and its worth moves by "
+    "{moved:.1%}: arrival is paid some short steps later. The price is a policy that reacts no "
+    "sooner than before.",
+)
+def repeated_actions(found):
+    from course.pipeline.timestep import Way, chain, prefers, repeated
+
+    way = Way()
+    old, new = chain(way, 0.01), repeated(chain(way, 0.001), 10)
+    found.figure("best", prefers(new)[0])
+    kept = float(
+        np.abs(new.transition[0:200:10, 0][:, 0:200:10] - old.transition[:20, 0, :20]).max()
+    )
+    found.figure("moved", abs(prefers(new)[1] / prefers(old)[1] - 1.0), 0.5)
+    draws = [Way(cost=float(c), fall=float(f), effort=float(e)) for c, f, e in
+             found.rng.uniform((20.0, 0.5, 30.0), (150.0, 3.0, 90.0), (2, 3))]  # fmt: skip
+    pairs = [(prefers(chain(w, 0.01)), prefers(repeated(chain(w, 0.001), 10))) for w in draws]
+    found.statement = "The walker's chain at 10 ms, and at 1 ms with each action ten times."
+    found.heard(all(abs(a[1] - b[1]) < 2.0 for a, b in pairs))
+    found.corrected(prefers(new)[0] == prefers(old)[0], kept < 1e-9,
+                    abs(new.gamma / old.gamma - 1.0) < 1e-9)  # fmt: skip
+
+
+@claim(
+    "Meshes make a simulation slow as each of their vertices has to be searched.",
+    "Contacts are the other half: a box makes {box:.1f} times the "
+    "sphere's rows for the solver, a hull of {few:.0f} points {hull:.1f} times. From {some:.0f} to "
+    "{many:.0f} points rows grow by {more:.0%}, and collision takes {search:.1f} times as long.",
+)
+def mesh_cost(found):
+    from course.oracles.mujoco.heap import Heap
+
+    few, some, many = (found.given(*x) for x in (("few", 20), ("some", 200), ("many", 2000)))
+
+    def cost(points):
+        heap = Heap(int(points), 8)
+        costs = [heap.measure(40) for _ in range(5)]
+        return np.mean([x.rows for x in costs]), min(x.collision for x in costs)
+
+    sphere, box, hull, fine, finest = (cost(points) for points in (0, 1, few, some, many))
+    boxes = found.figure("box", box[0] / sphere[0], 0.3)
+    hulls = found.figure("hull", hull[0] / sphere[0], 0.3)
+    more = found.figure("more", finest[0] / fine[0] - 1.0, 0.5)
+    search = found.figure("search", finest[1] / fine[1], 0.5)
+    found.statement = "Eight bodies in MuJoCo on one core, by its own counts and timers; no GPU."
+    found.heard(boxes < 1.2)
+    found.corrected(boxes > 1.5, hulls > 1.5, more < 0.5, search > 1.0 + 2.0 * more)
+
+
+@claim(
+    "A share of rare failures that cross-entropy sampling states with a small error is known well.",
+    "It knows what it met. Of {n:.0f} repeats {low:.0f} were more than three of their stated "
+    "errors too low, their proposal narrower than the failures; with widths kept at 1 or more "
+    "{wide:.0f}. Where failures lie on two sides even those were, {sides:.0f} times: they saw one. "
+    "Repeats show it; effective number and weights do not.",
+    source="Rubinstein and Kroese, The cross-entropy method, 2004",
+)
+def rare_and_sure(found):
+    from scipy.stats import norm
+
+    from course.pipeline.rare import cross_entropy
+
+    share, n = 4.9e-4, int(found.given("n", 60))
+    edge, far = norm.isf(share), norm.isf(0.5 * share)
+
+    def one_side(x):
+        return 0.8 * x[0] + 0.6 * x[1] - edge
+
+    def two_sides(x):
+        return np.abs(0.8 * x[0] + 0.6 * x[1]) - far
+
+    def repeats(severity, **options):
+        return [cross_entropy(severity, 6, np.random.default_rng(k), **options) for k in range(n)]
+
+    narrow, wide = repeats(one_side), repeats(one_side, least=1.0)
+    both = repeats(two_sides, least=1.0)
+    low, fair, half = ([one for one in some if one.share + 3.0 * one.error < share]
+                       for some in (narrow, wide, both))  # fmt: skip
+    found.figure("low", len(low), 0.5)
+    found.figure("wide", len(fair), 0.5)
+    found.figure("sides", len(half), 0.3)
+
+    def typical(some, name):
+        return float(np.median([getattr(one, name) for one in some]))
+
+    apart = [np.std([one.share for one in some]) / typical(some, "error")
+             for some in (narrow, both)]  # fmt: skip
+    found.statement = "Half-spaces of known probability in six dimensions, 2,500 runs a repeat."
+    found.heard(len(low) <= 0.01 * n)
+    found.corrected(len(low) > 3 * len(fair), len(half) > 0.3 * n, min(apart) > 1.5,
+                    all(typical(few, "effective") > 0.5 * typical(all_, "effective")
+                        and typical(few, "heaviest") < 2.0 * typical(all_, "heaviest")
+                        for few, all_ in ((low, narrow), (half, both))))  # fmt: skip

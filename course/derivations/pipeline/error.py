@@ -1,0 +1,340 @@
+"""Claims of chapter 11: which stage owns which millimetre of the error."""
+
+import functools
+from dataclasses import replace
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "kp": Symbol("spring of the law [N m/rad]"),
+    "kd": Symbol("damping of the law [N m s/rad]"),
+    "c": Symbol("damping of the joint [N m s/rad]"),
+    "v": Symbol("speed of what is followed"),
+    "L": Symbol("latency [s]"),
+    "T": Symbol("period of the camera [s]"),
+    "m": Symbol("mass [kg]"),
+    "g": Symbol("gravity [m/s^2]"),
+    "d": Symbol("from the joint to the centre of mass [m]"),
+    "s": Symbol("tilt of the table [rad]", 0.01, 1.5),
+    "a": Symbol("gain of the place", 0.1, 1.0),
+    "b": Symbol("gain of the rate", 0.01, 1.0),
+}
+
+
+def ends(mended=(), seeds=(0,), scenario=None, **changed):
+    """Errors of the tip at the end (2, N) [m], with some stages mended."""
+    from course.pipeline import Scenario, Settings, errors, many, repair
+
+    settings = repair(replace(Settings(), **changed), *mended)
+    return errors(many(scenario or Scenario(), settings, seeds))
+
+
+def rms(away):
+    """Root of the mean square of errors (2, N) [m], in millimetres."""
+    return 1e3 * float(np.sqrt(np.mean(np.sum(np.asarray(away) ** 2, axis=0))))
+
+
+@claim(
+    "The more Kd, the further the tip stays behind a target that moves.",
+    "Where Kd acts on the joint's speed, the spring pays for all damping: once the arm has settled "
+    "{formula} is missing. "
+    "At {speed:.0f} mm/s that is {lag:.1f} mm, {twice:.1f} with twice the Kd.",
+    ask=("A joint under kp (r - q) - kd v, with friction c v, follows a reference at the rate v. "
+         "How far behind does it settle?", "e = (kd + c)*v/kp", {
+             "kd*v/kp": "The joint's own damping holds it back as well.",
+             "c*v/kp": "That is what a Kd on the error of the rate leaves.",
+             "kp*v/(kd + c)": "A stiffer spring follows more closely.",
+             "(kd + c)*v/(2*kp)": "The spring balances the damping as a whole."}),
+)  # fmt: skip
+def lag_of_the_arm(found):
+    import sympy
+
+    from course.pipeline import Scenario, theory
+
+    kp, kd, c, v, e = sympy.symbols("kp kd c v e", positive=True)
+    found.formula = sympy.solve(sympy.Eq(kp * e - kd * v - c * v, 0), e)[0]
+    scene, only = Scenario(seconds=7.0), ("perceive", "age", "plan")
+    velocity = np.array(scene.velocity)
+    speed = found.given("speed", 1e3 * float(np.hypot(*velocity)))
+
+    def behind(kp, kd):
+        away = ends(only, scenario=scene, kp=kp, kd=kd)[:, 0]
+        return -1e6 * float(away @ velocity) / speed
+
+    lag, twice = (found.figure(n, behind(25.0, x), 0.02) for n, x in (("lag", 8), ("twice", 16)))
+    law = speed * float(found.formula.subs({kp: 25, kd: 8, c: scene.arm.damping[0], v: 1}))
+    same = 1e3 * np.hypot(*theory.lag(scene.arm, (0.6, 1.6), 25.0, 8.0, velocity))
+    found.statement = "The last instant of runs of 7 s with everything but the arm mended."
+    stiff = found.rng.uniform(20.0, 60.0, 6)
+    rows = [[behind(float(k), x * float(k)) for x in (0.15, 0.3, 0.45)] for k in stiff]
+    found.heard(all(a < b < c for a, b, c in rows))
+    found.corrected(abs(lag / law - 1) < 0.05, abs(same / law - 1) < 1e-9,
+                    abs(twice / lag - 16.2 / 8.2) < 0.1)  # fmt: skip
+
+
+@claim(
+    "A camera that is 100 ms late costs 100 ms times the target's speed.",
+    "And the wait for the next picture: in the mean half a period more, {formula}. With a period "
+    "of {period_ms:.0f} ms an arm aims at where the target was {age_ms:.0f} ms ago, at worst "
+    "{worst_ms:.0f}, unless the estimate is carried forward.",
+    ask=("Pictures are taken every T and arrive after L. How far beside a target of speed v does "
+         "one aim in the mean?", "v*(L + T/2)", {
+             "v*L": "That is the moment at which a picture arrives; then it gets older.",
+             "v*(L + T)": "That is the worst, just before the next one arrives.",
+             "v*(L - T/2)": "A picture gets older while it is the newest.",
+             "v*(L/2 + T/2)": "The latency counts in full."}),
+)  # fmt: skip
+def latency_is_not_age(found):
+    import sympy
+
+    from course.pipeline import Scenario
+    from course.role import Stage, age
+
+    t, L, T, v = sympy.symbols("t L T v", positive=True)
+    found.formula = sympy.integrate(v * (L + t), (t, 0, T)) / T
+    scene = Scenario(velocity=(-0.02, 0.015), seconds=3.0)
+
+    def ages(late, period):
+        """Of what an arm without lag aims at, over the phases of the camera [s]."""
+        changed = {"noise": 0.0, "bias": (0.0, 0.0), "filtered": False, "frame": period}
+        u = np.array(scene.velocity)
+        return np.array([
+            -ends(("plan", "control"), (0,), scene, latency=late, phase=float(phase),
+                  **changed)[:, 0] @ u / (u @ u)
+            for phase in period * (np.arange(12) + 0.5) / 12
+        ])  # fmt: skip
+
+    late, period = 0.1, 1e-3 * found.given("period_ms", 300.0)
+    seen = ages(late, period)
+    mean = found.figure("age_ms", 1e3 * seen.mean(), 0.02)
+    camera = Stage("camera", late, period, overload="pipelined")
+    found.figure("worst_ms", 1e3 * age([camera]).greatest)
+    found.statement = "Runs with twelve phases of the camera and an arm without lag."
+    found.heard(bool(abs(mean / (1e3 * late) - 1.0) < 0.1))
+    drawn = found.rng.uniform((0.05, 0.1), (0.3, 0.4), (4, 2))
+    each = [(ages(*x).mean(), float(found.formula.subs({L: x[0], T: x[1], v: 1}))) for x in drawn]
+    found.corrected(all(abs(a / b - 1.0) < 0.04 for a, b in each), abs(mean / 250.0 - 1.0) < 0.02,
+                    seen.max() < late + period)  # fmt: skip
+
+
+@claim(
+    "Behind an alpha-beta filter the place is less noisy than in the picture.",
+    "Its variance is {formula} of the picture's. With {alpha:.2f} and {beta:.2f} that is "
+    "{calm:.2f}; a rate that is trusted too quickly, {beta_wild:.2f}, makes it {wild:.2f}.",
+    ask=("The error of an alpha-beta filter is x' = (1 - a)(x + y) + a n, y' = y - b (x + y) + b n "
+         "under white noise n of variance 1. The variance of x?",
+         "(2*a^2 + b*(2 - 3*a))/(a*(4 - b - 2*a))", {
+             "a/(2 - a)": "That is a filter without a rate.",
+             "a^2": "Earlier pictures are still in it.",
+             "(2*a^2 + b*(2 - 3*a))/(4 - b - 2*a)": "A factor a is missing below.",
+             "(2*a^2 + b*(2 + a))/(a*(4 - b - 2*a))": "Place and rate are correlated."}),
+    source="P. Kalata, The tracking index, 1984",
+)  # fmt: skip
+def filter_calms(found):
+    import sympy
+    from scipy.linalg import solve_discrete_lyapunov
+
+    from course.pipeline import theory
+
+    a, b, xx, xy, yy = sympy.symbols("a b xx xy yy")
+    A = sympy.Matrix([[1 - a, 1 - a], [-b, 1 - b]])
+    B, P = sympy.Matrix([a, b]), sympy.Matrix([[xx, xy], [xy, yy]])
+    found.formula = sympy.factor(sympy.solve(P - A * P * A.T - B * B.T, [xx, xy, yy])[xx])
+    alpha, beta = found.given("alpha", 0.3), found.given("beta", 0.05)
+    wild = found.given("beta_wild", 0.9)
+
+    def gain(alpha, beta):
+        """The same by SciPy, of the matrices as numbers."""
+        matrix = np.array([[1.0 - alpha, 1.0 - alpha], [-beta, 1.0 - beta]])
+        take = np.array([alpha, beta])
+        return float(solve_discrete_lyapunov(matrix, np.outer(take, take))[0, 0])
+
+    calm = found.figure("calm", theory.filter_gain(alpha, beta))
+    loud = found.figure("wild", theory.filter_gain(alpha, wild))
+    drawn = found.rng.uniform(0.05, 0.95, 30)
+    inside, outside = ([gain(x, share * 2.0 * x) < 1.0 for x in drawn] for share in (0.97, 1.03))
+    outside += [gain(1.0 + 0.3 * x, 1.0) < 1.0 for x in drawn]
+    both = [(theory.filter_gain(x, x), gain(x, x)) for x in drawn]
+    found.statement = "By algebra, and with numbers on both sides of the condition."
+    found.heard(loud < 1.0,
+                only_if="the gain of the place is below 1 and that of the rate below twice it",
+                inside=inside, outside=outside)  # fmt: skip
+    found.corrected(not any(outside), all(abs(x / y - 1.0) < 1e-9 for x, y in both),
+                    calm < 0.3, theory.filter_gain(1.2, 1.0) > 1.0)  # fmt: skip
+
+
+@claim(
+    "With enough pictures a second the place is as exact as one likes.",
+    "Noise that is new in each picture goes, the bias stays. At {slow:.0f} pictures a "
+    "second the tip is {few:.1f} mm off, at {fast:.0f} {many:.1f} mm, {bias:.1f} of it "
+    "bias.",
+)
+def pictures_without_bias(found):
+    from course.pipeline import Settings
+
+    only = ("age", "plan", "control")
+
+    def off(rate, **changed):
+        return rms(ends(only, range(16), frame=1.0 / rate, **changed))
+
+    slow, fast = found.given("slow", 10), found.given("fast", 400)
+    few = found.figure("few", off(slow), 0.1)
+    many = found.figure("many", off(fast), 0.1)
+    bias = found.figure("bias", 1e3 * np.hypot(*Settings().bias))
+    fair = off(fast, bias=(0.0, 0.0))
+    found.statement = "16 runs each, with only perception as it is."
+    found.heard(many < 0.5 * bias)
+    found.corrected(few > 2.0 * many, many > 0.9 * bias, fair < 0.9 * many)
+
+
+@functools.cache
+def cancelling(runs=6, **changed):
+    """A budget in which bias and lag point against each other, with little noise."""
+    from course.pipeline import Scenario, Settings, repair
+    from course.pipeline.budget import budget
+
+    settings = replace(Settings(), noise=1e-3, bias=(-0.004, 0.003), **changed)
+    return budget(Scenario(), repair(settings, "plan"), range(runs), ("perceive", "age", "control"))
+
+
+@claim(
+    "The parts of an error budget add up as the root of their summed squares.",
+    "That is for independent parts of mean 0. Perception alone makes {eye:.1f} mm, age "
+    "{age:.1f}, the arm {arm:.1f}: {rss:.1f} by that rule. All together make {whole:.1f}, as the "
+    "bias points against the two others.",
+)
+def root_sum_square(found):
+    from course.pipeline.budget import Budget
+
+    made = cancelling()
+    parts = ("perceive", "age", "control")
+    alone = [1e3 * made.rms(made.only(part))[0] for part in parts]
+    for name, value in zip(("eye", "age", "arm"), alone, strict=True):
+        found.figure(name, value, 0.05)
+    rss = found.figure("rss", float(np.hypot(np.hypot(alone[0], alone[1]), alone[2])), 0.05)
+    whole = found.figure("whole", 1e3 * made.rms(frozenset())[0], 0.1)
+    # Parts of mean 0 that know nothing of each other: there the rule is right.
+    rng = found.rng
+    noise = {part: 1e-3 * rng.standard_normal((2, 4000)) for part in parts}
+    sets = {
+        s: sum((noise[p] for p in parts if p not in s), np.zeros((2, 4000))) for s in made.errors
+    }
+    fair = Budget(parts, sets, made.told)
+    right = fair.rms(frozenset())[0] / np.sqrt(sum(fair.rms(fair.only(p))[0] ** 2 for p in parts))
+    found.statement = "Six runs for each of the eight subsets, and noise alone."
+    found.heard(abs(whole / rss - 1.0) < 0.1)
+    found.corrected(rss > 2.0 * whole, bool(abs(right - 1.0) < 0.05))
+
+
+@claim(
+    "To first order the mean errors that the parts make alone add up, as vectors, to that of all.",
+    "So they do: to {gap:.2f} mm, where the parts' lengths add up to {lengths:.1f} "
+    "mm and the whole is {whole:.1f}. What does not add up are lengths and squares.",
+)
+def signed_parts_add_up(found):
+    made = cancelling()
+    lengths = [1e3 * np.hypot(*made.mean(made.only(p))[0]) for p in ("perceive", "age", "control")]
+    summed = found.figure("lengths", sum(lengths), 0.05)
+    found.figure("gap", 1e3 * float(np.hypot(*made.gap()[0])), 0.5)
+    whole = found.figure("whole", 1e3 * float(np.hypot(*made.mean(frozenset())[0])), 0.2)
+
+    def adds(kp, kd, late):
+        one = cancelling(2, kp=float(kp), kd=float(kd), latency=float(late))
+        return float(np.hypot(*one.gap()[0])) < 3e-4
+
+    drawn = found.rng.uniform((25.0, 4.0, 0.02), (40.0, 8.0, 0.15), (3, 3))
+    holds = all(adds(*x) for x in drawn) and float(np.hypot(*made.gap()[0])) < 3e-4
+    found.statement = "The same budget, and three with other gains and latencies: within 0.3 mm."
+    found.heard(holds)
+    found.corrected(summed > 2.0 * whole)
+
+
+@claim(
+    "Mending a stage cannot make the tip's error larger.",
+    "It can, where errors cancel. As it is the tip is {whole:.1f} mm off; with perfect perception "
+    "{eye:.1f}, with an arm without lag {arm:.1f}, with both {both:.1f}. Of {orders:.0f} orders of "
+    "mending the three, {safe:.0f} never get worse on the way.",
+)
+def mending_makes_worse(found):
+    from itertools import permutations
+
+    made = cancelling()
+    mended = ((), ("perceive",), ("control",), ("perceive", "control"))
+    whole, eye, arm, both = (1e3 * made.rms(frozenset(some))[0] for some in mended)
+    for name, value in (("whole", whole), ("eye", eye), ("arm", arm), ("both", both)):
+        found.figure(name, value, 0.1)
+    found.figure("orders", len(list(permutations(made.parts))))
+    safe = found.figure("safe", len(made.orders()))
+    # Without a bias there is nothing to cancel.
+    fair = ends(("plan",), range(6), noise=1e-3, bias=(0.0, 0.0))
+    better = ends(("plan", "control"), range(6), noise=1e-3, bias=(0.0, 0.0))
+    found.statement = "Six runs for each of the eight subsets."
+    found.heard(eye <= whole and arm <= whole)
+    found.corrected(eye > 2.0 * whole, arm > 1.5 * whole, rms(better) < rms(fair), safe < 6)
+
+
+@claim(
+    "How far an arm sags on a table that is not level does not depend on Kd.",
+    "At rest the spring alone holds it: a joint gives way by {formula}. At {tilt:.3f} rad the tip "
+    "sags by {sag:.1f} mm, whatever Kd is, and by half of that with twice the Kp.",
+    ask=("A link of mass m lies across a table that is tilted by s, its centre d from the joint. "
+         "By which angle does a spring kp give way, to first order?", "m*g*d*sin(s)/kp", {
+             "m*g*d*cos(s)/kp": "A level table pulls at nothing.",
+             "m*g*d/kp": "That is a table on its edge.",
+             "m*g*sin(s)/kp": "A torque is a force times its arm."}),
+)  # fmt: skip
+def sag_without_kd(found):
+    import sympy
+
+    from course.pipeline import Scenario, Settings, theory
+    from course.pipeline.budget import predicted
+
+    m, g, d, s, kp, e = sympy.symbols("m g d s kp e", positive=True)
+    found.formula = sympy.solve(sympy.Eq(kp * e, m * g * d * sympy.sin(s)), e)[0]
+    tilt = found.given("tilt", 0.06)
+    level = Scenario(velocity=(0.0, 0.0), seconds=6.0)
+    tilted = replace(level, tilt=tilt)
+    only = ("perceive", "age", "plan")
+
+    def sag(kd, kp=25.0):
+        first, second = (ends(only, scenario=x, kp=kp, kd=kd)[:, 0] for x in (tilted, level))
+        return 1e3 * float(np.hypot(*(first - second)))
+
+    each = [sag(float(kd)) for kd in found.rng.uniform(3.0, 12.0, 6)]
+    here = found.figure("sag", sag(8.0), 0.02)
+    stiff = sag(9.0, 50.0)
+    told = predicted(tilted, Settings(kp=25.0))[0] - predicted(level, Settings(kp=25.0))[0]
+    bends = [theory.sag(tilted.plant, (0.0, 0.0), x)[1] for x in (25, 50)]
+    found.statement = "Ends of runs of 6 s on a tilted and a level table, six values of Kd."
+    found.heard(bool(np.ptp(each) < 0.02 * here))
+    found.corrected(bool(abs(1e3 * np.hypot(*told) / here - 1.0) < 0.1),
+                    abs(stiff / here - 0.5) < 0.02,
+                    bool(abs(bends[0] / bends[1] - 2.0) < 1e-9))  # fmt: skip
+
+
+@claim(
+    "Fresh random numbers for each of two settings make the fairer comparison.",
+    "On the same seeds both meet the same noise, and what it does to both alike cancels. To see "
+    "what a tenth more noise costs takes {saved:.0f} times fewer runs than on seeds of their own, "
+    "if each stage draws from a stream of its own. With every second picture left out the noise is "
+    "no longer the same: {other:.1f} times. And where it helps one and harms the other, as with a "
+    "bias of {bias_mm:.0f} mm turned round, it takes {lost:.1f} times as many.",
+)
+def same_seeds(found):
+    from course.pipeline import Scenario, Settings, repair
+    from course.pipeline.budget import compare
+
+    first = repair(Settings(), "plan")
+    second, scene = replace(first, noise=1.1 * first.noise), Scenario(seconds=3.2)
+    sets = [compare(scene, first, second, seeds) for seeds in (range(20), range(20, 40))]
+    saved = found.figure("saved", min(one.saved for one in sets), 0.5)
+    bias = 1e-3 * found.given("bias_mm", 20.0)
+    turned = [replace(first, bias=(x, 0.0)) for x in (bias, -bias)]
+    lost = found.figure("lost", 1.0 / compare(scene, turned[0], turned[1], range(40)).saved, 0.3)
+    other = compare(scene, first, replace(first, frame=2.0 * first.frame), range(40)).saved
+    found.figure("other", other, 0.3)
+    found.statement = "Twice 20 seeds, the lesser of the two savings; 40 for bias and pictures."
+    found.heard(saved < 1.0)
+    found.corrected(saved > 4.0, lost > 1.2, other < 2.0, all(one.square[1] > 0.0 for one in sets))

@@ -1,0 +1,508 @@
+"""Claims of chapter 11: what a pipeline can bear, and what it does beyond."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "k": Symbol("largest stiffness over inertia [1/s^2]"),
+    "d": Symbol("largest damping over inertia [1/s]"),
+    "m": Symbol("eigenvalue of the inverse inertia [1/(kg m^2)]"),
+    "kp": Symbol("spring of the law [N m/rad]"),
+    "kd": Symbol("damping of the law [N m s/rad]"),
+    "c": Symbol("damping of the joint [N m s/rad]"),
+    "n": Symbol("frames by which a picture is late", 1.0, 8.0),
+    "g": Symbol("share of the error seen that is corrected", 0.1, 1.9),
+    "r": Symbol("move of the goal from which it is planned anew [m]"),
+    "s": Symbol("standard deviation of each axis [m]", 0.3, 3.0),
+    "L": Symbol("time that a picture takes [s]"),
+    "t": Symbol("angle by which a path bends [rad]", 0.1, 3.0),
+    "b": Symbol("clearance [m]", 0.2, 2.0),
+    "T": Symbol("period of the camera [s]"),
+}
+
+
+def swung(q, kp, kd, dt, steps, offset):
+    """Angles (steps, 2, N) of N arms under PD from an offset at rest, by semi-implicit Euler.
+
+    Args:
+        q, offset: postures that they are held in, and how far beside they begin, (2, N) [rad].
+        kp, kd, dt: of each, (N,) or one for all.
+        steps: how many.
+    """
+    from course.kinematics.two_link import TwoLink, acceleration
+
+    column = np.repeat(TwoLink().column(), q.shape[1], axis=1)
+    at, v, seen = q + offset, np.zeros(q.shape), np.empty((steps, *q.shape))
+    for i in range(steps):
+        column[11:] = kp * (q - at) - kd * v
+        v = v + dt * acceleration(at, v, column)
+        at = at + dt * v
+        seen[i] = at
+    return seen
+
+
+def drawn(rng, n=12):
+    """Postures (2, n), springs and dampers (n,) by chance."""
+    q = np.stack([rng.uniform(-3.0, 3.0, n), rng.uniform(0.0, 3.0, n)])
+    return q, rng.uniform(10.0, 100.0, n), rng.uniform(1.0, 10.0, n)
+
+
+def limits(q, kp, kd):
+    """Largest stable steps (N,) [s]."""
+    from course.kinematics import TwoLink
+    from course.pipeline import theory
+
+    return np.array([theory.step_limit(TwoLink(), *x) for x in zip(q.T, kp, kd, strict=True)])
+
+
+def leaves(q, kp, kd, dt):
+    """Which of the arms swing far away from where they begin, 2e-6 rad beside."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        seen = swung(q, kp, kd, dt, 800, np.array([[1e-6], [-2e-6]]))
+        return np.nanmax(np.abs(seen - q), axis=(0, 1)) > 3e-5
+
+
+@claim(
+    "A physics step that is stable in one posture of the arm is stable in all.",
+    "The limit is {formula} with the largest eigenvalue of the inverse inertia, and that depends "
+    "on the elbow: {stretched:.2f} ms stretched, {folded:.2f} folded, with the same gains.",
+    ask=("Semi-implicit Euler, x'' = -k x - d x', acceleration from the old state. Largest stable "
+         "step?", "dt < (sqrt(d^2 + 4*k) - d)/k", {
+             "2/sqrt(k)": "That is without damping, which lowers it.",
+             "d/k": "That is explicit Euler's, of a swing.",
+             "(sqrt(d^2 + 4*k) + d)/k": "Damping lowers the limit here.",
+             "2/d": "That is without a spring."}),
+)  # fmt: skip
+def step_by_posture(found):
+    import sympy
+
+    h, k, d = sympy.symbols("h k d", positive=True)
+    step = sympy.Matrix([[1 - h * h * k, h - h * h * d], [-h * k, 1 - h * d]])
+    edge = (step + sympy.eye(2)).det()  # the first eigenvalue to leave is -1
+    found.formula = sympy.solve(sympy.expand(edge), h)[0]
+    both = np.array([[0.3, 0.3], [0.0, 2.9]])
+    gains = np.full(2, 25.0), np.full(2, 8.0)
+    far, near = 1e3 * limits(both, *gains)
+    found.figure("stretched", far)
+    found.figure("folded", near)
+    q, kp, kd = drawn(found.rng)
+    at = limits(q, kp, kd)
+    found.statement = "The arm itself, from 1e-6 rad, 3 % to both sides of twelve limits."
+    found.heard(not leaves(both, *gains, 1e-3 * np.sqrt(far * near)).any())
+    found.corrected(bool(leaves(q, kp, kd, 1.03 * at).all()),
+                    not leaves(q, kp, kd, 0.97 * at).any(), near > 2.0 * far)  # fmt: skip
+
+
+@claim(
+    "More Kd makes the largest stable step of a semi-implicit simulation smaller.",
+    "So it does, where the torque comes from the last state. Stretched at Kp {kp:.0f} the "
+    "limit falls from {none:.1f} ms without Kd to {much:.1f} with {kd:.0f}: what overshoots is the "
+    "torque of the damping. Damping that is taken at the new velocity does not lower it.",
+)
+def damping_and_step(found):
+    from course.kinematics import TwoLink
+    from course.pipeline import theory
+
+    kp, kd = found.given("kp", 25.0), found.given("kd", 8.0)
+    none, much = (1e3 * theory.step_limit(TwoLink(), (0.3, 0.0), kp, x) for x in (0.0, kd))
+    found.figure("none", none)
+    found.figure("much", much)
+    q, springs, dampers = drawn(found.rng)
+    less, more = limits(q, springs, dampers), limits(q, springs, 1.2 * dampers)
+    between = np.sqrt(less * more)
+
+    def implicit(kp, kd, m=90.0):
+        """Growth just below 2 / omega with the damping taken at the new velocity."""
+        dt = 1.99 / np.sqrt(kp * m)
+        held = 1.0 / (1.0 + dt * kd * m)
+        step = np.array([[1.0 - dt * dt * kp * m * held, dt * held], [-dt * kp * m * held, held]])
+        return float(np.abs(np.linalg.eigvals(step)).max())
+
+    new = [implicit(*x) for x in zip(springs, dampers, strict=True)]
+    found.statement = "Twelve arms with drawn gains, and the same with a fifth more damping."
+    found.heard(bool(np.all(more < less)))
+    found.corrected(much < 0.5 * none, max(new) < 1.0,
+                    bool(leaves(q, springs, 1.2 * dampers, between).sum() >= 6),
+                    not leaves(q, springs, dampers, 0.97 * less).any())  # fmt: skip
+
+
+@claim(
+    "At the largest physics step of the slider the arm goes unstable and energy grows.",
+    "Not because it is the largest: in the posture of the reach the limit is {reach:.1f} ms, "
+    "stretched {stretched:.1f}. Motors with a limit hold what is unstable in a small circle: at "
+    "{step:.0f} ms {share:.0%} of the runs still succeed, while the energy won rises from "
+    "{calm:.3f} to {wild:.3f} of the most there was.",
+)
+def largest_step(found):
+    from course.pipeline import Scenario, Settings, many, successes, theory
+    from course.pipeline.blame import gained
+
+    scene, step = Scenario(), found.given("step", 15.0)
+    settings = replace(Settings(), noise=5e-3)
+    goal = many(scene, settings, [0])[0].log[-1, :2]
+    reach = found.figure("reach", 1e3 * theory.step_limit(scene.arm, goal, 25.0, 8.0), 0.02)
+    found.figure("stretched", 1e3 * theory.step_limit(scene.arm, (0.3, 0.0), 25.0, 8.0))
+    runs = [many(scene, replace(settings, physics=1e-3 * h, control=1e-3 * h), range(8))
+            for h in (2.0, step)]  # fmt: skip
+    calm, wild = (float(np.mean([gained(one, 25.0, 8.0) for one in some])) for some in runs)
+    found.figure("calm", calm, 0.01)
+    found.figure("wild", wild, 0.2)
+    share = found.figure("share", successes(runs[1]).mean(), 0.2)
+    q, kp, kd = drawn(found.rng)
+    at = limits(q, kp, kd)
+    found.statement = "Eight runs at each step, and arms without motors' limits beside theirs."
+    found.heard(
+        bool(leaves(q, kp, kd, 0.9 * at).all()),
+        only_if="the step is above (sqrt(d^2 + 4 k) - d) / k in the posture that it is in",
+        inside=leaves(q, kp, kd, 1.03 * at).tolist(), outside=leaves(q, kp, kd, 0.97 * at).tolist(),
+    )  # fmt: skip
+    found.corrected(step > reach, share > 0.7, wild > 10.0 * max(calm, 1e-3))
+
+
+@claim(
+    "With Kp very high and Kd zero the arm overshoots wildly.",
+    "By {high:.0%} of a step at Kp {much:.0f}. At {little:.0f} it is {low:.0%} already: what is "
+    "missing is the Kd, and with {kd:.0f} of it the step ends without.",
+)
+def high_gain_overshoots(found):
+    from course.kinematics import TwoLink
+    from course.pipeline import theory
+
+    def beyond(kp, kd, q):
+        """Overshoot of a small step of the slow mode, measured and as predicted."""
+        modes = theory.modes(TwoLink(), q, kp, kd)
+        shapes = np.linalg.eigh(np.linalg.inv(TwoLink().mass_matrix(np.array(q))))[1]
+        dt = 0.004 / float(modes.omega[0])
+        away = 1e-5 * shapes[:, :1]
+        seen = swung(np.array(q)[:, None], kp, kd, dt, 1000, away)[:, :, 0] - q
+        return max(0.0, float(-(seen @ shapes[:, 0]).min()) / 1e-5), float(modes.overshoot[0])
+
+    bent = (0.624, 1.64)
+    much, little, kd = (found.given(*x) for x in (("much", 400.0), ("little", 25.0), ("kd", 8.0)))
+    high, told = beyond(much, 0.0, bent)
+    low = found.figure("low", beyond(little, 0.0, bent)[0], 0.02)
+    found.figure("high", high, 0.02)
+    calm = beyond(little, kd, bent)[0]
+    draws = zip(found.rng.uniform(100.0, 1000.0, 6), found.rng.uniform(0.0, 3.0, 6), strict=True)
+    found.statement = "Small steps of the slow mode, in drawn postures."
+    found.heard(all(beyond(kp, 0.0, (0.3, q2))[0] > 0.5 for kp, q2 in draws))
+    found.corrected(abs(high / told - 1.0) < 0.02, low > 0.8, calm < 1e-3)
+
+
+@claim(
+    "Once an arm swings, a higher Kp does not make it come to rest sooner.",
+    "Its swings die as exp(-t / tau) with tau = {formula}, and Kp is not "
+    "in it. From Kp {soft:.0f} to {stiff:.0f} a swing of the slow mode decays at the same rate, to "
+    "{off:.1%}; it only has more of them.",
+    ask=("An arm under PD swings in a mode whose inverse inertia is m, with Kd and friction c. "
+         "With which time constant do its swings die?", "tau = 2/((kd + c)*m)", {
+             "1/((kd + c)*m)": "Half of the energy is in the spring, which is not damped.",
+             "(kd + c)/kp": "That is the slow creep of an overdamped arm.",
+             "2*m/(kd + c)": "m is an inverse inertia.",
+             "2/(kd*m)": "Friction damps as well."}),
+)  # fmt: skip
+def swings_die(found):
+    import sympy
+
+    from course.kinematics import TwoLink
+    from course.pipeline import theory
+
+    kp, kd, c, m, x = sympy.symbols("kp kd c m x", positive=True)
+    root = sympy.solve(x**2 + m * (kd + c) * x + m * kp, x)[0]
+    found.formula = sympy.simplify(-1 / sum(part for part in root.args if not part.has(kp)))
+    bent = (0.624, 1.64)
+    value, shapes = np.linalg.eigh(np.linalg.inv(TwoLink().mass_matrix(np.array(bent))))
+    soft, stiff = found.given("soft", 25.0), found.given("stiff", 250.0)
+
+    def rate(kp):
+        """Of decay, from the largest swings of the first and of the last third [1/s]."""
+        dt = 0.02 / np.sqrt(kp * value[0])
+        away = 1e-5 * shapes[:, :1]
+        seen = swung(np.array(bent)[:, None], kp, 0.0, dt, 3000, away)[:, :, 0] - bent
+        y = np.abs(seen @ shapes[:, 0])
+        peaks = np.flatnonzero((y[1:-1] > y[:-2]) & (y[1:-1] > y[2:])) + 1
+        return float(np.polyfit(dt * peaks, -np.log(y[peaks]), 1)[0])
+
+    slow, fast = rate(soft), rate(stiff)
+    law = float(1 / found.formula.subs({kd: 0, c: 0.2, m: value[0]}))
+    ring = [theory.modes(TwoLink(), bent, x, 0.0).ring[0] for x in (soft, stiff)]
+    found.figure("off", abs(fast / slow - 1.0), 0.5)
+    found.statement = "Peaks of a swing of 1e-5 rad without Kd."
+    found.heard(fast < 1.02 * slow)
+    found.corrected(abs(slow / law - 1.0) < 0.03, abs(fast / law - 1.0) < 0.03,
+                    bool(abs(ring[0] / ring[1] - 1.0) < 1e-9))  # fmt: skip
+
+
+def wanders(gain, late):
+    """Whether look and move with late pictures gets worse and worse."""
+    past = [1.0] * (late + 1)
+    for _ in range(3000):
+        past.append(past[-1] - gain * past[-1 - late])
+    return abs(np.array(past[-40:])).max() > 1.0
+
+
+@claim(
+    "A hand that corrects a part of the error that it sees, never more than all of it, gets there.",
+    "If each picture is fresh. When it is late by n frames the gain has to stay below {formula}: "
+    "{one:.2f} for one frame, {four:.2f} for four.",
+    ask=("Each frame a share g of the error is corrected that was seen n frames before. Up to "
+         "which g does it settle?", "g < 2*sin(pi/(2*(2*n + 1)))", {
+             "2*sin(pi/(2*(2*n - 1)))": "Count the frames from 0: fresh pictures allow 2.",
+             "pi/(2*n + 1)": "That is for a small angle.",
+             "2*sin(pi/(2*n + 1))": "The distance on the circle takes half the angle.",
+             "1/n": "That is of the right kind, and too careful."}),
+)  # fmt: skip
+def look_and_move_limit(found):
+    import sympy
+
+    from course.pipeline import theory
+
+    n, w = sympy.symbols("n w", positive=True)
+    # z^n (z - 1) = -g on the circle: the angles n w + w / 2 + pi / 2 = pi, the sizes 2 sin(w / 2).
+    angle = sympy.solve(sympy.Eq(n * w + w / 2 + sympy.pi / 2, sympy.pi), w)[0]
+    found.formula = 2 * sympy.sin(sympy.simplify(angle / 2))
+    found.figure("one", theory.look_limit(1))
+    four = found.figure("four", theory.look_limit(4))
+    late = [int(x) for x in found.rng.integers(0, 9, 12)]
+    inside, outside = ([not wanders(x * theory.look_limit(k), k) for k in late]
+                       for x in (0.98, 1.02))  # fmt: skip
+    exact = [float(found.formula.subs(n, k)) / theory.look_limit(k) for k in late]
+    found.statement = "The loop itself, 2 % to both sides of the limits of 0 to 8 late frames."
+    found.heard(not any(wanders(x, 4) for x in (0.2, 0.5, 1.0)), inside=inside, outside=outside,
+                only_if="the gain is below 2 sin(pi / (2 (2 n + 1)))")  # fmt: skip
+    found.corrected(all(abs(x - 1.0) < 1e-9 for x in exact), not any(outside), four < 0.5,
+                    not wanders(0.9, 0))  # fmt: skip
+
+
+@claim(
+    "With fresh pictures, correcting the whole error at once leaves nothing.",
+    "It leaves the noise of one picture in full. A gain g lets {formula} of its variance through: "
+    "{part:.2f} at {gain:.1f}. With pictures {late:.0f} frames late it is {more:.2f} there.",
+    ask=("At each frame a share g of the error in a fresh, noisy picture is corrected. What share "
+         "of a picture's variance is in the place?", "g/(2 - g)", {
+             "g^2": "What came before is still in it: it forgets 1 - g a frame.",
+             "g": "At g = 1 only is it that.",
+             "g^2/(2 - g)": "The sum of a series in (1 - g)^2 has g (2 - g) below.",
+             "g/(2 + g)": "The sign: 1 - (1 - g)^2 is g (2 - g)."}),
+)  # fmt: skip
+def look_and_move_noise(found):
+    import sympy
+
+    from course.pipeline import theory
+
+    g, V = sympy.symbols("g V", positive=True)
+    found.formula = sympy.simplify(sympy.solve(sympy.Eq(V, (1 - g) ** 2 * V + g**2), V)[0])
+    gain, late = found.given("gain", 0.3), int(found.given("late", 2))
+
+    def measured(gain, late):
+        """Variance over that of a picture, of 400 places after 400 frames each."""
+        past = list(np.zeros((late + 1, 2000)))
+        for _ in range(200):
+            past.append(past[-1] - gain * (past[-1 - late] + found.rng.standard_normal(2000)))
+        return float(np.var(past[-60:]))
+
+    part = found.figure("part", theory.look_noise(gain, 0))
+    more = found.figure("more", theory.look_noise(gain, late))
+    seen = measured(gain, 0), measured(gain, late), measured(1.0, 0)
+    found.statement = "2,000 loops with white noise, beside the formula."
+    found.heard(seen[2] < 0.1)
+    found.corrected(abs(seen[0] / part - 1) < 0.05, abs(seen[1] / more - 1) < 0.05, more > part,
+                    abs(float(found.formula.subs(g, gain)) / part - 1.0) < 1e-9,
+                    abs(seen[2] - 1.0) < 0.05)  # fmt: skip
+
+
+@claim(
+    "With a clearance of two standard deviations at most one plan in forty touches the disc.",
+    "That is for one that passes in a straight line: {wall:.1%}, as beside a wall. One that bends "
+    "round the disc by an angle t has it near on more sides, which adds {formula}: at two standard "
+    "deviations it is {bent:.1%} for a quarter turn and {round:.1%} for a half.",
+    ask=("A disc was seen with noise s on each axis. What does a path add to the share that "
+         "touches, if it bends round the disc by an angle t at the clearance b, over a straight "
+         "one?", "t/(2*pi)*exp(-b^2/(2*s^2))", {
+             "t/(2*pi)*exp(-b^2/s^2)": "The exponent of a normal density has 2 s^2 below.",
+             "exp(-b^2/(2*s^2))": "That is all round; the path covers the angle t of it.",
+             "t/pi*exp(-b^2/(2*s^2))": "The whole circle is 2 pi.",
+             "t/(2*pi)*exp(-b/s)": "The length of a normal vector has b^2 in the exponent."}),
+)  # fmt: skip
+def clearance_and_noise(found):
+    import sympy
+
+    from course.pipeline import theory
+
+    t, b, s, x, angle = sympy.symbols("t b s x angle", positive=True)
+    density = x / (2 * sympy.pi * s**2) * sympy.exp(-(x**2) / (2 * s**2))
+    found.formula = sympy.integrate(density, (x, b, sympy.oo), (angle, 0, t))
+    wall = float(theory.collision_share(2.0, np.eye(2), (1.0, 0.0)))
+    bends = {"wall": 0.0, "bent": 0.5 * np.pi, "round": np.pi}
+    law = {name: wall + float(found.formula.subs({t: turn, b: 2, s: 1}))
+           for name, turn in bends.items()}  # fmt: skip
+    for name, value in law.items():
+        found.figure(name, value)
+    off = found.rng.standard_normal((2, 80_000))  # of the disc, in standard deviations
+
+    def touched(turn, radius=4.0):
+        """Share of places at which a disc touches a path about it, an arc with straight ends."""
+        angles, far = np.linspace(-0.5, 0.5, 41) * turn, np.linspace(0.0, 7.0, 36)
+        arc = (radius + 2.0) * np.exp(1j * angles)
+        ends = [arc[i] + 1j * sign * far * np.exp(1j * angles[i]) for i, sign in ((0, -1), (-1, 1))]
+        away = np.full(off.shape[1], np.inf)
+        for x in np.concatenate((arc, *ends)):
+            away = np.minimum(away, np.abs(off[0] + 1j * off[1] - x))
+        return float(np.mean(away < radius))
+
+    found.statement = "80,000 places of a disc that was seen with noise, and paths about it."
+    straight = [touched(0.0, x) < 1.0 / 40.0 for x in found.rng.uniform(3.0, 20.0, 8)]
+    sharp = [touched(x) < 1.0 / 40.0 for x in found.rng.uniform(0.4, np.pi, 8)]
+    found.heard(
+        all(straight) and all(sharp),
+        only_if="the path passes it straight",
+        inside=straight,
+        outside=sharp,
+    )
+    found.corrected(all(abs(touched(turn) / law[name] - 1.0) < 0.05
+                        for name, turn in bends.items()))  # fmt: skip
+
+
+@claim(
+    "With the planner's step at its minimum the arm comes late as it has to wait for the plan.",
+    "That is the one half: at {cost_us:.0f} us a check it waits {wait_ms:.0f} ms. The other is "
+    "that its path is worse, {corners:.0f} waypoints after all shortcuts in place of {few:.0f}, "
+    "{slow:.1f} s in place of {quick:.1f}. {paid:.0%} of the runs succeed, and with checks that "
+    "cost nothing {free:.0%}.",
+)
+def planner_step(found):
+    from course.pipeline import Scenario, Settings, many, successes
+
+    cost = found.given("cost_us", 20.0)
+    near = replace(Settings(), noise=1e-4)
+
+    def runs(step, cost, n=12):
+        records = many(Scenario(), replace(near, step=step, check_cost=1e-6 * cost), range(n))
+        wait = np.median([r.plans[0].arrived - r.asked[0] for r in records])
+        length = np.median([r.plans[0].value.motion.duration for r in records])
+        corners = np.median([r.plans[0].value.waypoints.shape[1] for r in records])
+        return successes(records).mean(), 1e-3 * wait, length, corners
+
+    (paid, wait, slow, corners), (free, *_), (fine, _, quick, few) = (
+        runs(0.002, cost), runs(0.002, 0.0), runs(0.3, cost)
+    )  # fmt: skip
+    rows = {"paid": paid, "free": free, "wait_ms": wait, "slow": slow, "quick": quick}
+    for name, value in (rows | {"corners": corners, "few": few}).items():
+        found.figure(name, value, 0.3)
+    found.statement = "12 runs with steps of 0.3 and 0.002 rad, nearly without noise."
+    found.heard(free > 0.9)
+    found.corrected(paid < 0.6, paid < free < 0.9 < fine, slow > 1.2 * quick, corners > few)
+
+
+@claim(
+    "A camera that waits until the last picture is done gives older pictures than one that runs on "
+    "and drops what comes meanwhile.",
+    "Younger ones, or as old where L is a whole number of periods: its next picture is taken at "
+    "once. {formula} in the mean, {block_ms:.0f} ms where dropping gives {drop_ms:.0f}. A queue "
+    "gives {queue_ms:.0f} after {seconds:.0f} s, and more from then on.",
+    ask=("A picture takes L, longer than the camera's period, and the camera waits for it. How old "
+         "is the newest result in the mean?", "3*L/2", {
+             "L + T/2": "That takes a second worker.",
+             "L": "That is its age when it comes; then it gets older.",
+             "2*L": "That is the oldest."}),
+)  # fmt: skip
+def overrun_ages(found):
+    import sympy
+
+    from course.pipeline import Scenario, Settings, repair, run
+
+    L, t = sympy.symbols("L t", positive=True)
+    found.formula = sympy.integrate(L + t, (t, 0, L)) / L
+    seconds = found.given("seconds", 3.0)
+    scene = Scenario(velocity=(-0.02, 0.015), seconds=seconds)
+    u = np.array(scene.velocity)
+    plain = replace(Settings(), noise=0.0, bias=(0.0, 0.0), filtered=False)
+
+    def age(rule, late, period):
+        """Mean over the phases of what an arm without lag aims at [s]."""
+        cycle = {"drop": period * np.ceil(late / period), "block": late, "queue": period}[rule]
+        aimed = []
+        for phase in (seconds - late - cycle * (np.arange(8) + 0.5) / 8) % cycle:
+            told = replace(plain, overrun=rule, latency=late, frame=period, phase=float(phase))
+            aimed.append(-run(scene, repair(told, "plan", "control")).error @ u / (u @ u))
+        return float(np.mean(aimed))
+
+    block, drop, queue = (age(rule, 0.25, 0.1) for rule in ("block", "drop", "queue"))
+    for name, value in (("block_ms", block), ("drop_ms", drop), ("queue_ms", queue)):
+        found.figure(name, 1e3 * value, 0.03)
+    law = float(found.formula.subs(L, 0.25))
+    others = [(age("block", late, 0.1), age("drop", late, 0.1))
+              for late in (0.11, 0.19)]  # fmt: skip
+    found.statement = "Runs with eight phases of a camera at 10 Hz whose pictures take 250 ms."
+    found.heard(block > drop)
+    found.corrected(abs(block / law - 1.0) < 0.03, all(a < b for a, b in others),
+                    queue > 3.0 * drop)  # fmt: skip
+
+
+@claim(
+    "Noise in the estimate makes the planner start again and again.",
+    "Only one that jumps as far as the distance from which it is planned anew. Raw, a share "
+    "{formula} of the pictures is that far off: at {sigma:.2f} m a run makes {raw:.0f} plans, "
+    "behind a filter {calm:.1f}.",
+    ask=("A plan was made for one noisy picture, s on each axis. Which share of the later ones is "
+         "further than r from its goal?", "exp(-r^2/(4*s^2))", {
+             "exp(-r^2/(2*s^2))": "The plan's own goal was noisy as well.",
+             "exp(-r^2/s^2)": "Variances add to 2 s^2, and the exponent has twice that below.",
+             "exp(-r/(2*s))": "The length of a normal vector has r^2 in the exponent."}),
+)  # fmt: skip
+def raw_estimate_replans(found):
+    import sympy
+
+    from course.pipeline import Scenario, Settings, many
+
+    r, s, x = sympy.symbols("r s x", positive=True)
+    density = x / (2 * s**2) * sympy.exp(-(x**2) / (4 * s**2))
+    found.formula = sympy.integrate(density, (x, r, sympy.oo))
+    scene, settings = Scenario(seconds=1.5), Settings()
+    sigma = found.given("sigma", settings.noise)
+
+    def plans(noise, filtered, seeds=range(4)):
+        told = replace(settings, noise=float(noise), filtered=filtered)
+        return np.mean([len(record.plans) for record in many(scene, told, seeds)])
+
+    raw = found.figure("raw", plans(sigma, False), 0.3)
+    calm = found.figure("calm", plans(sigma, True, range(8)), 0.3)
+    jumps = np.hypot(*(sigma * found.rng.standard_normal((2, 2, 50_000)).sum(axis=0)))
+    far = float(np.mean(jumps > settings.replan))
+    law = float(found.formula.subs({r: settings.replan, s: sigma}))
+    third, draws = settings.replan / 3.0, found.rng.uniform(0.0, 1.0, 8)
+    found.statement = "Runs of 1.5 s with raw and filtered estimates."
+    found.heard(
+        calm > 6.0, only_if="they come raw, with a third of that distance on each axis or more",
+        inside=[bool(plans((1.15 + 0.5 * x) * third, False) > 6.0) for x in draws],
+        outside=[bool(plans((0.85 - 0.5 * x) * third, False) > 6.0) for x in draws],
+    )  # fmt: skip
+    found.corrected(raw > 5.0 * calm, bool(abs(far / law - 1.0) < 0.05))
+
+
+@claim(
+    "Perception, planning, control and physics all have their turn at every control step.",
+    "Each has a clock of its own. In a run of {seconds:.0f} s the law is asked {laws:.0f} times, "
+    "the camera {pictures:.0f}, the planner {plans:.0f}: a plan takes {periods:.1f} periods of the "
+    "law, a picture {ages:.0f}.",
+)
+def every_stage_its_clock(found):
+    from course.pipeline import Scenario, Settings, run
+
+    scene, settings = Scenario(), Settings()
+    seconds = found.given("seconds", scene.seconds)
+    record = run(replace(scene, seconds=seconds), settings)
+    laws = found.figure("laws", len(record.log) - 1)
+    pictures = found.figure("pictures", len(record.timetable.captured))
+    plans = found.figure("plans", len(record.plans))
+    control = 1e6 * settings.control
+    periods = (record.plans[0].arrived - record.asked[0]) / control
+    found.figure("periods", periods, 0.3)
+    first = record.pictures[0]
+    ages = found.figure("ages", (first.arrived - first.captured) / control)
+    found.statement = "Counted in one run with the settings of the chapter."
+    found.heard(laws == pictures == plans)
+    found.corrected(plans < pictures < laws, periods > 1.0, ages > 10.0)

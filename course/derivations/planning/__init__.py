@@ -1,0 +1,35 @@
+"""Claims of chapter 5: trees, edges, passages, roadmaps, and what is done to a path."""
+
+from typing import Any
+
+import numpy as np
+
+_KEPT: dict[Any, list[Any]] = {}
+
+
+def runs(scene: str, method: str, seeds: int, *place: float, **options: Any) -> list[Any]:
+    """Plans of a method, one a seed, in a ready-made scene (`scenes.gap(*place)`, ...); those that
+    another claim has asked for are not made again."""
+    from course.planning import plan, scenes
+
+    asked = getattr(scenes, scene)(*place)
+    usual = {"budget": 200_000} | ({"step": asked.step} if "rrt" in method else {})
+    options = usual | ({"goal_bias": 0.05} if method == "rrt" else {}) | options
+    kept = _KEPT.setdefault((scene, place, method, *sorted(options.items())), [])
+    for seed in range(len(kept), seeds):
+        kept.append(plan(asked.world, asked.start, asked.goal, method=method, rng=seed, **options))
+    return kept[:seeds]
+
+
+def samples(*question: Any, **options: Any) -> np.ndarray:
+    """Samples of these runs, shape (seeds,)."""
+    return np.array([answer.samples for answer in runs(*question, **options)])
+
+
+def through_gap(share: float, thickness: float) -> float:
+    """Shortest path of `scenes.gap`: around both near corners of the opening [m]."""
+    from course.planning import scenes
+
+    asked = scenes.gap(share, thickness)
+    corner = np.array([5.0 - 0.5 * thickness, 5.0 - 5.0 * share])
+    return float(2.0 * np.linalg.norm(corner - asked.start) + thickness)

@@ -1,0 +1,197 @@
+"""Claims of chapter 5: edges of a tree, and the last one, to the goal."""
+
+import numpy as np
+
+from course.derivations import Ask, Symbol, claim
+from course.derivations.planning import runs
+
+SYMBOLS = {
+    "w": Symbol("thickness of the wall [m]", 0.01, 0.1),
+    "s": Symbol("distance of the points [m]", 0.2, 2.0),
+    "r": Symbol("radius of a disc [m]", 1.1, 3.0),
+}
+
+
+@claim(
+    "To check an edge of a tree for collisions, try ten or more points along it.",
+    "Ten points inside an edge leave gaps of an eleventh of it: a disc with a radius below 1/22 of "
+    "the edge is crossed through its middle unseen. A larger one is missed where the edge cuts off "
+    "less than a gap: of random edges of {edge_m:.0f} m that hit a disc of radius {large_m:.1f} m "
+    "ten points miss {large_share:.1%}, up to {deepest_mm:.0f} mm deep; of {small_m:.2f} m, "
+    "{small_share:.0%}. The distance of a disc's centre from the segment has a closed form, costs "
+    "one point and misses none.",
+    source="C. Ericson, Real-Time Collision Detection, 2005, sec. 5.1.2",
+    ask=Ask("Points along an edge are s apart. How deep, at most, does the edge cut unseen into a "
+            "disc of radius r > s/2?", "d = r - sqrt(r^2 - s^2/4)", {
+        "s^2/(8*r)": "That is what it comes to for a large disc.",
+        "r - sqrt(r^2 - s^2)": "The points lie half of s to either side of the deepest place.",
+        "s/2": "So far the deepest place is from a point, along the edge."}),
+)  # fmt: skip
+def edge_by_ten_points(found):
+    import sympy
+
+    from course.drills import edge_is_free
+
+    r, s, d = sympy.symbols("r s d", positive=True)
+    chord = sympy.sqrt(r**2 - (r - d) ** 2)  # half of it, of depth d
+    found.formula = min(sympy.solve(4 * chord**2 - s**2, d), key=lambda x: x.subs({r: 2, s: 1}))
+    edge = found.given("edge_m", 1.0)
+    gap, tried = edge / 11, np.linspace(0.0, edge, 12)  # ten and the ends
+
+    def unseen(discs, growth=0.0):
+        """Whether no point tried is in the disc, grown by a share of what a gap needs."""
+        radii = np.sqrt(discs[:, 2:] ** 2 + growth * (gap / 2) ** 2)
+        return np.all(np.hypot(tried - discs[:, :1], discs[:, 1:2]) > radii, axis=1)
+
+    def hit(radius, count):
+        """Discs that the edge hits, and how deep it cuts into each."""
+        centres = found.rng.uniform((-radius, -radius), (edge + radius, radius), (count, 2))
+        outside = centres[:, 0] - np.clip(centres[:, 0], 0.0, edge)
+        depth = radius - np.hypot(outside, centres[:, 1])
+        return np.column_stack((centres, np.full(count, radius)))[depth >= 0], depth[depth >= 0]
+
+    large, small = found.given("large_m", 0.1), found.given("small_m", 0.03)
+    (wide, deep), (narrow, _) = hit(large, 100_000), hit(small, 100_000)
+    share = found.figure("large_share", np.mean(unseen(wide)), tolerance=0.02)
+    found.figure("small_share", np.mean(unseen(narrow)), tolerance=0.02)
+    deepest = 1e-3 * found.figure("deepest_mm", 1000 * deep[unseen(wide)].max(), tolerance=0.05)
+    middles = np.array([[4.5 * gap, 0.0, x * gap / 2] for x in (0.999, 1.001)])
+    sample = [*wide[unseen(wide)][:300], *narrow[:300], middles[0]]
+    wrong = sum(edge_is_free(np.zeros(2), np.array([edge, 0.0]), disc[None]) for disc in sample)
+    found.statement = f"100,000 discs of each size; by the closed form {wrong} of {len(sample)}."
+
+    def none_missed(growth):
+        return not np.any(unseen(hit(10 ** found.rng.uniform(-2, 0.5), 20_000)[0], growth))
+
+    found.heard(
+        share == 0.0,
+        only_if="every disc is grown to the radius sqrt(r^2 + s^2 / 4), s being the distance of "
+        "two points tried",
+        inside=[none_missed(1.0) for _ in range(10)],
+        outside=[none_missed(0.9) for _ in range(10)],
+    )
+    found.corrected(wrong == 0, bool(unseen(middles)[0]), not unseen(middles)[1],
+                    deepest <= float(found.formula.subs({r: large, s: gap})))  # fmt: skip
+
+
+@claim(
+    "Collision checks along an edge find a thin wall if there are enough of them.",
+    "A wall of thickness w that an edge crosses head on is missed with probability {formula} by "
+    "points s apart, at an angle with w / cos(angle) for w: of edges checked every {spacing_m} m "
+    "{missed:.1%} pass a wall of {wall_m} m at {angle_deg} degrees. OMPL's default, a hundredth of"
+    " the diagonal, is {ompl_m:.3f} m in a square of ten: of its paths past such a wall, open by "
+    "{open:.0%}, {refused:.0%} go through it, by {half:.0%}, {refused_half:.0%}. Enough is s below"
+    " the thinnest wall, but for its corners, which an edge can cut off at any s; a test in closed"
+    " form misses neither.",
+    ask=Ask("Points along an edge are s apart. It crosses a wall of thickness w < s head on, "
+            "somewhere. With which probability is the wall missed?", "P = 1 - w/s", {
+        "w/s": "That is the probability that a point lies in the wall.",
+        "1 - w/(2*s)": "The wall is seen from a whole s of places, not from two.",
+        "(s - w)^2/s^2": "One place decides it, not two independent ones."}),
+)  # fmt: skip
+def thin_wall_missed(found):
+    import sympy
+
+    from course import planning
+    from course.oracles import ompl
+
+    w, s, x = sympy.symbols("w s x", positive=True)
+    found.formula = sympy.expand(sympy.integrate(1 / s, (x, w, s)))  # x: from point to wall's end
+    spacing, wall = found.given("spacing_m", 0.14), found.given("wall_m", 0.05)
+    angle = np.deg2rad(found.given("angle_deg", 30))
+
+    def missed(width, many, turn=0.0):
+        """Share of edges, twenty spacings long, that are passed though they cross the wall."""
+
+        def valid(q):
+            return not 0.0 <= q[0] <= width
+
+        tried = planning.from_function(valid, [[-2.0, -2.0], [2.0, 2.0]], spacing)
+        exact = planning.plane(tried.bounds, boxes=[[0.0, -2.0, width, 2.0]])
+        along = 20 * spacing * np.array([np.cos(turn), np.sin(turn)])
+        starts = -along * found.rng.uniform(0.3, 0.7, (many, 1))
+        assert not any(planning.edge_free(exact, a, a + along) for a in starts)
+        return np.mean([planning.edge_free(tried, a, a + along) for a in starts])
+
+    def law(width):
+        return max(0.0, float(found.formula.subs({w: width, s: spacing})))
+
+    share = found.figure("missed", missed(wall, 1500, angle), 0.03)
+    resolution = ompl.defaults()["resolution"]
+
+    def through(opening, name):
+        asked = planning.scenes.gap(opening, wall)
+        paths = [
+            ompl.solve(asked.world.bounds, asked.start, asked.goal, "rrt_connect", 2.8, 5000, seed,
+                       ompl.tests(asked.world)[0], None, resolution=resolution).path
+            for seed in range(1, 41)
+        ]  # fmt: skip
+        bad = [not planning.check_path(asked.world, path.T) for path in paths if path is not None]
+        return found.figure(name, np.mean(bad), 0.3)
+
+    found.figure("ompl_m", resolution * planning.scenes.empty().world.extent)
+    slit = through(found.given("open", 0.02), "refused")
+    half = through(found.given("half", 0.5), "refused_half")
+    found.statement = "1500 edges across a wall; 40 seeds of OMPL's RRT-Connect at each."
+    found.heard(
+        share == 0.0,
+        only_if="the points are closer than the wall is thick, and it is crossed from side to side",
+        inside=[missed(spacing * x, 60) == 0.0 for x in found.rng.uniform(1.001, 2.0, 8)],
+        outside=[missed(spacing * x, 60) == 0.0 for x in found.rng.uniform(0.5, 0.9, 8)],
+    )
+    block = planning.plane([[-2, -2], [2, 2]], boxes=[[-1, -1, 0, 0]])
+    fine = planning.from_function(lambda q: planning.state_free(block, q), block.bounds, 0.001)
+    cut = np.array([-1.0, 1.0002]), np.array([1.0002, -1.0])  # to the diagonal side of a corner
+    cuts = [(a - 0.0004, b - 0.0004 + x) for x in np.linspace(0, 1e-3, 9) for a, b in [cut]]
+    found.corrected(
+        any(planning.edge_free(fine, *c) > planning.edge_free(block, *c) for c in cuts),
+        abs(share - law(wall / np.cos(angle))) < 0.03, slit > 0.8, 0.0 < half < 0.5 * slit,
+        all(abs(missed(x * spacing, 500) - law(x * spacing)) < 0.08 for x in (0.1, 0.5, 0.9)),
+    )  # fmt: skip
+
+
+@claim(
+    "An RRT that comes within a step of the goal has a path to the goal.",
+    "It has one to that node, {short_m:.2f} m from the goal in the median among discs with a step "
+    "of {step_m:.0f} m, and a check of the ends refuses it. And what is near can be on the other "
+    "side: with the goal {behind_m} m behind a wall, the first node within a step is so in "
+    "{across:.0%} of the runs. The last edge has to be there, and be checked.",
+)
+def near_the_goal(found):
+    from course import planning
+    from course.planning import scenes
+
+    asked, step = scenes.discs(), found.given("step_m", 1.0)
+
+    def first_near(answer, goal):
+        away = np.linalg.norm(answer.nodes - goal[:, None], axis=0)
+        return answer.nodes[:, np.flatnonzero(away < step)[0]]
+
+    ends = np.array([first_near(answer, asked.goal) for answer in runs("discs", "rrt", 100)])
+    found.figure("short_m", np.median(np.linalg.norm(ends - asked.goal, axis=1)), 0.02)
+    wall = scenes.gap(0.1, 0.05)
+    goal = np.array([5.025 + found.given("behind_m", 0.3), 2.0])
+    ask = {"world": wall.world, "start": wall.start, "goal": goal, "method": "rrt", "step": step}
+    firsts = [first_near(planning.plan(**ask, rng=seed), goal) for seed in range(100)]
+    across = np.mean([not planning.edge_free(wall.world, first, goal) for first in firsts])
+    found.figure("across", across, 0.05)
+
+    def joined(low, high):
+        """Whether all free states within so many clearances of a goal can be joined to it."""
+        here = scenes.discs(int(found.rng.integers(1000))).world
+        aim = scenes.free_state(here, found.rng)
+        away = found.rng.uniform(low, high) * planning.clearance(here, aim)
+        turns = found.rng.uniform(0, 2 * np.pi, 100)
+        around = away * np.sqrt(found.rng.uniform(size=100)) * [np.cos(turns), np.sin(turns)]
+        free = [q for q in aim + around.T if planning.state_free(here, q)]
+        return all(planning.edge_free(here, q, aim) for q in free)
+
+    found.statement = "100 seeds each; random goals among discs, 100 states around each."
+    found.heard(
+        across == 0.0,
+        only_if="that node is joined to it, and the step is below the goal's clearance",
+        inside=[joined(0.5, 0.999) for _ in range(12)],
+        outside=[joined(1.2, 3.0) for _ in range(12)],
+    )
+    verdicts = [planning.check_path(asked.world, end[:, None], end, asked.goal) for end in ends]
+    found.corrected(across > 0.1, not any(bool(verdict) for verdict in verdicts))

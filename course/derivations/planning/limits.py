@@ -1,0 +1,191 @@
+"""Claims of chapter 5: steps, ends that are blocked, heavy tails, and what a model leaves out."""
+
+import functools
+import itertools
+from typing import Any
+
+import numpy as np
+
+from course.derivations import claim
+from course.derivations.planning import samples
+
+
+@claim(
+    "A narrow passage needs a small step.",
+    "Through a slit of {slit:.0%} RRT takes {slit_short:.0f} samples with steps of {short} m, "
+    "{slit_middle:.0f} with {middle:.0f} m, {slit_long:.0f} with {long:.0f} m; among discs "
+    "{discs_short:.0f}, {discs_middle:.0f} and {discs_long:.0f}. Which is best belongs to the "
+    "planner: in a bug trap the longest makes RRT's {cage_middle:.0f} samples {cage_long:.0f}, "
+    "and RRT-Connect's {trap_middle:.0f} {trap_long:.0f}.",
+)
+def step_through_a_passage(found):
+    steps = {"short": 0.1, "middle": 1.0, "long": 10.0}
+    steps = {name: found.given(name, step) for name, step in steps.items()}
+    slit, middles = found.given("slit", 0.02), {}
+    for place, method, *at in (
+        ("gap", "rrt", slit, 0.5), ("discs", "rrt"), ("bug_trap", "rrt"),
+        ("bug_trap", "rrt_connect"),
+    ):  # fmt: skip
+        name = {"gap": "slit", "bug_trap": "cage" if method == "rrt" else "trap"}.get(place, place)
+        for size, step in steps.items():
+            if (name, size) == ("cage", "short"):
+                continue
+            drawn = np.median(
+                samples(place, method, 40 if size == "short" else 150, *at, step=step)
+            )
+            middles[name, size] = found.figure(f"{name}_{size}", drawn, 0.1)
+    found.statement = "Medians of 150 seeds, with the short step 40; a square of ten metres."
+    found.heard(middles["slit", "short"] < middles["slit", "middle"])
+    found.corrected(
+        middles["slit", "long"] < middles["slit", "short"],
+        middles["discs", "short"] > 5.0 * middles["discs", "middle"],
+        middles["trap", "long"] > 4.0 * middles["trap", "middle"],
+        middles["cage", "long"] < 0.1 * middles["cage", "middle"],
+    )
+
+
+@claim(
+    "A planner says so at once if its start or its goal is in collision.",
+    "This chapter's do: all {methods:.0f} name the end that is blocked, without a sample. OMPL's "
+    "RRT and RRT-Connect stop at once where the start is. Where the goal is, RRT draws all of "
+    "{budget:.0f} samples, {grown:.0f} nodes, as it only measures how far it is from a goal, and "
+    "RRT-Connect waits for another goal until its budget is spent. Ask both ends yourself.",
+)
+def blocked_ends_are_named(found):
+    from course.oracles import ompl
+    from course.planning import METHODS, build_roadmap, plan, scenes
+
+    asked, inside = scenes.gap(0.1), np.array([5.0, 1.0])
+    ends = {"start": (inside, asked.goal), "goal": (asked.start, inside)}
+    cached: dict[str, dict[str, Any]] = {"roadmap": {"roadmap": build_roadmap(asked.world, 50, 0)}}
+    ours = {
+        end: [plan(asked.world, *pair, method=x, **cached.get(x, {})) for x in METHODS]
+        for end, pair in ends.items()
+    }
+    budget = found.given("budget", 300)
+    theirs = {
+        (end, x): ompl.solve(asked.world.bounds, *pair, x, 1.0, budget, 1, *ompl.tests(asked.world))
+        for end, pair in ends.items()
+        for x in ("rrt", "rrt_connect")
+    }
+    found.figure("methods", len(ours["start"]))
+    named = all(x.status == f"{end} in collision" for end, some in ours.items() for x in some)
+    spent = {x: theirs["goal", x].samples for x in ("rrt", "rrt_connect")}
+    grown = found.figure("grown", len(theirs["goal", "rrt"].nodes), 0.3)
+    found.statement = "Each method of `plan`, and OMPL's RRT and RRT-Connect, in front of a wall."
+    found.heard(named and max(spent.values()) < budget)
+    found.corrected(
+        named, not any(x.samples or x.nodes.size for some in ours.values() for x in some),
+        all(theirs["start", x].samples == 0 for x in ("rrt", "rrt_connect")), grown > budget / 3,
+        min(spent.values()) == budget, len(theirs["goal", "rrt_connect"].nodes) <= 1,
+        all(x.path is None for x in theirs.values()),
+    )  # fmt: skip
+
+
+@functools.cache
+def _tight():
+    """The tight shelf, 36 queries, and samples of RRT-Connect with 5 seeds each, (36, 5)."""
+    from course.planning import plan, shelf
+
+    asked, rng = shelf("tight"), np.random.default_rng(0)
+    queries = [asked.query(rng) for _ in range(36)]
+    plans = [[plan(asked.world, *q, rng=k, step=1.0, budget=50_000) for k in range(5)]
+             for q in queries]  # fmt: skip
+    return asked, queries, np.array([[x.samples if x.solved else np.inf for x in p] for p in plans])
+
+
+@claim(
+    "The slow plans at a shelf are slow questions; another seed hardly helps.",
+    "Mostly. At the tight shelf {between:.0%} of the variance of log samples lies between "
+    "questions, and the slowest tenth of the plans, {slow:.0f} samples in the median, takes "
+    "{again:.0f} with other seeds, all plans {all:.0f}. What tells them apart is the way out of "
+    "the bay: the share of random steps of a radian that leave the worse end freely has a rank "
+    "correlation of {out:.2f} with the samples, the clearance there {clear:.2f}. Half of the "
+    "questions with the smaller share take {hard:.0f} samples in the median, the others "
+    "{easy:.0f}.",
+)
+def slow_plans_are_slow_questions(found):
+    from scipy import stats
+
+    from course.planning import clearance, edge_free
+
+    asked, queries, spent = _tight()
+    targets = found.rng.uniform(*asked.world.bounds, (100, 7))
+
+    def way_out(q):
+        along = targets - q
+        along /= np.maximum(np.linalg.norm(along, axis=1), 1.0)[:, None]
+        return np.mean([edge_free(asked.world, q, q + step) for step in along])
+
+    share = np.array([min(way_out(q) for q in ends) for ends in queries])
+    gaps = [min(clearance(asked.world, q) for q in ends) for ends in queries]
+    middles, logs = np.median(spent, axis=1), np.log(spent)
+    # What the scatter of five seeds adds to the means of questions is taken off.
+    within = logs.var(axis=1, ddof=1).mean()
+    between = logs.mean(axis=1).var(ddof=1) - within / spent.shape[1]
+    part = found.figure("between", between / (between + within), 0.1)
+    out = found.figure("out", stats.spearmanr(share, middles).statistic, 0.1)
+    clear = found.figure("clear", stats.spearmanr(gaps, middles).statistic, 0.3)
+    narrow = share <= np.median(share)
+    hard = found.figure("hard", np.median(middles[narrow]), 0.2)
+    easy = found.figure("easy", np.median(middles[~narrow]), 0.2)
+    tail = spent[:, 0] >= np.percentile(spent[:, 0], 90)
+    slow = found.figure("slow", np.median(spent[tail, 0]), 0.2)
+    again = found.figure("again", np.median(spent[tail, 1:]), 0.2)
+    usual = found.figure("all", np.median(spent), 0.2)
+    found.statement = "36 questions of the 7-R arm, five seeds each."
+    found.heard(part > 0.5)
+    found.corrected(
+        out < -0.6, abs(clear) < abs(out), hard > 2.0 * easy, 3.0 * usual < again < slow
+    )
+
+
+@claim(
+    "The limits of an arm's joints keep it from hitting itself.",
+    "As capsules the 7-R arm touches itself in {uniform:.0%} of the postures within its limits, by "
+    "Coal's distances. Its planner leaves that out, which costs little between bays: at the open "
+    "shelf {open:.1%} of {asked:.0f} paths touch, at the tight one {tight:.1%}, up to "
+    "{deep_mm:.0f} mm deep. Ask a path about it before it is driven.",
+)
+def limits_keep_an_arm_from_itself(found):
+    from course import contact
+    from course.kinematics import compose, frames, panda, tip, turn_to
+    from course.oracles import coal
+    from course.planning import plan, shelf
+    from course.planning.capsules import HAND
+
+    arm, shapes, places = panda(), [], []
+    for _, a, b, radius in HAND:
+        along = np.subtract(b, a)
+        shapes.append(contact.capsule(radius, 0.5 * float(np.linalg.norm(along))))
+        places.append(np.append(0.5 * np.add(a, b), turn_to(along))[:, None])
+    # The next two overlap at their joints in any posture.
+    pairs = [(i, j) for i, j in itertools.combinations(range(len(HAND)), 2) if j > i + 2]
+    tests = [coal.Pair(shapes[i], shapes[j]) for i, j in pairs]
+
+    def gaps(states):
+        """Least distance of two capsules that are not neighbours, states (7, m) -> (m,) [m]."""
+        at = np.concatenate((frames(arm, states), tip(arm, states)[:, None]), axis=1)
+        poses = [
+            coal.transforms(compose(at[:, row[0]], x)) for row, x in zip(HAND, places, strict=True)
+        ]
+        apart = [x.loop(poses[i], poses[j]) for x, (i, j) in zip(tests, pairs, strict=True)]
+        return np.min(apart, axis=0)
+
+    states = found.rng.uniform(arm.lower, arm.upper, (500, 7)).T
+    number, share, deepest = found.given("asked", 60), {}, 0.0
+    for name, limit in (("open", 0.05), ("tight", 0.5)):  # of a record of 0 it is absolute
+        place, rng = shelf(name), np.random.default_rng(0)
+        touching = []
+        for k in range(number):
+            path = plan(place.world, *place.query(rng), rng=k, step=1.0, budget=200_000).path
+            assert path is not None
+            edges = [np.linspace(a, b, 8) for a, b in itertools.pairwise(path.T)]
+            touching.append(gaps(np.vstack(edges).T).min())
+        share[name] = found.figure(name, np.mean(np.array(touching) < 0.0), limit)
+        deepest = min(deepest, *touching)
+    found.figure("deep_mm", -1000.0 * deepest, 0.3)
+    hits = found.figure("uniform", np.mean(gaps(states) < 0.0), 0.1)
+    found.statement = "500 postures; paths of RRT-Connect at each shelf, at eight places an edge."
+    found.heard(hits == 0.0)
+    found.corrected(hits > 0.1, share["tight"] < 0.5 * hits, share["open"] < 0.5 * hits)

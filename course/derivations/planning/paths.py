@@ -1,0 +1,386 @@
+"""Claims of chapter 5: the shortest path, and what is done to a path that is found."""
+
+import functools
+
+import numpy as np
+
+from course.derivations import Ask, Symbol, claim
+from course.derivations.planning import runs
+
+SYMBOLS = {
+    "c": Symbol("length of the path that is known [m]", 2.0, 4.0),
+    "d": Symbol("distance of start and goal [m]", 0.5, 2.0),
+}
+
+
+def _past_disc(radius, method, budget, seed):
+    """A plan from one side of a disc to the other, and the shortest way [m]."""
+    from course.planning import plan, plane, scenes
+
+    # Two tangents and the arc between them.
+    best = 2 * np.sqrt(16 - radius**2) + radius * (np.pi - 2 * np.arccos(radius / 4))
+    world, ends = plane(scenes.SQUARE, [[5.0, 5.0, radius]]), ([1.0, 5.0], [9.0, 5.0])
+    return plan(world, *ends, method=method, budget=budget, rng=seed, step=1.0), best
+
+
+@claim(
+    "The path of RRT* never gets longer as samples come, and converges to the shortest.",
+    "It does, if the neighbourhood is wide enough for the proof, and slowly: past one disc it is "
+    "{early:.3f} of the shortest after {few:.0f} samples and {late:.4f} after {many:.0f}, medians "
+    "of ten seeds. No cost rose, none came below the shortest, and every node's is its parent's "
+    "and the edge's, to {error:.0e} m.",
+    source="Karaman and Frazzoli, Sampling-based algorithms, 2011, theorem 38; a gap in its proof: "
+    "Solovey and others, Revisiting the asymptotic optimality of RRT*, ICRA 2020",
+)
+def rrt_star_converges(found):
+    few, many = found.given("few", 1000), found.given("many", 20_000)
+    late = [_past_disc(2.0, "rrt_star", many, seed) for seed in range(10)]
+    early = [_past_disc(2.0, "rrt_star", few, seed) for seed in range(10)]
+    ratios = np.array([[x.cost / best for x, best in some] for some in (early, late)]).T
+    found.figure("early", np.median(ratios[:, 0]), 0.01)
+    found.figure("late", np.median(ratios[:, 1]), 2e-3)
+    errors = []
+    for answer, _ in late:
+        edges = np.linalg.norm(answer.nodes[:, 1:] - answer.nodes[:, answer.parents[1:]], axis=0)
+        errors.append(np.abs(answer.costs[1:] - answer.costs[answer.parents[1:]] - edges).max())
+    found.figure("error", max(errors), 0.5)
+    found.statement = "Ten seeds past a disc of 2 m, its shortest path in closed form."
+    found.heard(
+        all((np.diff(answer.history[2]) <= 0).all() for answer, _ in late)
+        and np.median(ratios[:, 1]) - 1 < 0.3 * (np.median(ratios[:, 0]) - 1)
+    )
+    found.corrected(ratios.min() >= 1.0, max(errors) < 1e-12, np.median(ratios[:, 1]) < 1.01)
+
+
+@claim(
+    "Informed RRT* speeds up planning.",
+    "Not to a first path: until then it is RRT*, sample for sample. From there on it draws in the "
+    "ellipse that can shorten the path: past a disc it is {informed:.2%} above the shortest after "
+    "{budget:.0f} samples, RRT* {star:.2%}.",
+    source="Gammell, Srinivasa and Barfoot, Informed RRT*, IROS 2014",
+)
+def informed_rrt_star(found):
+    budget = found.given("budget", 3000)
+
+    def pair(seed, radius=2.0, many=budget):
+        return [_past_disc(radius, x, many, seed) for x in ("rrt_star", "informed_rrt_star")]
+
+    def shorter(scene, seed):
+        star, informed = (
+            runs(scene, x, 8, budget=budget)[seed].cost for x in ("rrt_star", "informed_rrt_star")
+        )
+        return informed < star
+
+    def ellipse(length):
+        """Its share of the square; the ends are 8 m apart."""
+        return np.pi / 4 * length * np.sqrt(length**2 - 64.0) / 100.0
+
+    pairs = [pair(seed) for seed in range(10)]
+    over = np.array([[answer.cost / best - 1 for answer, best in row] for row in pairs])
+    star, informed = np.median(over, axis=0)
+    found.figure("star", star, 0.1)
+    found.figure("informed", informed, 0.1)
+    draws = zip(found.rng.uniform(0.3, 1.6, 10), found.rng.integers(1000, 4000, 10), strict=True)
+    inside = [pair(k, radius, int(many)) for k, (radius, many) in enumerate(draws)]
+    found.statement = "Ten seeds past a disc of 2 m, ten discs of other sizes, eight bug traps."
+    outside = [shorter("bug_trap", seed) for seed in range(8)]
+    before = [runs("gap", x, 50, 0.02, 0.5, budget=200) for x in ("rrt_star", "informed_rrt_star")]
+    unsolved = [pair for pair in zip(*before, strict=True) if not pair[0].solved]
+    found.heard(
+        all(outside),
+        only_if="a path is known, the shortest has an ellipse below a quarter of the square, "
+        "and a thousand samples or more are drawn",
+        inside=[b[0].cost < a[0].cost and ellipse(a[1]) < 0.25 for a, b in inside],
+        outside=outside,
+    )
+    found.corrected(
+        all(np.array_equal(a.nodes, b.nodes) for a, b in unsolved), len(unsolved) > 10,
+        informed < 0.6 * star,
+    )  # fmt: skip
+
+
+@claim(
+    "Once a path is known, Informed RRT* draws in a small part of the world only.",
+    "In the ellipse around both ends from which a path of that length is possible: its area is "
+    "{formula} in the plane, d being the distance of the ends and c the path's length. In a square "
+    "of ten, with ends {d_m:.1f} m apart, that leaves {tight:.0%} of the square for a path "
+    "{near} times as long as d, and {loose:.0%} for one {far} times as long.",
+    ask=Ask("Start and goal are a distance d apart, and a path of length c is known. From how "
+            "large an area of the plane can a shorter path come, as far as d and c can tell?",
+            "A = pi*c*sqrt(c^2 - d^2)/4", {
+        "pi*c*sqrt(c^2 - d^2)": "Those are the axes; an ellipse's area takes half of each.",
+        "pi*c*d/4": "d is between the foci; it is not the ellipse's width.",
+        "pi*c^2/4": "A disc around the middle reaches further than the path's length allows."}),
+    source="Gammell, Srinivasa and Barfoot, Informed RRT*, IROS 2014",
+)  # fmt: skip
+def informed_area(found):
+    import sympy
+
+    from course.planning import scenes
+
+    c, d, x = sympy.symbols("c d x", positive=True)
+    height = sympy.sqrt((c**2 - d**2) / 4) * sympy.sqrt(1 - x**2)  # over x in halves of c
+    found.formula = sympy.simplify(sympy.integrate(2 * height, (x, -1, 1)) * c / 2)
+    area = sympy.lambdify((c, d), found.formula)
+
+    def share(start, goal, length, low, high):
+        """Share of uniform states by which a path of that length could pass."""
+        q = found.rng.uniform(low, high, (200_000, 2))
+        return np.mean(
+            np.linalg.norm(q - start, axis=1) + np.linalg.norm(q - goal, axis=1) < length
+        )
+
+    low, high = np.asarray(scenes.SQUARE)
+    apart = found.figure("d_m", np.linalg.norm(scenes.GOAL - scenes.START))
+    times = found.given("near", 1.02), found.given("far", 2.0)
+    tight, loose = (share(scenes.START, scenes.GOAL, k * apart, low, high) for k in times)
+    found.figure("tight", tight, 0.03)
+    found.figure("loose", loose, 0.03)
+    errors = []
+    for length in found.rng.uniform(1.0, 4.0, 20):
+        p = share(np.array([-0.5, 0.0]), np.array([0.5, 0.0]), length, -length, length)
+        truth = area(length, 1.0) / (2 * length) ** 2
+        errors.append((p - truth) / np.sqrt(truth * (1 - truth) / 200_000))
+    found.statement = "200,000 uniform states a length; twenty lengths from 1 to 4 times d."
+    found.heard(loose < 0.3)
+    found.corrected(np.abs(errors).max() < 4.0, tight < 0.3, loose > 0.9)
+
+
+SCENES = {"empty": (), "gap": (0.02, 0.5), "bug_trap": (), "discs": (), "arm": ()}
+
+
+@functools.cache
+def _cut(scene, method, kind="partial"):
+    """Twelve paths of a scene before and after shortcutting, and its world."""
+    from course.planning import scenes, shortcut
+
+    world = getattr(scenes, scene)(*SCENES[scene]).world
+    paths = [answer.path for answer in runs(scene, method, 12, *SCENES[scene])]
+    cuts = [shortcut(x, world, np.random.default_rng(k), kind=kind) for k, x in enumerate(paths)]
+    return paths, cuts, world
+
+
+@claim(
+    "Shortcutting, which joins two places of a path by an edge where that is free, never lengthens "
+    "it and never makes it collide.",
+    "So it is in {paths:.0f} paths of five scenes, checked by other code; the edges must be proved "
+    "free, not tried. The variant that straightens one joint and keeps the others must do it over "
+    "arc length: over the number of the waypoint {longer:.0%} of the cuts lengthen the path.",
+    source="Geraerts and Overmars, Creating high-quality paths for motion planning, 2007",
+)
+def shortcut_never_lengthens(found):
+    from course.planning import check_path, length
+
+    kept = []
+    for scene in SCENES:
+        for kind in ("vertex", "partial"):
+            paths, cuts, world = _cut(scene, "rrt", kind)
+            kept += [
+                length(b) < length(a) * (1 + 1e-12) and check_path(world, b, *a.T[[0, -1]]).free
+                for a, b in zip(paths, cuts, strict=True)
+            ]  # fmt: skip
+    found.figure("paths", len(kept))
+    walks = found.rng.uniform(0.0, 1.0, (2000, 4, 3)).cumsum(axis=2)  # one joint is straightened
+    walks = walks[:, :2] - walks[:, 2:]
+
+    def longer(walk, place):
+        line = np.interp(place, place[[0, -1]], walk[0, [0, -1]])
+        return length([line, walk[1]]) > length(walk) * (1 + 1e-12)
+
+    arcs = np.insert(np.linalg.norm(np.diff(walks), axis=1).cumsum(axis=1), 0, 0.0, axis=1)
+    by_arc = [longer(walk, arc) for walk, arc in zip(walks, arcs, strict=True)]
+    by_number = [longer(walk, np.arange(3.0)) for walk in walks]
+    found.figure("longer", np.mean(by_number), 0.1)
+    found.statement = "Paths of RRT before and after; 2000 random corners of two joints."
+    found.heard(all(kept))
+    found.corrected(not any(by_arc), any(by_number))
+
+
+@claim(
+    "Shortcutting takes 30 to 50 per cent off a path; a planner's path has about 100 waypoints.",
+    "Both belong to the question. Off RRT-Connect's paths it takes {least:.0%} in an empty square "
+    "and {most:.0%} on a four-link arm, off RRT's {rrt_least:.0%} and {rrt_most:.0%}. Edges are "
+    "length over step at least, up to {edges:.1f} times as many in the median of a scene; "
+    "waypoints {discs_points:.0f} among discs, {gap_points:.0f} through a slit, {after_points:.0f}"
+    " and {after_gap:.0f} after.",
+)
+def shortcut_share(found):
+    from course.planning import length, scenes
+
+    shares, points, edges = {}, {}, {}
+    for method in ("rrt", "rrt_connect"):
+        for scene in SCENES:
+            paths, cuts, _ = _cut(scene, method)
+            pairs = list(zip(paths, cuts, strict=True))
+            shares[method, scene] = np.median([1 - length(b) / length(a) for a, b in pairs])
+            step = getattr(scenes, scene)(*SCENES[scene]).step
+            edges[method, scene] = np.median([(a.shape[1] - 1) * step / length(a) for a in paths])
+            points[scene] = np.median([[a.shape[1], b.shape[1]] for a, b in pairs], axis=0)
+    for name, key in (("least", ("rrt_connect", "empty")), ("most", ("rrt_connect", "arm")),
+                      ("rrt_least", ("rrt", "empty")), ("rrt_most", ("rrt", "arm"))):  # fmt: skip
+        found.figure(name, shares[key], 0.1)
+    for name, scene, k in (("discs_points", "discs", 0), ("gap_points", "gap", 0),
+                           ("after_points", "discs", 1), ("after_gap", "gap", 1)):  # fmt: skip
+        found.figure(name, points[scene][k], 0.1)
+    found.figure("edges", max(edges.values()), 0.1)
+    found.statement = "Medians of 12 seeds, up to 200 rounds of partial shortcuts."
+    found.heard(all(0.3 <= share <= 0.5 for share in shares.values()))
+    found.corrected(
+        shares["rrt_connect", "empty"] == min(shares.values()), shares["rrt", "arm"] > 0.5,
+        shares["rrt_connect", "empty"] < 0.02, all(before < 30 for before, _ in points.values()),
+        min(edges.values()) >= 1.0, max(edges.values()) > 1.3,
+    )  # fmt: skip
+
+
+@claim(
+    "Optimisers of trajectories, as CHOMP and TrajOpt, can get stuck in local minima.",
+    "Among discs, from {starts:.0f} starts by way of a point each, covariant gradient steps (as "
+    "CHOMP) end in a collision from {chomp:.0%}, sequential convex ones (as TrajOpt) from "
+    "{trajopt:.0%}, half of them at {worse:.1f} times the cost or more of where a planner's path "
+    "ends, which stays free in both: what comes back has to be checked.",
+    source="Zucker et al., CHOMP, 2013; Schulman et al., 2014",
+)
+def optimisers_get_stuck(found):
+    from course.planning import check_path, covariant_gradient, plan, scenes, sequential_convex
+
+    asked = scenes.discs()
+    planned = plan(asked.world, asked.start, asked.goal, rng=3, step=1.0).path
+    assert planned is not None
+    vias = found.rng.uniform(0.5, 9.5, (found.given("starts", 20), 2))
+    free, known, worse = {}, [], []
+    for name, optimise, options in (  # steps so small that the descent settles
+        ("chomp", covariant_gradient, {"iterations": 600, "weight": 100.0, "rate": 0.005}),
+        ("trajopt", sequential_convex, {"iterations": 40}),
+    ):
+        ends = [
+            optimise(path, asked.world, margin=0.1, points=20, **options)
+            for path in (planned, *(np.column_stack((asked.start, x, asked.goal)) for x in vias))
+        ]
+        passed = np.array([bool(check_path(asked.world, end.path)) for end in ends])
+        free[name], costs = passed[1:], np.array([end.costs[-1] for end in ends])
+        known.append(passed[0])
+        worse.append(np.median(costs[1:][~free[name]]) / costs[0])
+        found.figure(name, 1 - free[name].mean(), 0.15)
+    found.figure("worse", min(worse), 0.1)
+    found.statement = "One world of discs that RRT-Connect solves from every seed."
+    found.heard(not all(x.all() for x in free.values()))
+    found.corrected(
+        all(x.any() and not x.all() for x in free.values()), all(known), min(worse) > 1.3,
+        all(answer.solved for answer in runs("discs", "rrt_connect", 200)),
+    )  # fmt: skip
+
+
+@claim(
+    "TrajOpt minimises jerk under collision constraints.",
+    "As published it minimises the squared steps, length at an even pace. Past a disc its path is "
+    "{shorter:.1%} shorter than a parabola that keeps the same margin and has no jerk at all; its "
+    "own largest third difference is {third_mm:.0f} mm.",
+    source="Schulman et al., Motion planning with sequential convex optimization, 2014, sec. II",
+)
+def trajopt_minimises_jerk(found):
+    from course.planning import check_path, length, plane, scenes, sequential_convex
+
+    world, margin = plane(scenes.SQUARE, [[5.0, 5.0, 2.0]]), 0.1
+    t = np.linspace(-1.0, 1.0, 32)
+    arch = np.stack((5 + 4 * t, 5 + 3.6 * (1 - t**2)))
+    shaped = sequential_convex(arch, world, margin=margin, points=30).path
+    third = [np.linalg.norm(np.diff(path, 3), axis=0).max() for path in (arch, shaped)]
+    keeps = [np.linalg.norm(path - 5.0, axis=0).min() - 2.0 for path in (arch, shaped)]
+    found.figure("shorter", 1 - length(shaped) / length(arch), 0.05)
+    found.figure("third_mm", 1000 * third[1], 0.2)
+    free = plane(scenes.SQUARE, [[0.5, 0.5, 0.1]])
+    steps = sequential_convex(arch, free, margin=margin, points=30).path
+    found.statement = "30 waypoints past a disc of 2 m; then nothing near."
+    found.heard(third[1] <= third[0])
+    found.corrected(
+        third[0] < 1e-12 < 1e-3 < third[1], min(keeps) > 0.99 * margin,
+        length(shaped) < length(arch), np.allclose(np.diff(steps), [[8 / 31], [0.0]], atol=1e-4),
+        all(bool(check_path(world, path)) for path in (arch, shaped)),
+    )  # fmt: skip
+
+
+def _turns(path):
+    """Angle of each corner of a path [deg]."""
+    edges = np.diff(path) / np.linalg.norm(np.diff(path), axis=0)
+    return np.degrees(np.arccos(np.clip(np.sum(edges[:, 1:] * edges[:, :-1], axis=0), -1.0, 1.0)))
+
+
+@claim(
+    "Shortcutting takes the jerks out of an RRT path.",
+    "It takes corners out, {before:.0f} become {after:.1f} among discs, and leaves the rest: the "
+    "sharpest turns {sharp:.0f} degrees before and {kept:.0f} after, and any corner is a stop or "
+    "an infinite acceleration. Three subdivisions towards a B-spline leave {round:.0f}, where no "
+    "obstacle forbids it {bare:.0f}: corners at an obstacle stay.",
+)
+def shortcut_leaves_corners(found):
+    from course.planning import plane, scenes, smooth, time_parameterise
+
+    paths, cuts, world = _cut("discs", "rrt")
+    rounded = [smooth(path, world) for path in cuts]
+    nothing = [smooth(path, plane(scenes.SQUARE)) for path in cuts]
+    sharpest = [
+        np.median([_turns(x).max() for x in some]) for some in (paths, cuts, rounded, nothing)
+    ]
+    for name, value in zip(("sharp", "kept", "round", "bare"), sharpest, strict=True):
+        found.figure(name, value, 0.1)
+    for name, some in (("before", paths), ("after", cuts)):
+        found.figure(name, np.median([x.shape[1] - 2 for x in some]), 0.1)
+    stops = [
+        int((np.abs(time_parameterise(x, (1.0, 1.0)).speeds[1:-1]) < 1e-9).sum()) for x in cuts
+    ]
+    found.statement = "12 seeds; speeds by the time parameterisation without rounding."
+    found.heard(sharpest[1] < 1.0)
+    found.corrected(
+        stops == [x.shape[1] - 2 for x in cuts], sharpest[1] > 0.2 * sharpest[0],
+        1.0 < sharpest[2] < sharpest[1], sharpest[3] < 0.6 * sharpest[2],
+    )  # fmt: skip
+
+
+@claim(
+    "A motion that keeps its limits at every point of a fine grid keeps them.",
+    "The usual constraint, at the beginning of each interval, leaves its end free: around corners "
+    "in {coarse:.0f} intervals each the acceleration is {over:.0%} above its limit, in {fine:.0f} "
+    "{over_fine:.1%}. With both ends constrained, as it is linear in between, it stays within "
+    "{both:.4f} of the limit at any of {times:.0f} times.",
+    source="Pham and Pham, A new approach to time-optimal path parameterization (TOPP-RA), 2018",
+)
+def limits_between_grid_points(found):
+    from course.planning import time_parameterise
+
+    path = np.array([[0.0, 1.0, 1.2, 0.3, 2.0], [0.0, 0.2, 1.0, 1.5, 2.0]])
+    times = np.linspace(0.0, 1.0, found.given("times", 20_001))
+
+    def peaks(grid):
+        """Largest acceleration, limit 1, of the chapter's motion, and with one end constrained."""
+        motion = time_parameterise(path, (9.0, 1.0), blend=0.3, grid=grid)
+        h, f, c = np.diff(motion.stations), motion.first, motion.second
+
+        def pushes(i, x, ahead):
+            """Range of the acceleration along the path, from the beginning of interval i alone."""
+            with np.errstate(divide="ignore"):
+                ends = np.sort([(-1 - c[i] * x) / f[i], (1 - c[i] * x) / f[i]], axis=0)
+            return max(*ends[0], -x / (2 * h[i])), min(*ends[1], (ahead - x) / (2 * h[i]))
+
+        x, worst = np.zeros(len(h) + 1), 0.0
+        for i in range(len(h) - 1, -1, -1):  # the largest squared speed from which one can go on
+            low, high = 0.0, 81.0
+            for _ in range(50):
+                x[i] = 0.5 * (low + high)
+                least, most = pushes(i, x[i], x[i + 1])
+                low, high = (x[i], high) if least <= most else (low, x[i])
+            x[i] = low
+        x[0] = 0.0
+        for i in range(len(h)):
+            u = pushes(i, x[i], x[i + 1])[1]
+            x[i + 1] = x[i] + 2 * h[i] * u
+            worst = max(worst, np.abs((f[i] + h[i] * c[i]) * u + c[i] * x[i + 1]).max())
+        return np.abs(motion(times * motion.duration)[2]).max(), worst
+
+    coarse = peaks(found.given("coarse", 16))
+    fine = peaks(found.given("fine", 128))
+    found.figure("over", coarse[1] - 1, 0.05)
+    found.figure("over_fine", fine[1] - 1, 0.05)
+    found.figure("both", max(coarse[0], fine[0]), 1e-4)
+    found.statement = "Two joints, three rounded corners; acceleration at both ends of an interval."
+    found.heard(fine[1] < 1 + 1e-6)
+    found.corrected(max(coarse[0], fine[0]) < 1 + 1e-9, 1 < fine[1] < coarse[1])

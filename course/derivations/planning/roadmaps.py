@@ -1,0 +1,261 @@
+"""Claims of chapter 5: roadmaps, samplers, what OMPL does unasked, and the space of joints."""
+
+import functools
+import itertools
+
+import numpy as np
+
+from course.derivations import claim
+from course.derivations.planning import runs
+
+
+@claim(
+    "Lazy collision checking tests the edges of the final path only.",
+    "It tests those of every path that it proposes until one is free: among discs {lazy:.0f} edges "
+    "in the median for a path of {path:.0f}, a PRM {eager:.0f}, and through a slit {slit:.0f}. The "
+    "price is a search of the graph for each.",
+    source="Bohlin and Kavraki, Path planning using lazy PRM, ICRA 2000",
+)
+def lazy_tests_the_final_path(found):
+    def edges(scene, method, *place):
+        return np.array([x.edge_checks for x in runs(scene, method, 40, *place, budget=20_000)])
+
+    lazy, eager = edges("discs", "lazy_prm"), edges("discs", "prm")
+    final = np.array([x.path.shape[1] - 1 for x in runs("discs", "lazy_prm", 40, budget=20_000)])
+    found.figure("lazy", np.median(lazy), 0.15)
+    found.figure("path", np.median(final), 0.2)
+    found.figure("eager", np.median(eager), 0.15)
+    found.figure("slit", np.median(edges("gap", "lazy_prm", 0.02, 0.5)), 0.3)
+    found.statement = "40 seeds, ten neighbours a state as in OMPL's PRM; its lazy one has five."
+    open_ones = runs("empty", "lazy_prm", 40, budget=20_000)
+    found.heard(
+        all(lazy == final),
+        only_if="the first path proposed is free, as where nothing is in the way",
+        inside=[x.edge_checks == x.path.shape[1] - 1 for x in open_ones],
+        outside=(lazy == final).tolist(),
+    )
+    middle = np.median(lazy)
+    found.corrected(all(lazy >= final), 3 * np.median(final) < middle < 0.8 * np.median(eager))
+
+
+@functools.cache
+def _bay_to_bay():
+    """The 7-R arm at the open shelf, and 30 queries from one bay to another."""
+    from course.planning import shelf
+
+    asked, rng = shelf("open"), np.random.default_rng(0)
+    return asked.world, [asked.query(rng) for _ in range(30)]
+
+
+@claim(
+    "RRT takes seconds at a cluttered shelf: make the collision checks faster.",
+    "Ask fewer of them. From bay to bay of a shelf, with the same edge check and a step of {short}"
+    " rad, RRT solves {rrt:.0f} of {asked:.0f} queries within {budget:.0f} samples, RRT-Connect "
+    "{connect:.0f}, the median after {middle:.0f}. A longer step does as much: with {long} rad RRT"
+    " solves {rrt_long:.0f}, the median after {middle_rrt:.0f}, RRT-Connect's after "
+    "{middle_long:.0f}.",
+)
+def both_ends_first(found):
+    from course.planning import plan
+
+    world, queries = _bay_to_bay()
+    budget, some = found.given("budget", 2000), queries[: found.given("asked", 20)]
+    steps, solved, middle = (found.given("short", 1.0), found.given("long", 5.0)), {}, {}
+    for method in ("rrt", "rrt_connect"):
+        for step in steps:
+            x = [plan(world, *q, method=method, rng=1, budget=budget, step=step) for q in some]
+            solved[method, step] = sum(answer.solved for answer in x)
+            middle[method, step] = np.median([answer.samples for answer in x])
+    short, long = steps
+    found.figure("rrt", solved["rrt", short], 0.3)
+    found.figure("connect", solved["rrt_connect", short], 0.1)
+    found.figure("middle", middle["rrt_connect", short], 0.2)
+    found.figure("rrt_long", solved["rrt", long], 0.1)
+    found.figure("middle_rrt", middle["rrt", long], 0.3)
+    found.figure("middle_long", middle["rrt_connect", long], 0.3)
+    found.statement = "20 queries of the 7-R arm; the chart of the ladder has the times."
+    found.heard(solved["rrt", short] == len(some))
+    found.corrected(
+        solved["rrt", short] < 0.7 * len(some), solved["rrt", long] > 0.9 * len(some),
+        all(solved["rrt_connect", step] == len(some) for step in steps),
+        middle["rrt", long] < 2.0 * middle["rrt_connect", long],
+    )  # fmt: skip
+
+
+@claim(
+    "A cached roadmap answers any query of its world by a search, within a millisecond.",
+    "A search finds no edge from a new start to the roadmap. From bay to bay of a shelf a query "
+    "of the 7-R arm asks {median:.0f} edges in the median, one in ten {tail:.0f} or more. And a "
+    "roadmap knows what it has sampled: of ten with {few:.0f} states {joined:.0f} have a way "
+    "through a slit of {slit:.0%}, with {many:.0f} all.",
+)
+def cached_roadmap(found):
+    from course.planning import build_roadmap, plan, scenes
+
+    world, queries = _bay_to_bay()
+    cached = build_roadmap(world, 500, 0)
+    answers = [plan(world, *q, method="roadmap", roadmap=cached, rng=1, step=1.0) for q in queries]
+    asked = np.array([x.edge_checks for x in answers])
+    found.figure("median", np.median(asked), 0.3)
+    found.figure("tail", np.percentile(asked, 90), 0.4)
+    slit = found.given("slit", 0.02)
+
+    def joined(samples, seed):
+        scene = scenes.gap(slit)
+        graph = build_roadmap(scene.world, samples, seed)
+        left = graph.nodes[:, 0] < 5.0
+        crossing = left[graph.pairs[:, 0]] != left[graph.pairs[:, 1]]
+        return bool((graph.status[crossing] == 1).any())
+
+    sizes = found.given("few", 100), found.given("many", 2000)
+    counts = [sum(joined(size, seed) for seed in range(10)) for size in sizes]
+    found.figure("joined", counts[0], 0.4)
+    found.statement = "30 queries; states drawn uniformly, seeds 0 to 9."
+    found.heard(np.percentile(asked, 90) == 0 and counts[0] == 10)
+    found.corrected(
+        asked.min() > 0, np.percentile(asked, 90) > 4 * np.median(asked), counts[0] < 10,
+        counts[1] == 10, all(x.solved for x in answers),
+    )  # fmt: skip
+
+
+@claim(
+    "The bridge test samples near the boundaries of obstacles.",
+    "It keeps the free middle between two blocked states: in a passage, if a bridge spans it. Of "
+    "its states {bridge:.0%} lie in a gap of {gap:.0%} with a spread of {spread} m, {short:.0%} "
+    "with {little} m; of Gaussian ones {gaussian:.0%}, of uniform ones {uniform:.0%}. By one disc "
+    "it finds no second pier, gives up each time and draws uniformly, {far_m:.1f} m from the disc "
+    "in the median; a Gaussian state is {near_m:.2f} m from it.",
+    source="Hsu, Jiang, Reif and Sun, The bridge test, ICRA 2003",
+)
+def bridge_test(found):
+    from course.planning import clearance, plan, plane, scenes
+    from course.planning.samplers import TRIES
+
+    scene, disc = scenes.gap(found.given("gap", 0.05), 4.0), plane(scenes.SQUARE, [[5, 5, 2]])
+
+    spread, little = found.given("spread", 0.5), found.given("little", 0.2)
+
+    def drawn(world, sampler, spread=spread):
+        answer = plan(world, scenes.START, scenes.GOAL, method="prm_star", sampler=sampler,
+                      budget=2000, rng=1, spread=spread)  # fmt: skip
+        return answer.nodes.T[2:], answer.state_checks / answer.samples
+
+    inside = {}
+    for name in ("bridge", "gaussian", "uniform"):
+        inside[name] = np.mean(np.abs(drawn(scene.world, name)[0][:, 0] - 5.0) < 2.0)
+        found.figure(name, inside[name], 0.3)
+    short = np.mean(np.abs(drawn(scene.world, "bridge", little)[0][:, 0] - 5.0) < 2.0)
+    found.figure("short", short, 0.3)
+    by_disc = {name: drawn(disc, name) for name in ("gaussian", "bridge", "uniform")}
+    away = [np.median([clearance(disc, q) for q in states]) for states, _ in by_disc.values()]
+    found.figure("near_m", away[0], 0.1)
+    found.figure("far_m", away[1], 0.1)
+    found.statement = "2000 samples each; the bridge test gives up after 100 tries of two states."
+    found.heard(away[1] < 2 * away[0])
+    found.corrected(
+        inside["bridge"] > 1.2 * inside["gaussian"], inside["gaussian"] > 4 * inside["uniform"],
+        away[1] > 0.5 * away[2], by_disc["bridge"][1] > 2 * TRIES, short < 0.3 * inside["bridge"],
+    )  # fmt: skip
+
+
+@claim(
+    "OMPL plans with RRT-Connect by default, and where solve() says true there is a path.",
+    "Asked itself, OMPL {version} takes {planner} for a goal state in a box of real numbers. And "
+    "true is said of a path that ends near the goal, too: where a wall closes the goal off, its "
+    "RRT says {said} with an end {short:.1f} sides of the square off. Ask for an exact solution.",
+    source="OMPL, SelfConfig::getDefaultPlanner and PlannerStatus",
+)
+def ompl_defaults(found):
+    from importlib.metadata import version
+
+    from course.oracles import ompl as oracle
+
+    chosen = {oracle.defaults(dim)["planner"] for dim in (2, 3, 7)}
+    said, exact, short = oracle.approximate()
+    found.figure("version", version("ompl"))
+    found.figure("planner", " or ".join(sorted(chosen)))
+    found.figure("said", str(said).lower())
+    found.figure("short", short, 0.05)
+    found.statement = "Asked in 2, 3 and 7 dimensions; an RRT of OMPL's with a budget of 200."
+    found.heard(chosen == {"RRTConnect"} and not said)
+    found.corrected("RRTConnect" not in chosen, said, not exact, short > 0.49)
+
+
+@claim(
+    "The configuration space of an arm with six joints has six dimensions.",
+    "One a joint of a chain that is open, {six:.0f} here, whatever the tip's pose has: the 7-R arm"
+    " has {seven:.0f} for a pose of 6. But it is no box: a joint that turns freely comes round, "
+    "and a planner that takes its angles for numbers goes {way_deg:.0f} degrees from {from_deg} to"
+    " {to_deg}.",
+)
+def one_dimension_a_joint(found):
+    from course import planning
+    from course.kinematics import panda
+
+    dims = [planning.planar_arm(np.ones(n)).dim for n in range(1, 9)]
+    found.figure("six", dims[5])
+    found.figure("seven", panda().n)
+    ends = found.given("from_deg", 170), found.given("to_deg", -170)
+    answer = planning.plan(planning.planar_arm([1.0]), *np.radians([ends]).T)
+    found.figure("way_deg", np.degrees(answer.cost))
+    found.statement = "Arms of one to eight links; one joint among nothing."
+    found.heard(dims[5] == 6)
+    found.corrected(dims == list(range(1, 9)), np.degrees(answer.cost) > 300)
+
+
+def _tip_world(rng, radius):
+    """A two-link arm among five discs, and its tip alone among them."""
+    from course.planning import planar_arm, plane
+
+    turn = rng.uniform(-np.pi, np.pi, 5)
+    away = rng.uniform(0.6, 1.8, 5)
+    discs = np.column_stack((away * np.cos(turn), away * np.sin(turn), rng.uniform(0.1, 0.3, 5)))
+    return planar_arm([1.0, 0.8], radius, discs), plane([[-2.0, -2.0], [2.0, 2.0]], discs)
+
+
+@claim(
+    "One plans in the space of joints, not of the tip, as the arm has width; or, to be fast, one "
+    "plans the tip's path and solves the IK at each waypoint.",
+    "Width is the easy part. The tip doesn't say where the links are: of postures with a free tip "
+    "{thin:.0%} collide though the links are lines, {thick:.0%} with a radius of {radius_m} m. And "
+    "the IK moves the arm where nobody has asked: of questions that a plan of the joints "
+    "answers and whose straight tip path is free, {one:.0%} can follow that path with one elbow "
+    "only, {neither:.0%} with neither.",
+)
+def tip_path_then_ik(found):
+    from course.kinematics import planar, tip, two_link_ik
+    from course.planning import edge_free, plan, scenes, state_free
+
+    lengths = [1.0, 0.8]
+    chain = planar(lengths)
+
+    def hits(radius):
+        arm, point = _tip_world(found.rng, radius)
+        q = found.rng.uniform(-np.pi, np.pi, (200, 2))
+        free = [x for x, p in zip(q, tip(chain, q.T)[:2].T, strict=True) if state_free(point, p)]
+        return np.mean([not state_free(arm, x) for x in free])
+
+    radius = found.given("radius_m", 0.05)
+    thin, thick = (np.mean([hits(x) for _ in range(10)]) for x in (0.0, radius))
+    found.figure("thin", thin, 0.1)
+    found.figure("thick", thick, 0.1)
+    blocked: list[list[bool]] = []
+    while len(blocked) < 100:
+        arm, point = _tip_world(found.rng, 0.0)
+        ends = [scenes.free_state(arm, found.rng) for _ in range(2)]
+        a, b = (tip(chain, q)[:2] for q in ends)
+        line = a[:, None] + (b - a)[:, None] * np.linspace(0, 1, 60)
+        near = np.linalg.norm(line, axis=0).min()  # around the base is out of reach
+        if near < 0.25 or not edge_free(point, a, b) or not plan(arm, *ends, budget=3000).solved:
+            continue
+        ways = np.unwrap(np.moveaxis(two_link_ik(lengths, line).q, 2, 0), axis=0)
+        blocked.append([
+            not all(edge_free(arm, p, q) for p, q in itertools.pairwise(way))
+            for way in np.moveaxis(ways, 2, 0)
+        ])  # fmt: skip
+    neither, one = np.all(blocked, axis=1), np.sum(blocked, axis=1) == 1
+    found.figure("neither", neither.mean(), 0.3)
+    found.figure("one", one.mean(), 0.2)
+    found.statement = "Two links among five random discs; 100 such questions."
+    found.heard(thin == 0.0 and not neither.any())
+    found.corrected(thin > 0.1, thick < 2 * thin, neither.mean() > 0.01, one.mean() > 0.1)

@@ -1,0 +1,305 @@
+"""Claims of chapter 3: hello worlds, actuators, readers of models, and a controller that moves."""
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+from course.derivations.platforms.same import DRAKE, MUJOCO, PYBULLET, simulators
+
+SYMBOLS = {
+    "kp": Symbol("gain of the servo [N m/rad]", 10.0, 1000.0),
+    "m": Symbol("mass [kg]"),
+    "g": Symbol("gravity [m/s^2]"),
+    "d": Symbol("from the joint to the centre of mass [m]"),
+}
+
+
+def compiled(joint, more="", links=1):
+    """(model, data) of upright links of 0.3 m, each on a hinge with these attributes."""
+    import mujoco
+
+    body = ""
+    for i in reversed(range(links)):
+        body = (
+            f'<body pos="0 0 {0.3 * (i > 0)}"><joint name="j{i}" axis="0 1 0" {joint}/>'
+            f'<geom type="capsule" size=".03" fromto="0 0 0 0 0 .3" mass="1"/>{body}</body>'
+        )
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><option><flag autoreset="disable" contact="disable"/></option>'
+        f"<worldbody>{body}</worldbody><actuator>{more}</actuator></mujoco>"
+    )
+    return model, mujoco.MjData(model)
+
+
+@claim(
+    "The hello world ran and printed angles, so the arm moves as an arm does.",
+    "Two links without damping wound up under constant torques: a joint got {turns:.1f} turns "
+    "from its start within {seconds:.0f} s, and half the step put it {apart:.0f} degrees "
+    "elsewhere. With a damping of {damping:.1f} N m s/rad and limits it got {calm:.2f} turns, and "
+    "{near:.2f} degrees.",
+)
+def hello_world_winds(found):
+    import mujoco
+
+    seconds, damping = found.given("seconds", 2.0), found.given("damping", 0.5)
+    motors = '<motor joint="j0"/><motor joint="j1"/>'
+
+    def moved(joint, torques=(0.5, -0.3), dt=0.002):
+        """(Most turns of a joint from its start, the second joint at the end)."""
+        model, data = compiled(joint, motors, links=2)
+        model.opt.timestep = dt
+        data.ctrl[:] = torques
+        most = 0.0
+        for _ in range(round(seconds / 0.01)):
+            mujoco.mj_step(model, data, round(0.01 / dt))
+            most = max(most, np.abs(data.qpos).max())
+        return most / (2.0 * np.pi), np.degrees(data.qpos[1])
+
+    limited = f'damping="{damping}" range="-150 150"'
+    (most, free), (little, held) = moved(""), moved(limited)
+    turns = found.figure("turns", most, 0.02)
+    found.figure("calm", little, 0.02)
+    apart = found.figure("apart", abs(moved("", dt=0.001)[1] - free), 0.1)
+    near = found.figure("near", abs(moved(limited, dt=0.001)[1] - held), 0.2)
+    draws = found.rng.uniform((0.2, -0.5), (0.7, -0.2), (8, 2))
+    found.statement = "MuJoCo at 2 and at 1 ms; the same at eight random pairs of torques."
+    found.heard(turns < 0.5)
+    found.corrected(turns > 2.0, all(moved("", x)[0] > 1.0 for x in draws), apart > 10.0 * near,
+                    all(moved(limited, x)[0] < 0.5 for x in draws))  # fmt: skip
+
+
+@claim(
+    "MuJoCo's actuators put their control on the joint as a torque unless one asks for something "
+    "else.",
+    "`motor` does and so does a bare `general`: {ctrl:.1f} gave {torque:.1f} N m. A `position` "
+    "makes it an angle, on a spring of {kp:.0f} N m/rad by default; and no joint has an actuator "
+    "that the file doesn't name.",
+    source="MuJoCo 4.0 manual, 2026, XML reference, actuator/general, motor, position",
+)
+def motor_is_torque(found):
+    import mujoco
+
+    def torque(kind, ctrl, angle=0.0):
+        model, data = compiled("", f'<{kind} joint="j0"/>')
+        data.ctrl[:], data.qpos[:] = ctrl, angle
+        mujoco.mj_forward(model, data)
+        return float(data.qfrc_actuator[0])
+
+    ctrl = found.given("ctrl", 0.7)
+    found.figure("torque", torque("general", ctrl))
+    kp = found.figure("kp", torque("position", 1.0))
+    draws = found.rng.uniform(-2.0, 2.0, (8, 2))
+    direct = [abs(torque(kind, x, y) - x) < 1e-12
+              for x, y in draws for kind in ("motor", "general")]  # fmt: skip
+    found.statement = "What MuJoCo says that it applies, at random controls and angles."
+    found.heard(all(direct))
+    found.corrected(all(abs(torque("position", x, y) - kp * (x - y)) < 1e-12 for x, y in draws),
+                    compiled("")[0].nu == 0)  # fmt: skip
+
+
+@claim(
+    "Add a damping of 0.1 to the joints, and a model is closer to its robot.",
+    "Against a robot of {much:.1f} N m s/rad it takes the error of a swing to {better:.0%}, "
+    "against one of {little:.2f} to {worse:.0%}. A value is worth what it was measured with.",
+)
+def damping_realism(found):
+    import mujoco
+
+    added = found.given("added", 0.1)
+    much, little = found.given("much", 0.2), found.given("little", 0.02)
+
+    def swing(damping):
+        model, data = compiled(f'damping="{damping}"')
+        data.qpos[0], angles = np.pi - 0.5, []
+        for _ in range(100):
+            mujoco.mj_step(model, data, 10)
+            angles.append(float(data.qpos[0]))
+        return np.array(angles)
+
+    def left(robot, added):
+        """Error of the model with the damping over that of the one without."""
+        true = swing(robot)
+        return float(np.linalg.norm(swing(added) - true) / np.linalg.norm(swing(0.0) - true))
+
+    better = found.figure("better", left(much, added), 0.02)
+    worse = found.figure("worse", left(little, added), 0.02)
+    robots = found.rng.uniform(0.002, 0.01, 8)
+    inside, outside = ([left(x, x * share) < 1.0 for x, share in zip(robots, shares, strict=True)]
+                       for shares in (found.rng.uniform(0.1, 1.9, 8),
+                                      found.rng.uniform(2.2, 4.0, 8)))  # fmt: skip
+    found.statement = "Two seconds of a hanging link that was let go at half a radian."
+    found.heard(worse < 1.0, only_if="it is less than twice the robot's own, and both are weak",
+                inside=inside, outside=outside)  # fmt: skip
+    found.corrected(better < 1.0, worse > 1.0)
+
+
+@claim(
+    "Real joints have position servos, so a position actuator makes the model real.",
+    "The model gets a spring, not the robot's servo. It holds a link out {formula} too low: with "
+    "the default gain, {kp:.0f}, it hung {default:.0f} degrees below level; with {stiff:.0f} it "
+    "was {droop:.2f}.",
+    ask=("A servo of gain kp without an integral holds a link out level, mass m with its centre at "
+         "d. How low does it hang, small angles?", "e = m*g*d/kp", {
+             "kp/(m*g*d)": "A stiffer servo holds it higher.",
+             "m*g/kp": "A torque has an arm: d is missing.",
+             "m*g*d/(2*kp)": "That takes d for the length; here it reaches to the centre.",
+             "sqrt(m*g*d/kp)": "Torques balance, not energies."}),
+    source="MuJoCo 4.0 manual, 2026, XML reference, actuator/position",
+)  # fmt: skip
+def servo_droops(found):
+    import mujoco
+    import sympy
+
+    kp, m, g, d, e = sympy.symbols("kp m g d e", positive=True)
+    found.formula = sympy.solve(sympy.Eq(kp * e, m * g * d), e)[0]
+
+    def droop(gain=""):
+        """(Angle below level [rad], gain) at rest."""
+        model, data = compiled('damping="2"', f'<position joint="j0" {gain}/>')
+        data.ctrl[:] = data.qpos[:] = 0.5 * np.pi
+        mujoco.mj_step(model, data, 5000)
+        return data.qpos[0] - 0.5 * np.pi, model.actuator_gainprm[0, 0]
+
+    stiff = found.given("stiff", 200.0)
+    (low, plain), (little, _) = droop(), droop(f'kp="{stiff}"')
+    found.figure("kp", plain)
+    found.figure("default", np.degrees(low), 0.01)
+    found.figure("droop", np.degrees(little), 0.01)
+    gains = found.rng.uniform(60.0, 400.0, 4)
+    law = [float(found.formula.subs({kp: k, m: 1, g: 9.81, d: 0.15})) for k in gains]
+    found.statement = "A link of 1 kg whose centre is 0.15 m out, after 10 s."
+    found.heard(bool(np.degrees(low) < 1.0))
+    found.corrected(*(bool(abs(droop(f'kp="{k}"')[0] / x - 1.0) < 0.01)
+                      for k, x in zip(gains, law, strict=True)), bool(low > 0.5))  # fmt: skip
+
+
+@claim(
+    "PyBullet is the light one and Drake the heavy one.",
+    "By disk PyBullet is the heaviest, {bullet:.0f} MB, {data:.0f} of them example data; Drake "
+    "with Mosek, which it asks for, takes {drake:.0f} and MuJoCo {mujoco:.0f}. Unpacked sizes of "
+    "these wheels; other versions have others.",
+)
+def lightest_install(found):
+    from importlib.metadata import files
+
+    from course.oracles.installs import size_of
+
+    simulators(MUJOCO, DRAKE, PYBULLET)
+    bullet = found.figure("bullet", size_of(PYBULLET), 0.3)
+    drake = found.figure("drake", size_of(DRAKE), 0.3)
+    mujoco = found.figure("mujoco", size_of(MUJOCO), 0.4)
+    examples = [x.size or 0 for x in files("pybullet") or [] if "pybullet_data" in str(x)]
+    data = found.figure("data", sum(examples) / 1e6, 0.3)
+    found.statement = "Sizes in the packages' own metadata."
+    found.heard(bullet < min(drake, mujoco))
+    found.corrected(bullet > drake > mujoco, data > 0.3 * bullet)
+
+
+def read_by(reader, texts):
+    """Verdict on each model of a reader, in this process, without the models that crash one."""
+    import io
+    import logging
+    from contextlib import redirect_stderr, redirect_stdout
+
+    import mujoco
+
+    from course.oracles.quiet import quiet
+    from course.oracles.readers import READERS
+    from course.platforms.models import GOOD, Reading, verdict
+
+    find, read = READERS[reader]
+    find()
+
+    def reading(text):
+        """What it said, be it by C, by Python or by a log; its error; and the facts."""
+        words, facts, printed = "", None, io.StringIO()
+        log = logging.StreamHandler(printed)
+        logging.getLogger().addHandler(log)
+        with quiet() as said, redirect_stdout(printed), redirect_stderr(printed):
+            try:
+                facts = read(text)
+            except (Exception, SystemExit) as error:
+                words = f"{type(error).__name__}: {error}"
+        logging.getLogger().removeHandler(log)
+        return words, (said[0] + printed.getvalue()).strip(), facts
+
+    usual = reading(GOOD)[1]
+    found = {}
+    for model in texts:
+        words, said, facts = reading(model.text)
+        found[model.name] = verdict(model, Reading(words, False, said * (said != usual), facts))
+    mujoco.set_mju_user_warning(None)
+    return found
+
+
+@claim(
+    "A model that loads without a word is one that can exist.",
+    "Of {n:.0f} URDF texts that no arm can be like, PyBullet took {bullet:.0f} without a word, a "
+    "NaN mass among them, Pinocchio {pinocchio:.0f}, MuJoCo {mujoco:.0f}, Drake {drake:.0f}. "
+    "Chapter 4's reader refused {refused:.0f}.",
+    source="URDF, ROS wiki, XML specification, 2022",
+)
+def loaded_is_not_sound(found):
+    from course.platforms.models import MODELS
+
+    texts = [model for model in MODELS if model.kind == "impossible"]
+    n = found.figure("n", len(texts) and sum(model.kind == "impossible" for model in MODELS), 0.0)
+    simulators(DRAKE, PYBULLET)
+    told = {name: read_by(name, texts)
+            for name in ("chapter 4", "Pinocchio", MUJOCO, DRAKE, PYBULLET)}  # fmt: skip
+    silent = {name: sum(v in ("swallowed", "repaired") for v in rows.values())
+              for name, rows in told.items()}  # fmt: skip
+    bullet = found.figure("bullet", silent[PYBULLET], 0.0)
+    found.figure("pinocchio", silent["Pinocchio"], 0.4)
+    mujoco = found.figure("mujoco", silent[MUJOCO], 0.4)
+    drake = found.figure("drake", silent[DRAKE], 0.4)
+    refused = found.figure("refused", list(told["chapter 4"].values()).count("refused"), 0.0)
+    found.statement = "Each reader with each text; what it printed about the sound one is no word."
+    found.heard(max(bullet, mujoco, drake) == 0)
+    found.corrected(refused == n, told[PYBULLET]["NaN mass"] == "swallowed", bullet > n / 2,
+                    mujoco < n / 2, told[MUJOCO]["NaN mass"] == "refused")  # fmt: skip
+
+
+@claim(
+    "Damping and dry friction that stand in a URDF act in every simulator.",
+    "Damping was {bullet_damping} by PyBullet, {drake_damping} by Drake and {mujoco_damping} by "
+    "MuJoCo. Dry friction was {bullet} by PyBullet, {drake} about by Drake, which leaves it out, "
+    "and {mujoco} by MuJoCo.",
+    source="Isaac Sim issue 841, 2026, on an importer that lost both; Drake 1.51, 2026, URDF "
+    "support, joint dynamics",
+)
+def friction_of_a_urdf(found):
+    from course.platforms.models import MODELS
+
+    simulators(DRAKE, PYBULLET)
+    texts = [model for model in MODELS if model.name in ("friction", "damping")]
+    rows = {name: read_by(name, texts) for name in (MUJOCO, DRAKE, PYBULLET)}
+    for name, short in ((MUJOCO, "mujoco"), (DRAKE, "drake"), (PYBULLET, "bullet")):
+        found.figure(f"{short}_damping", rows[name]["damping"])
+        found.figure(short, rows[name]["friction"])
+    found.statement = "A two-link arm with both in its elbow, read by each."
+    found.heard(all(set(row.values()) == {"kept"} for row in rows.values()))
+    found.corrected(rows[PYBULLET]["friction"] == "swallowed", rows[DRAKE]["friction"] == "warned",
+                    set(rows[MUJOCO].values()) == {"kept"})  # fmt: skip
+
+
+@claim(
+    "A controller that was tuned in one simulator works in another.",
+    "Computed torque, tuned on the course's own arm, brought the tip to within {fair:.3f} mm in "
+    "MuJoCo, Drake and PyBullet with fair settings. PyBullet as shipped stopped {shipped:.0f} mm "
+    "off: its motors hold the joints.",
+)
+def controller_moves(found):
+    from course.platforms import AS_SHIPPED, FAIR, measures
+
+    every = simulators(MUJOCO, DRAKE, PYBULLET)
+    fair = [measures.reach(engine, 2e-3, FAIR) for engine in every]
+    shipped = [measures.reach(engine, 2e-3, AS_SHIPPED) for engine in every]
+    alone = measures.reach(every[2], 2e-3, AS_SHIPPED.using(but=("motors",)))
+    found.figure("fair", 1e3 * max(one.error for one in fair), 0.3)
+    off = found.figure("shipped", 1e3 * shipped[2].error, 0.1)
+    found.statement = "A reach of the 7-R arm in 1.5 s: within 5 mm, slower than 5 cm/s."
+    found.heard(
+        all(one.success for one in shipped), only_if="nothing acts that the model doesn't know",
+        inside=[one.success for one in fair], outside=[one.success for one in shipped], cases=True,
+    )  # fmt: skip
+    found.corrected(off > 50.0, alone.error < 0.5 * shipped[2].error)

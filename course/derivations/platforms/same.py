@@ -1,0 +1,197 @@
+"""Claims of chapter 3: what engines have in common, what their defaults change, what repeats."""
+
+import numpy as np
+
+from course.derivations import claim
+
+MUJOCO, DRAKE, PYBULLET, OURS = "MuJoCo", "Drake", "PyBullet", "own code"
+FOUR = (OURS, MUJOCO, DRAKE, PYBULLET)
+
+
+def simulators(*names):
+    """Engines by name.
+
+    Raises:
+        ImportError: one is not installed; the text says what to install.
+    """
+    from course.oracles.engines import engines
+
+    found = [engines()[name] for name in names]
+    for engine in found:
+        if missing := engine.missing():
+            raise ImportError(missing)
+    return found
+
+
+def errors(names, scene, dt, **settings):
+    """Error of a scene at its end in each engine with its fair settings [m or rad]."""
+    from course.platforms import FAIR, measures
+
+    told = FAIR.using(**settings)
+    return np.array([measures.position_error(e, scene, dt, told) for e in simulators(*names)])
+
+
+@claim(
+    "Drake integrates more accurately than MuJoCo, and MuJoCo more accurately than PyBullet.",
+    "An engine is no scheme. Where nothing touches, with the same one and the same step all of "
+    "them err by {tumble:.3f} mrad on a tumbling body and {arm:.3f} mrad on a falling arm; over "
+    "steps of {short:.1f} to {long:.1f} ms they differ by at most {spread:.3%} of their error. On "
+    "a braking block MuJoCo, Drake and PyBullet differed by {touch:.0%}.",
+    source="Erez, Tassa and Todorov, Simulation tools for model-based robotics, 2015, which "
+    "compares engines at equal cost",
+)
+def engines_agree(found):
+    from course.platforms import scenes
+
+    short, long = found.given("short", 0.3), found.given("long", 2.0)
+    tumble = errors(FOUR, scenes.tumble(1.0), 1e-3)
+    arm = errors(FOUR, scenes.arm(0.2), 1e-3)
+    found.figure("tumble", 1e3 * tumble.mean(), 1e-3)
+    found.figure("arm", 1e3 * arm.mean(), 1e-3)
+    tried = [tumble, arm, errors(FOUR, scenes.chain(3, 0.3), 1e-3)]
+    for dt in 1e-3 * found.rng.uniform(short, long, 4):
+        tried += [errors(FOUR, scenes.tumble(0.5), dt), errors(FOUR, scenes.arm(0.1), dt)]
+    brake = errors((MUJOCO, DRAKE, PYBULLET), scenes.brake(0.3), 1e-3)
+    touch = found.figure("touch", np.ptp(brake) / brake.min(), 0.2)
+    spread = found.figure("spread", max(np.ptp(row) / row.min() for row in tried), 0.3)
+    found.statement = (
+        "Own code, MuJoCo, Drake and PyBullet with fair settings; the truth is tighter."
+    )
+    found.heard(any(row[2] < 0.9 * row[1] < 0.81 * row[3] for row in tried))
+    found.corrected(spread < 0.01, touch > 0.1, min(row.min() for row in tried) > 1e-6)
+
+
+@claim(
+    "Out of the box, two simulators that load the same URDF give the same motion.",
+    "Their defaults are part of the model. As shipped PyBullet errs {tumble:.0f} times as much as "
+    "with fair settings on a tumbling body, {chain:.0f} on a chain, {arm:.0f} on an arm, by "
+    "damping, by motors that hold the joints, and by inertias that it makes from shapes.",
+    source="PyBullet Quickstart Guide, 2023: changeDynamics, setJointMotorControl2, loadURDF",
+)
+def defaults_differ(found):
+    from course.platforms import measures, scenes
+
+    (bullet,) = simulators(PYBULLET)
+    cases = {"tumble": scenes.tumble(1.0), "chain": scenes.chain(6, 0.5), "arm": scenes.arm(0.2)}
+    found_by = {name: measures.effects(bullet, scene, 1e-3) for name, scene in cases.items()}
+    for name, rows in found_by.items():
+        found.figure(name, rows[0].shipped / rows[0].fair, 0.05)
+    without = {row.key: row.without / row.fair for row in found_by["arm"]}
+    damped = {row.key: row.without / row.fair for row in found_by["tumble"]}
+    others = simulators(MUJOCO, DRAKE)
+    settled = [measures.effects(e, scenes.arm(0.2), 1e-3) for e in others]
+    found.statement = "Errors at 1 ms, all changes made, none, and all but one."
+    found.heard(all(rows[0].shipped < 1.1 * rows[0].fair for rows in found_by.values()))
+    found.corrected(damped["damping"] > 10, without["motors"] > 10, without["inertia"] > 10,
+                    all(x.shipped < 1.01 * x.fair for rows in settled for x in rows))  # fmt: skip
+
+
+@claim(
+    "Where nothing touches, half the step halves the error in each engine's default scheme.",
+    "Each is of first order, as a scheme and no engine is: the four came to {lowest:.3f} to "
+    "{highest:.3f}. MuJoCo's other one, RK4, is of order {rk4:.1f}.",
+)
+def halving_halves(found):
+    from course.platforms import scenes
+
+    def orders(scene, dt, **settings):
+        names = FOUR if not settings else (MUJOCO,)
+        whole, half = (errors(names, scene, x, **settings) for x in (dt, dt / 2))
+        return np.log2(whole / half)
+
+    tried = np.array([orders(scenes.tumble(0.5), 1e-3 * dt)
+                      for dt in found.rng.uniform(0.5, 2.0, 3)]
+                     + [orders(scenes.arm(0.16), 1e-3)])  # fmt: skip
+    found.figure("lowest", tried.min(), 0.02)
+    found.figure("highest", tried.max(), 0.02)
+    rk4 = found.figure("rk4", orders(scenes.tumble(1.0), 0.02, scheme="RK4")[0], 0.02)
+    found.statement = "Tumble at three random steps and the arm, each against half the step."
+    found.heard(bool(np.all(np.abs(tried - 1.0) < 0.1)))
+    found.corrected(bool(np.all(np.abs(tried - 1.0) < 0.1)), abs(rk4 - 4.0) < 0.2)
+
+
+@claim(
+    "Switch MuJoCo to RK4 and it gets more accurate.",
+    "On a chain at {ms:.0f} ms, by {smooth:.1f} orders of magnitude. A block that brakes loses "
+    "its speed to contact forces that change within a step: of {n:.0f} such runs RK4 was worse in "
+    "{worse:.0f}, each step at four times the forces.",
+)
+def rk4_and_contact(found):
+    from course.platforms import scenes
+
+    def both(scene, dt):
+        return [errors((MUJOCO,), scene, dt, scheme=name)[0] for name in ("Euler", "RK4")]
+
+    ms = found.given("ms", 1.0)
+    plain, better = both(scenes.chain(2, 0.5), 1e-3 * ms)
+    smooth = found.figure("smooth", np.log10(plain / better), 0.1)
+    n = int(found.given("n", 16))
+    draws = [(scenes.brake(float(a), float(v)), 1e-3 * dt) for a, v, dt in
+             found.rng.uniform((0.1, 1.0, 0.5), (0.7, 3.0, 2.0), (n, 3))]  # fmt: skip
+    touching = [both(scene, dt) for scene, dt in draws]
+    worse = found.figure("worse", sum(b > a for a, b in touching), 0.4)
+    free = [both(scenes.tumble(0.5), 1e-3 * dt) for dt in found.rng.uniform(0.5, 5.0, 8)]
+    found.statement = (
+        "Tumble at random steps; blocks sent off at random speeds, headings and steps."
+    )
+    found.heard(worse == 0, only_if="nothing touches",
+                inside=[b < a for a, b in free], outside=[b < a for a, b in touching])  # fmt: skip
+    found.corrected(smooth > 3, worse >= 2, all(b < 1e-3 * a for a, b in free))
+
+
+@claim(
+    "Build the world anew, run it again, and every bit of the state is the same.",
+    "So it was in all four on one machine, in one process, on one thread, and after a state that "
+    "was saved and put back: over {n:.0f} scenes and steps the largest difference was {most:.0f}.",
+)
+def fresh_worlds_repeat(found):
+    from course.platforms import measures, scenes
+
+    draws = found.rng.uniform((0.0, 1.0), (1.5, 3.0), (2, 2))
+    cases = [(scenes.brake(float(a)), 1e-3 * dt) for a, dt in draws] + [(scenes.chain(3), 1e-3)]
+    rows = [measures.repeatability(e, scene, dt, 40) for scene, dt in cases
+            for e in simulators(*FOUR)]  # fmt: skip
+    found.figure("n", len(rows), 0.0)
+    most = found.figure("most", max(max(row.fresh, row.saved) for row in rows), 0.0)
+    found.statement = "Two worlds built alike and a saved state, compared bit by bit."
+    found.heard(most == 0.0)
+    found.corrected(all(row.fresh == 0.0 == row.saved for row in rows))
+
+
+@claim(
+    "Resetting the world is as good as building it anew.",
+    "A reset puts back what it knows of. PyBullet's resetBasePositionAndOrientation leaves the "
+    "contacts that are cached: a block's second run ended {off:.1f} millionths [m, m/s] off. Put "
+    "far away in between, where they are dropped, it ran as before, bit by bit.",
+    source="PyBullet Quickstart Guide, 2023: resetSimulation, saveState",
+)
+def reset_world(found):
+    from course.oracles.pybullet import library
+    from course.platforms import measures, scenes
+
+    def same(name, scene, dt):
+        (engine,) = simulators(name)
+        return measures.repeatability(engine, scene, dt, 200).reset
+
+    cases = [(scenes.brake(float(a)), 1e-3 * dt)
+             for a, dt in found.rng.uniform((0.0, 1.0), (1.5, 2.0), (3, 2))]  # fmt: skip
+    bullet = [same(PYBULLET, *case) for case in cases]
+    others = [same(name, *case) for name in (MUJOCO, DRAKE) for case in cases]
+    off = found.figure("off", 1e6 * same(PYBULLET, scenes.brake(0.0), 1e-3), 0.5)
+    (engine,) = simulators(PYBULLET)
+    run = engine.build(scenes.brake(0.0), 1e-3)
+    run.run(200)
+    first = run.state()
+    library().resetBasePositionAndOrientation(
+        run.bodies[0], [100.0, 0.0, 50.0], [0.0, 0.0, 0.0, 1.0], physicsClientId=run.client
+    )
+    library().performCollisionDetection(physicsClientId=run.client)
+    run.reset()
+    run.run(200)
+    found.statement = "Braking blocks, 200 steps, then the same after a reset, bit by bit."
+    found.heard(
+        max(bullet) == 0.0, only_if="the reset covers all that the engine keeps between steps, as "
+        "in MuJoCo and Drake", inside=[x == 0.0 for x in others],
+        outside=[x == 0.0 for x in bullet], cases=True,
+    )  # fmt: skip
+    found.corrected(off > 0.0, max(others) == 0.0, run.state().same(first))

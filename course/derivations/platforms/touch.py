@@ -1,0 +1,396 @@
+"""Claims of chapter 3: what engines do where bodies touch, beside closed forms."""
+
+from typing import Any
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+from course.derivations.platforms.same import DRAKE, MUJOCO, PYBULLET, errors, simulators
+
+SYMBOLS = {
+    "mu": Symbol("coefficient of friction", 0.05, 1.5),
+    "g": Symbol("gravity [m/s^2]"),
+    "dt": Symbol("step [s]", 1e-4, 0.01),
+    "v": Symbol("speed at the start [m/s]"),
+    "D": Symbol("stopping distance by Coulomb's law [m]"),
+    "phi": Symbol("heading from an axis of the cone [rad]", 0.0, 0.78),
+    "m": Symbol("mass [kg]"),
+    "f": Symbol("tangential load of a contact [N]"),
+    "d": Symbol("impedance of the contact", 0.5, 0.99),
+    "w": Symbol("inverse mass of both bodies [1/kg]"),
+    "b": Symbol("damping of the reference [1/s]", 10.0, 1000.0),
+    "r": Symbol("impratio", 1.0, 100.0),
+}
+
+
+def stops(name, headings, dt, settings=None):
+    """Lengths over Coulomb's and turns [rad] of the braking block, fair by default, (n,) each."""
+    from course.platforms import FAIR, measures, theory
+
+    (engine,) = simulators(name)
+    rows = [measures.stop(engine, float(x), dt, settings or FAIR) for x in np.atleast_1d(headings)]
+    full = theory.braking_distance()
+    return np.array([row.distance / full for row in rows]), np.array([row.turn for row in rows])
+
+
+@claim(
+    "Asked for the same friction, contact and step, MuJoCo, Drake and PyBullet stop a block that "
+    "is sent off along an axis at the same place.",
+    "Short of Coulomb's, by the share {formula}: {theory:.3%} at {ms:.0f} ms, and {lowest:.3%} to "
+    "{highest:.3%} in the three.",
+    ask=("Each step takes mu g dt from the speed and then moves with what is left. Which share of "
+         "v^2/(2 mu g) is missing?", "mu*g*dt/v", {
+             "v*dt/2": "That is the missing way in metres.",
+             "mu*g*dt/(2*v)": "v dt / 2 is missing of v^2 / (2 mu g).",
+             "2*mu*g*dt/v": "Half a step of the first speed is missing, not a whole one.",
+             "v*dt": "That is a share of nothing: its unit is metres."}),
+)  # fmt: skip
+def braking_short(found):
+    import sympy
+
+    mu, g, dt, v, n = sympy.symbols("mu g dt v n", positive=True)
+    places = sympy.summation(dt * (v - n * mu * g * dt), (n, 1, v / (mu * g * dt)))
+    found.formula = sympy.simplify(1 - places / (v**2 / (2 * mu * g)))
+    ms = found.given("ms", 2.0)
+    law = float(found.formula.subs({mu: 0.5, g: 9.81, dt: 1e-3 * ms, v: 2}))
+    found.figure("theory", law)
+
+    def missing(ms):
+        return np.array([1.0 - stops(x, 0.0, 1e-3 * ms)[0][0] for x in (MUJOCO, DRAKE, PYBULLET)])
+
+    short = missing(ms)
+    found.figure("lowest", short.min(), 0.02)
+    found.figure("highest", short.max(), 0.02)
+    others = [missing(x) - law * x / ms for x in (3.0,)]
+    found.statement = "A block of 1 kg sent off at 2 m/s along an axis, friction 0.5."
+    found.heard(bool(np.ptp(short) < 3e-4))
+    found.corrected(bool(np.all(np.abs(short / law - 1.0) < 0.03)),
+                    bool(np.all(np.abs(others) < 3e-4)))  # fmt: skip
+
+
+@claim(
+    "Four sides are close enough to a round friction cone: they cost a few per cent.",
+    "The pyramid inside the cone, MuJoCo's default, brakes at {degrees:.0f} degrees with "
+    "1/sqrt(2) of the force: {formula} in place of D, {measured:.1%} too far, and it steers: by "
+    "{turn:.1f} degrees to the diagonal, at a heading of {between:.1f}.",
+    ask=("Sides |f_x| + |f_y| <= mu N, heading phi up to 45 degrees, D by Coulomb. How far off "
+         "does the block stop?", "D*sqrt(1 + sin(2*phi)^2)", {
+             "D*(cos(phi) + sin(phi))": "That is force at the start: the velocity turns.",
+             "D*sqrt(2)": "At 45 degrees only.",
+             "D/cos(phi)": "The larger component alone is braked at first, then both.",
+             "D*sqrt(1 + sin(phi)^2)": "It is sin(2 phi): at 45 degrees both are equal."}),
+)  # fmt: skip
+def pyramid_inscribed(found):
+    import sympy
+
+    from course.platforms import AS_SHIPPED, FAIR, theory
+
+    D, phi = sympy.symbols("D phi", positive=True)
+    # In units of v and mu g: the larger component is braked until both are the smaller, s.
+    c, s = sympy.cos(phi), sympy.sin(phi)
+    x = (c**2 - s**2) / 2 + s**2
+    y = s * (c - s) + s**2
+    found.formula = D * sympy.sqrt(sympy.simplify(4 * x**2) + sympy.simplify(4 * y**2))
+    degrees, between = found.given("degrees", 45.0), found.given("between", 22.5)
+    far, _ = stops(MUJOCO, np.radians(degrees), 1e-3, AS_SHIPPED)
+    _, turn = stops(MUJOCO, np.radians(between), 1e-3, AS_SHIPPED)
+    _, fair = stops(MUJOCO, np.radians(between), 1e-3)
+    found.figure("measured", far[0] - 1.0, 0.02)
+    found.figure("turn", np.degrees(turn[0]), 0.02)
+    headings = found.rng.uniform(0.0, 0.25 * np.pi, 8)
+    length, steered = stops(MUJOCO, headings, 1e-3, FAIR.using(cone="pyramidal"))
+    law = np.array([float(found.formula.subs({D: 1, phi: a})) for a in headings])
+    found.statement = "MuJoCo's block at eight random headings up to 45 degrees beside the law."
+    found.heard(far[0] < 1.05)
+    found.corrected(
+        bool(np.all(np.abs(length / law - 1.0) < 0.01)),
+        bool(np.all(np.abs(steered - theory.stop(headings, "inscribed")[1]) < 0.02)),
+        abs(far[0] / np.sqrt(2.0) - 1.0) < 0.01, abs(np.degrees(fair[0])) < 0.3,
+    )  # fmt: skip
+
+
+@claim(
+    "A friction pyramid steers to its diagonals and lets a block slide too far.",
+    "The one inside the cone does. A box around it, PyBullet without cone friction, brakes each "
+    "axis by itself: {formula} is left, {measured:.1%} of D at {degrees:.0f} degrees, and it "
+    "steers to the nearer axis, by {turn:.1f} degrees at a heading of {between:.1f}.",
+    ask=("Sides |f_x| and |f_y| up to mu N each, heading phi, D by Coulomb. How far from its start "
+         "does the block stop?", "D*sqrt(cos(phi)^4 + sin(phi)^4)", {
+             "D/sqrt(2)": "At 45 degrees only.",
+             "D*sqrt(1 + sin(2*phi)^2)": "That is the pyramid inside the cone.",
+             "D*cos(phi)": "That would hold if each axis had the whole speed for as long.",
+             "D*(cos(phi)^2 + sin(phi)^2)": "The axes are at right angles: add squares."}),
+)  # fmt: skip
+def pyramid_box(found):
+    import sympy
+
+    from course.platforms import FAIR, theory
+
+    D, phi, t = sympy.symbols("D phi t", positive=True)
+    # Each axis loses speed at the rate mu g until it has none: the square of its share, over 2.
+    ways = [sympy.integrate(u - t, (t, 0, u)) for u in (sympy.cos(phi), sympy.sin(phi))]
+    found.formula = D * sympy.sqrt(sum((2 * way) ** 2 for way in ways))
+    degrees, between = found.given("degrees", 45.0), found.given("between", 22.5)
+    box = FAIR.using(enableConeFriction=0)
+    near, _ = stops(PYBULLET, np.radians(degrees), 1e-3, box)
+    _, turn = stops(PYBULLET, np.radians(between), 1e-3, box)
+    cone, straight = stops(PYBULLET, np.radians(between), 1e-3)
+    found.figure("measured", near[0], 0.02)
+    found.figure("turn", -np.degrees(turn[0]), 0.02)
+    headings = found.rng.uniform(0.0, 0.25 * np.pi, 8)
+    length, steered = stops(PYBULLET, headings, 1e-3, box)
+    law = np.array([float(found.formula.subs({D: 1, phi: a})) for a in headings])
+    pyramid, _ = stops(MUJOCO, headings.clip(0.1), 1e-3, FAIR.using(cone="pyramidal"))
+    found.statement = "PyBullet's block at eight random headings up to 45 degrees beside the law."
+    found.heard(near[0] > 1.0, only_if="it lies inside the cone, and the heading off its axes",
+                inside=[x > 1.01 for x in pyramid], outside=[x > 1.01 for x in length])  # fmt: skip
+    found.corrected(
+        bool(np.all(np.abs(length / law - 1.0) < 0.01)),
+        bool(np.all(np.abs(steered - theory.stop(headings, "box")[1]) < 0.02)),
+        abs(cone[0] - 1.0) < 0.005, abs(straight[0]) < 1e-3,
+    )  # fmt: skip
+
+
+@claim(
+    "A part that creeps out of a simulated grip needs more friction.",
+    "Not while it sticks: a block on a gentle slope slides in MuJoCo, whose cone is elliptic "
+    "here, at {formula}, {speed:.0f} um/s here with the coefficient {low:.1f} and with "
+    "{high:.1f}. An impratio of {ratio:.0f} divides it by {stiff:.2f}.",
+    ask=("A friction row without stiffness, of compliance (1 - d) w/(d r), carries f at the "
+         "damping b. How fast does it slide?", "v = (1 - d)*w*f/(d*r*b)", {
+             "d*w*f/((1 - d)*r*b)": "A hard contact has d near one, and creeps least.",
+             "(1 - d)*w*f*r/(d*b)": "impratio makes friction harder, so it divides.",
+             "(1 - d)*w*f/(d*b)": "That is with an impratio of one.",
+             "b*(1 - d)*w*f/(d*r)": "Damping holds it back."}),
+    source="MuJoCo 4.0 manual, 2026, Computation, Constraint model; issue 3328 of "
+    "google-deepmind/mujoco, 2026: a pinched part that sinks",
+)  # fmt: skip
+def creep_not_friction(found):
+    import sympy
+
+    from course.platforms import FAIR, measures, prepared, scenes, theory
+
+    d, w, f, b, r, v = sympy.symbols("d w f b r v", positive=True)
+    found.formula = sympy.solve(sympy.Eq(f * (1 - d) * w / (d * r), b * v), v)[0]
+    (mujoco,) = simulators(MUJOCO)
+    ratio = found.given("ratio", 10.0)
+
+    def creeps(angle=0.1, friction=0.5, impratio=1.0, dt=2e-3):
+        """Speed, and that of the law fed with the contacts that the engine reports [m/s]."""
+        scene, told = scenes.slope(angle, friction, 0.5), FAIR.using(impratio=impratio)
+        run = prepared(mujoco, scene, dt, told)
+        run.run(200)
+        report = run.contacts()
+        load = np.linalg.norm(report.tangential_force, axis=0)
+        law = [theory.creep_speed(t, gap, 1.0, friction, dt, cone="elliptic", impratio=impratio,
+                                  solref=(0.005, 1.0), solimp=(0.95, 0.99, 0.001, 0.5, 2.0))
+               for t, gap in zip(load, report.gap, strict=True)]  # fmt: skip
+        return measures.creep(mujoco, scene, dt, told), float(np.mean(law))
+
+    low, high = found.given("low", 0.5), found.given("high", 2.5)
+    plain, rough, hard = creeps(friction=low), creeps(friction=high), creeps(impratio=ratio)
+    found.figure("speed", 1e6 * plain[0], 0.01)
+    found.figure("stiff", plain[0] / hard[0], 0.01)
+    tried = [
+        creeps(*map(float, x))
+        for x in found.rng.uniform((0.03, 0.5, 1.0), (0.15, 2.0, 30.0), (4, 3))
+    ]
+    found.statement = "A block that rests on gentle slopes, beside the law fed with its contacts."
+    found.heard(rough[0] < 0.5 * plain[0])
+    found.corrected(
+        all(abs(a / b - 1.0) < 0.01 for a, b in (plain, rough, hard, *tried)),
+        abs(rough[0] / plain[0] - 1.0) < 1e-3,
+    )
+
+
+@claim(
+    "Two fingers hold a part from a certain force on, in every simulator.",
+    "From F0 = {formula} on, if a pad shares its load among its corners: MuJoCo's part sinks by "
+    "{mujoco:.2f} mm at {ratio:.1f} F0. PyBullet's has {corner:.0%} of a finger's force on one "
+    "corner, turns about it and sinks by {pybullet:.0f} mm.",
+    ask=("Two fingers squeeze a part of mass m with a force each. From which one on is it held?",
+         "F0 = m*g/(2*mu)", {
+             "m*g/mu": "Both fingers carry.",
+             "mu*m*g/2": "More friction needs less force.",
+             "2*m*g/mu": "Each of two contacts carries half of the weight.",
+             "m*g/2": "A finger carries mu times what it squeezes."}),
+)  # fmt: skip
+def grasp_threshold(found):
+    import sympy
+
+    from course.platforms import measures, prepared, scenes, theory
+
+    m, g, mu, F = sympy.symbols("m g mu F", positive=True)
+    found.formula = sympy.solve(sympy.Eq(2 * mu * F, m * g), F)[0]
+    ratio = found.given("ratio", 1.3)
+    mujoco, bullet = simulators(MUJOCO, PYBULLET)
+
+    def sinks(engine, share, friction=0.5):
+        return 1e3 * measures.squeezed(engine, share, 2e-3, friction=friction)[1]
+
+    def corner(engine):
+        run = prepared(engine, scenes.grasp(ratio * theory.grasp_threshold()), 2e-3)
+        run.run(200)
+        report = run.contacts()
+        run.close()
+        load = report.only((report.bodies == 1).any(axis=0)).normal_force
+        return float(load.max() / load.sum())
+
+    deep = found.figure("pybullet", sinks(bullet, ratio), 0.5)
+    held = found.figure("mujoco", sinks(mujoco, ratio), 0.05)
+    share = found.figure("corner", corner(bullet), 0.2)
+    draws = found.rng.uniform((1.02, 0.3), (2.0, 1.0), (8, 2))
+    found.statement = "A part of 0.2 kg for 0.5 s, held if it sinks by less than a millimetre."
+    found.heard(max(deep, held) < 1.0, only_if="pads share their load, as in MuJoCo",
+                inside=[sinks(mujoco, *map(float, x)) < 1.0 for x in draws],
+                outside=[sinks(bullet, *map(float, x)) < 1.0 for x in draws])  # fmt: skip
+    found.corrected(all(sinks(mujoco, float(x), float(y)) > 1.0 for x, y in draws * [0.48, 1.0]),
+                    share > 0.6, corner(mujoco) < 0.3, deep > 20.0 * held)  # fmt: skip
+
+
+@claim(
+    "Two materials slide on each other with the same coefficient in every simulator.",
+    "Each mixes the two by a rule of its own. Of {a:.1f} and {b:.1f} MuJoCo makes {mujoco:.2f}, "
+    "the larger, Drake {drake:.2f}, 2 a b/(a + b), and PyBullet {pybullet:.2f}, a b. Even of "
+    "twice {same:.1f} PyBullet makes {twice:.2f}.",
+    source="MuJoCo 4.0 manual, 2026, Computation, Contact parameters; Drake 1.51, 2026, "
+    "CoulombFriction; PhysX 5 documentation, 2025: the average unless another combine mode is set",
+)
+def friction_rules(found):
+    from course.oracles import drake, pybullet
+    from course.platforms import prepared, scenes
+
+    def slowed(run):
+        """Coefficient by which a block loses speed."""
+        before = run.state()
+        run.run(200)
+        lost = before.v[0, 0] - run.state().v[0, 0]
+        run.close()
+        return float(lost / (200 * run.dt * scenes.GRAVITY))
+
+    def in_mujoco(a, b):
+        run: Any = prepared(simulators(MUJOCO)[0], scenes.brake(), 1e-3)
+        run.model.geom_friction[:, 0] = a, b
+        run.run(1)
+        return float(run.data.contact.friction[0, 0])
+
+    def in_pybullet(a, b):
+        lib = pybullet.library()
+        run: Any = prepared(simulators(PYBULLET)[0], scenes.brake(), 1e-3)
+        for body, friction in ((lib.getBodyUniqueId(0, run.client), a), (run.bodies[0], b)):
+            lib.changeDynamics(body, -1, lateralFriction=friction, physicsClientId=run.client)
+        return slowed(run)
+
+    def in_drake(a, b):
+        plant = drake.library().multibody.plant
+        pair = (plant.CoulombFriction(x, x) for x in (a, b))
+        return plant.CalcContactFrictionFromSurfaceProperties(*pair).dynamic_friction()
+
+    a, b, same = found.given("a", 0.2), found.given("b", 0.8), found.given("same", 0.5)
+    rules: list[Any] = [(in_mujoco, max), (in_drake, lambda x, y: 2 * x * y / (x + y)),
+             (in_pybullet, lambda x, y: x * y)]  # fmt: skip
+    made = [rule(a, b) for rule, _ in rules]
+    for name, value in zip(("mujoco", "drake", "pybullet"), made, strict=True):
+        found.figure(name, value, 0.02)
+    twice = found.figure("twice", in_pybullet(same, same), 0.02)
+    draws = found.rng.uniform(0.1, 0.9, (4, 2)).tolist()
+    off = [rule(*pair) / told(*pair) - 1.0 for pair in draws for rule, told in rules]
+    found.statement = (
+        "MuJoCo's contact, Drake's own function, and how a block slows down in PyBullet."
+    )
+    found.heard(max(made) < 1.05 * min(made))
+    found.corrected(bool(np.max(np.abs(off)) < 0.03), abs(twice / same**2 - 1.0) < 0.03)
+
+
+@claim(
+    "Drake's contact model is hydroelastic.",
+    "That is what its plant tries first. Shapes without properties for it, which is how they come, "
+    "fall back to one point a pair: a tower of two cubes has {point:.0f} contacts and is "
+    "{sunk:.0f} mm low after a second, with patches {patch:.2f} mm.",
+    source="Drake 1.51, 2026, Hydroelastic Contact User Guide",
+)
+def drake_hydroelastic(found):
+    from course.platforms import AS_SHIPPED, FAIR, prepared, scenes
+
+    (drake,) = simulators(DRAKE)
+    tower = scenes.tower(2)
+    low, patch = (1e3 * _fallen(drake, tower, told) for told in (AS_SHIPPED, FAIR))
+    run = prepared(drake, tower, 2e-3, AS_SHIPPED)
+    run.run(50)
+    points = found.figure("point", run.contacts().gap.size, 0.0)
+    found.figure("sunk", low, 0.3)
+    found.figure("patch", patch, 0.05)
+
+    def stays(n, told):
+        return _fallen(drake, scenes.tower(n), told) < 1e-3
+
+    found.statement = "Towers of cubes at 2 ms, shapes as they come and with a modulus of 1 MPa."
+    found.heard(stays(2, AS_SHIPPED), only_if="the shapes were given hydroelastic properties",
+                inside=[stays(n, FAIR) for n in (1, 2)],
+                outside=[stays(2, AS_SHIPPED)], cases=True)  # fmt: skip
+    from pydrake.multibody.plant import MultibodyPlantConfig
+
+    first = MultibodyPlantConfig().contact_model
+    found.corrected(first == "hydroelastic_with_fallback", points == 2, low > 30.0 * patch)
+
+
+def _fallen(engine, scene, settings):
+    """Error of a scene at 2 ms [m]."""
+    from course.platforms import measures
+
+    return measures.position_error(engine, scene, 2e-3, settings)
+
+
+@claim(
+    "A tower of n cubes sinks n (n + 1)/2 times as far as one, whatever the engine.",
+    "That takes equal springs. With {n:.0f} cubes it is {mujoco:.2f} times in MuJoCo and "
+    "{drake:.2f} in Drake with patches, so n^2: on rigid ground half of the compliance is missing. "
+    "PyBullet gives {pybullet:.1f} and follows no power.",
+)
+def tower_by_engine(found):
+    from course.platforms import scenes, theory
+
+    n = int(found.given("n", 3))
+
+    def grown(name, n):
+        one, many = (errors((name,), scenes.tower(k), 2e-3)[0] for k in (1, n))
+        return float(many / one)
+
+    mujoco = found.figure("mujoco", grown(MUJOCO, n), 0.02)
+    drake = found.figure("drake", grown(DRAKE, n), 0.02)
+    bullet = found.figure("pybullet", grown(PYBULLET, n), 0.2)
+    more = [grown(MUJOCO, k) / theory.sag_growth(k, "inverse mass") for k in (2, 4, 5)]
+    found.statement = "How deep the top is at rest, over that of one cube, fair settings, 2 ms."
+    found.heard(all(abs(x / theory.sag_growth(n) - 1.0) < 0.05 for x in (mujoco, drake, bullet)))
+    found.corrected(all(abs(x - 1.0) < 0.02 for x in more), abs(mujoco / n**2 - 1.0) < 0.02,
+                    abs(drake / n**2 - 1.0) < 0.02, bullet < 0.7 * n**2)  # fmt: skip
+
+
+@claim(
+    "PyBullet's contacts are less accurate than MuJoCo's.",
+    "In a grasp, by {grasp:.0f} times. On a slope, under brakes, on a tower and at a landing fair "
+    "settings leave the two within a factor of {most:.1f}, and the slide gives {slide:.2f}; as "
+    "shipped MuJoCo's tower sinks {tower:.1f} times as far, and PyBullet's block "
+    "slides {brake:.0f} mm too far.",
+)
+def bullet_less_accurate(found):
+    from course.platforms import AS_SHIPPED, FAIR, measures, scenes
+
+    both = simulators(MUJOCO, PYBULLET)
+
+    def over(scene, told=FAIR):
+        mujoco, bullet = (measures.position_error(e, scene, 1e-3, told) for e in both)
+        return bullet / mujoco
+
+    slide = scenes.slope(0.5, 0.2)
+    kinds = (scenes.slope(), slide, scenes.brake(), scenes.tower(3), scenes.drop())
+    ratios = np.array([over(scene) for scene in kinds])
+    grasp = found.figure("grasp", over(scenes.grasp(3.0)), 0.5)
+    most = found.figure("most", ratios.max(), 0.2)
+    level = found.figure("slide", over(slide), 0.1)
+    tower = found.figure("tower", 1.0 / over(scenes.tower(3), AS_SHIPPED), 0.2)
+    brake = measures.position_error(both[1], scenes.brake(), 1e-3, AS_SHIPPED)
+    found.figure("brake", 1e3 * brake, 0.02)
+    found.statement = "Errors of PyBullet over those of MuJoCo at 1 ms."
+    found.heard(bool(np.all(ratios > 1.1)))
+    found.corrected(grasp > 50.0, most < 6.0, abs(level - 1.0) < 0.15, tower > 1.5, brake > 0.1)

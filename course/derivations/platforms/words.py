@@ -1,0 +1,400 @@
+"""Claims of chapter 3: what "built on", "default", "guaranteed", "headless" and a speed mean."""
+
+import time
+from typing import Any
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+from course.derivations.platforms.same import DRAKE, MUJOCO, PYBULLET, simulators
+
+SYMBOLS = {
+    "a": Symbol("fixed cost of a batch step [s]"),
+    "b": Symbol("cost of one environment more [s]"),
+    "N": Symbol("environments"),
+    "n": Symbol("axes of the chart", 3.0, 12.0),
+    "r": Symbol("value on each axis"),
+}
+
+
+def seconds(call, repeats):
+    """Least processor time of one of so many calls, five times tried [s]."""
+    found = []
+    for _ in range(5):
+        start = time.process_time()
+        for _ in range(repeats):
+            call()
+        found.append((time.process_time() - start) / repeats)
+    return min(found)
+
+
+@claim(
+    "Two products that are built on the same engine give the same motion.",
+    "The engine's name leaves its settings open, and they decide. One engine, Bullet, stopped a "
+    "block {shipped:.0%} further with PyBullet's own settings than with the scene's; three "
+    "engines with the scene's settings ended within {spread:.2%}.",
+    source="Documented, not measured here: Isaac Sim on PhysX 5 and Omniverse (NVIDIA, Isaac Sim "
+    "documentation, 2025); Isaac Lab 3 offers Newton as a second backend (2026)",
+)
+def built_on(found):
+    from course.platforms import AS_SHIPPED, FAIR, measures
+
+    def length(name, heading=0.0, told=FAIR):
+        return measures.stop(simulators(name)[0], heading, 2e-3, told).distance
+
+    fair = [length(name) for name in (MUJOCO, DRAKE, PYBULLET)]
+    shipped = found.figure("shipped", length(PYBULLET, told=AS_SHIPPED) / fair[2] - 1.0, 0.02)
+    spread = found.figure("spread", max(fair) / min(fair) - 1.0, 0.5)
+    headings = found.rng.uniform(0.0, 1.5, 3)
+    others = [length(PYBULLET, x, AS_SHIPPED) / length(PYBULLET, x) for x in headings]
+    found.statement = "A block sent off at 2 m/s with friction 0.5; step 2 ms."
+    found.heard(abs(shipped) < 0.02)
+    found.corrected(spread < 0.005, min(others) > 1.3)
+
+
+@claim(
+    "MuJoCo is the default of reinforcement learning.",
+    "A default is somebody's file: of the {all:.0f} environments in Gymnasium's own packages "
+    "{mujoco:.0f} run on MuJoCo, its Ant and its Humanoid among them. That counts one library's "
+    "list, and no one's use.",
+    source="Gymnasium's registry, as installed",
+)
+def default_of_learning(found):
+    import gymnasium
+
+    specs = gymnasium.registry.values()
+    modules = [str(spec.entry_point).split(":")[0].split(".") for spec in specs]
+    families = [m[2] for m in modules if m[:2] == ["gymnasium", "envs"]]
+    mujoco = found.figure("mujoco", families.count("mujoco"), 0.3)
+    everything = found.figure("all", len(families), 0.3)
+    found.statement = "Entry points of the registry, by the package that they name."
+    found.heard(
+        mujoco == everything, only_if="Gymnasium's Ant, Hopper and Humanoid are meant",
+        inside=["mujoco" in m for m in modules if m[-1].startswith(("ant", "hopper", "humanoid"))],
+        outside=["mujoco" in m for m in modules if m[:2] == ["gymnasium", "envs"]], cases=True,
+    )  # fmt: skip
+    found.corrected(0.2 < mujoco / everything < 0.8)
+
+
+@claim(
+    "What Drake computes comes with a guarantee of correctness.",
+    "A guarantee belongs to a class of problems. Started at {n:.0f} points, SNOPT called success "
+    "at costs of {best:.2f} and {worst:.2f} for the same task, each a minimum of its surroundings.",
+    source="Gill, Murray and Saunders, SNOPT, 2005, on local minima; Boyd and Vandenberghe, Convex "
+    "Optimization, 2004, section 4.2.2",
+)
+def drake_guarantees(found):
+    n = int(found.given("n", 5))
+
+    def costs(bend, tilt):
+        """What SNOPT ends with from several starts for (x^2 - bend)^2 + tilt x."""
+        from pydrake.solvers import MathematicalProgram, SnoptSolver
+
+        ends = []
+        for start in np.linspace(-2.0, 2.0, n):
+            program = MathematicalProgram()
+            x = program.NewContinuousVariables(1)[0]
+            program.AddCost((x**2 - bend) ** 2 + tilt * x)
+            result = SnoptSolver().Solve(program, np.array([start]))
+            assert result.is_success()
+            ends.append(result.get_optimal_cost())
+        return np.array(ends)
+
+    simulators(DRAKE)
+    both = costs(1.0, 0.3)
+    found.figure("best", both.min(), 1e-3)
+    found.figure("worst", both.max(), 1e-3)
+    draws = found.rng.uniform((0.3, 0.05), (1.5, 0.3), (8, 2))
+    found.statement = "A quartic in one variable; it is convex where its bend is not positive."
+    found.heard(np.ptp(both) < 1e-4, only_if="the problem is convex",
+                inside=[np.ptp(costs(-b, t)) < 1e-4 for b, t in draws],
+                outside=[np.ptp(costs(b, t)) < 1e-4 for b, t in draws])  # fmt: skip
+    found.corrected(both.max() - both.min() > 0.1)
+
+
+@claim(
+    "Drake brings the planners SNOPT and IPOPT, LQR and MPC.",
+    "SNOPT and IPOPT are solvers: the plan is the program that one writes for them. LQR is there, "
+    "with SciPy's gain to {digits:.0f} digits; of {n:.0f} names among Drake's controllers in "
+    "Python {mpc:.0f} is a predictive one, so MPC is written by hand.",
+    source="Drake 1.51, 2026, pydrake.systems.controllers, pydrake.solvers",
+)
+def drake_planners(found):
+    simulators(DRAKE)
+    import pydrake.solvers
+    import pydrake.systems.controllers as controllers
+    from scipy.linalg import solve_continuous_are
+
+    A, B = np.array([[0.0, 1.0], [2.0, -0.1]]), np.array([[0.0], [1.0]])
+    gain, _ = controllers.LinearQuadraticRegulator(A, B, np.eye(2), np.eye(1))
+    off = np.abs(gain / (B.T @ solve_continuous_are(A, B, np.eye(2), np.eye(1))) - 1.0).max()
+    names = [name for name in dir(controllers) if name[0].isupper() and "_" not in name]
+    mpc = found.figure("mpc", sum("Predictive" in name or "Mpc" in name for name in names), 0.0)
+    found.figure("n", len(names), 0.5)
+    digits = found.figure("digits", np.floor(-np.log10(max(off, 1e-10))), 0.3)
+    solvers = [getattr(pydrake.solvers, name)() for name in ("SnoptSolver", "IpoptSolver")]
+    found.statement = "Names of the module, and the gain of an unstable second-order plant."
+    found.heard(mpc > 0)
+    found.corrected(digits >= 7, *(s.available() and s.enabled() for s in solvers),
+                    *(isinstance(s, pydrake.solvers.SolverInterface) for s in solvers))  # fmt: skip
+
+
+@claim(
+    "With Drake's formal verification one proves that a robot never falls.",
+    "What is proved is a set of states of a polynomial model. Of x' = x^3 - x it finds |x| < "
+    "{edge:.3f}, which is exact. With {more:.0%} more of the cubic term the state that started at "
+    "{start:.2f} of that edge is gone.",
+    source="Tedrake, Underactuated Robotics, 2024, Lyapunov analysis; Drake 1.51, 2026, "
+    "RegionOfAttraction",
+)
+def proof_never_falls(found):
+    more, share = found.given("more", 0.1), found.given("start", 0.98)
+    simulators(DRAKE)
+    from pydrake.symbolic import Variable
+    from pydrake.systems.analysis import RegionOfAttraction, Simulator
+    from pydrake.systems.primitives import SymbolicVectorSystem
+
+    def plant(cubic):
+        x = Variable("x")
+        return SymbolicVectorSystem(state=[x], dynamics=[cubic * x**3 - x])
+
+    def stands(start, cubic):
+        """Whether a state comes back to 0."""
+        simulator = Simulator(plant(cubic))
+        state = simulator.get_mutable_context().get_mutable_continuous_state_vector()
+        state.SetFromVector([start])
+        for _ in range(60):
+            simulator.AdvanceTo(simulator.get_context().get_time() + 0.05)
+            if abs(state.GetAtIndex(0)) > 3.0:
+                return False
+        return bool(abs(state.GetAtIndex(0)) < start)
+
+    system = plant(1.0)
+    level = RegionOfAttraction(system, system.CreateDefaultContext())
+    (variable,) = level.GetVariables()
+    at = level.Evaluate({variable: 1.0})
+    edge = found.figure("edge", np.sqrt(1.0 / at), 1e-3)
+    gone = not stands(share * edge, 1.0 + more)
+    draws = found.rng.uniform((0.5, 0.0), (0.98, 0.2), (8, 2))
+    found.statement = "Sums of squares for the set, Drake's own simulator for the runs."
+    found.heard(not gone, only_if="the model is right and the start is in the set that was proved",
+                inside=[stands(x * edge, 1.0) for x, _ in draws],
+                outside=[stands(0.98 * edge, 1.02 + y) for _, y in draws])  # fmt: skip
+    found.corrected(abs(edge - 1.0) < 1e-3, gone, not stands(1.02 * edge, 1.0))
+
+
+@claim(
+    "Headless means that nothing is rendered.",
+    "It means that there is no window. In a PyBullet world without one a picture of {side:.0f} by "
+    "{side:.0f} pixels came out all the same, at {steps:.1f} powers of ten more than a step of the "
+    "scene. To save that, take the camera out.",
+    source="Documented, not measured here: Isaac Lab, AppLauncher, 2025: --headless opens no "
+    "window, --enable_cameras renders without one",
+)
+def headless_renders(found):
+    from course.oracles.pybullet import library
+    from course.platforms import FAIR, scenes
+
+    side = int(found.given("side", 64))
+    (bullet,) = simulators(PYBULLET)
+    lib, run = library(), bullet.build(scenes.field(4), 1e-3, FAIR)
+    view = lib.computeViewMatrix([1.0, 1.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 1.0])
+    lens = lib.computeProjectionMatrixFOV(60.0, 1.0, 0.1, 10.0)
+
+    def picture():
+        return lib.getCameraImage(side, side, view, lens, renderer=lib.ER_TINY_RENDERER,
+                                  physicsClientId=run.client)  # fmt: skip
+
+    run.run(50)
+    cost = seconds(picture, 5) / seconds(lambda: run.run(50), 4) * 50.0
+    steps = found.figure("steps", np.log10(cost), 0.25)
+    windows = lib.getConnectionInfo(run.client)["connectionMethod"] != lib.DIRECT
+    seen = np.unique(np.reshape(picture()[4], -1)).size
+    run.close()
+    found.statement = "Four cubes; the pixels' own numbers of bodies, and times of one process."
+    found.heard(seen < 2)
+    found.corrected(not windows, seen >= 4, steps > 0.5)
+
+
+@claim(
+    "MuJoCo 3 is a simulator with a Python-first API.",
+    "Its API is C's, by its own manual: {same:.0f} of {n:.0f} functions of mujoco.h carry the same "
+    "name in Python. The bindings came with version {first}, not with the third.",
+    source="MuJoCo 4.0 manual, 2026, Python and Changelog",
+)
+def python_first(found):
+    import re
+    from pathlib import Path
+
+    import mujoco
+
+    folder = Path(mujoco.__file__).parent
+    header = (folder / "include" / "mujoco" / "mujoco.h").read_text(encoding="utf-8")
+    names = set(re.findall(r"MJAPI [\w\s*]*?\b(mj\w*_\w+)\(", header))
+    n = found.figure("n", len(names), 0.3)
+    same = found.figure("same", sum(hasattr(mujoco, name) for name in names), 0.3)
+    log = (folder / "doc" / "changelog.rst").read_text(encoding="utf-8")
+    news = log[: log.index("Added new :doc:`Python bindings")]
+    first = found.figure("first", re.findall(r"^Version ([\d.]+)", news, re.M)[-1])
+    found.statement = "The header, the manual and the changelog that are installed with it."
+    found.heard(int(first.split(".")[0]) >= 3)
+    page = (folder / "doc" / "python.rst").read_text(encoding="utf-8")
+    found.corrected(same > 0.4 * n, "consistent with the underlying C API" in page)
+
+
+@claim(
+    "DeepMind bought MuJoCo and opened its sources.",
+    "{months:.0f} months after the first free version the sources were opened; what is installed "
+    "is under {licence}.",
+    source="MuJoCo 4.0 manual, 2026, Changelog, versions 2.1.0 (2021) and 2.2.0 (2022); Google "
+    "DeepMind, Opening up a physics simulator for robotics, 2021",
+)
+def opened(found):
+    import re
+    from importlib.metadata import metadata
+    from pathlib import Path
+
+    import mujoco
+
+    log = (Path(mujoco.__file__).parent / "doc" / "changelog.rst").read_text(encoding="utf-8")
+    months = "JanFebMarAprMayJunJulAugSepOctNovDec"
+
+    def dated(version):
+        (row,) = re.findall(rf"Version {version} \((\w{{3}})\S* \d+, (\d+)\)", log)
+        month, year = row
+        return 12 * int(year) + months.index(month) // 3
+
+    gap = found.figure("months", dated("2.2.0") - dated("2.1.0"), 0.0)
+    licence = found.figure("licence", metadata("mujoco")["License-Expression"])
+    opening = log[log.index("Version 2.2.0") :][:200]
+    found.statement = "Dates and words of the installed changelog, licence of the package."
+    found.heard("Open Sourcing" in opening and licence == "Apache-2.0")
+    found.corrected("Open Sourcing" in opening, 0 < gap < 12)
+
+
+@claim(
+    "PyBullet wraps Bullet, and has no physics on the GPU.",
+    "Of the {n:.0f} names of its module {gpu:.0f} speaks of a GPU, CUDA or OpenCL; {gl:.0f} speak "
+    "of OpenGL, which draws.",
+    source="PyBullet Quickstart Guide, 2023; Coumans and Bai, PyBullet, 2016 to 2021",
+)
+def bullet_on_gpu(found):
+    from course.oracles.pybullet import library
+
+    names = [name.lower() for name in dir(library()) if not name.startswith("_")]
+    found.figure("n", len(names), 0.2)
+    gpu = found.figure(
+        "gpu", sum(any(w in x for w in ("gpu", "cuda", "opencl")) for x in names), 0.0
+    )
+    gl = found.figure("gl", sum("opengl" in name for name in names), 0.5)
+    found.statement = "Names of the installed module."
+    found.heard(gpu == 0)
+    found.corrected(gl > 0, "stepsimulation" in names)
+
+
+@claim(
+    "A batch simulator that is slow gets faster with fewer environments.",
+    "A step of it does come sooner. But as long as memory holds them a step costs a + b N, so N / "
+    "(a + b N) environment steps a second: half of what can be had at N = {formula}. On one "
+    "thread the course's arm made {gain:.1f} powers of ten more with {many:.0f} than with one.",
+    ask=("A batch step of N environments costs a + b N. At which N is half of the highest rate of "
+         "environment steps reached?", "N = a/b", {
+             "b/a": "The dearer the launch, the more environments it takes.",
+             "a*b": "Its unit is not that of a number.",
+             "2*a/b": "There it is two thirds.",
+             "a/(2*b)": "There it is a third."}),
+    source="Documented, not measured here: Isaac Lab, Performance benchmarks, 2025",
+)  # fmt: skip
+def fewer_environments(found):
+    import sympy
+
+    from course import kinematics
+
+    a, b, N = sympy.symbols("a b N", positive=True)
+    rate = N / (a + b * N)
+    found.formula = sympy.solve(sympy.Eq(rate, sympy.limit(rate, N, sympy.oo) / 2), N)[0]
+    arm, many = kinematics.panda(), int(found.given("many", 256))
+
+    def cost(n):
+        q = found.rng.uniform(-1.0, 1.0, (arm.n, n))
+        still = np.zeros_like(q)
+        kinematics.forward_dynamics(arm, q, still, still)
+        return seconds(lambda: kinematics.forward_dynamics(arm, q, still, still), 1000 // n + 2)
+
+    one, some, lots = (cost(n) for n in (1, 16, many))
+    gain = found.figure("gain", np.log10(many * one / lots), 0.3)
+    found.statement = "Forward dynamics of the 7-R arm, vectorised, in processor time."
+    found.heard(1.0 / one > many / lots)
+    found.corrected(gain > 0.3, one < some < lots, 16 / some > 1 / one)
+
+
+@claim(
+    "MuJoCo makes 10 to 50 million steps a second on one thread.",
+    "A number without its scene says nothing. A pendulum that touches nothing fell short of ten "
+    "million by {short:.1f} powers of ten, and {n:.0f} cubes on the ground cost {ground:.1f} "
+    "powers of ten more than in the air.",
+    source="genesis-world, issue 181, 2024: from 14.5 to 1.2 million once the robot moved and "
+    "could touch itself; DeepMind, MuJoCo XLA, 2023: millions of steps on accelerators, in batches",
+)
+def steps_per_second(found):
+    import mujoco
+
+    from course.platforms import FAIR, prepared, scenes
+
+    def cost(scene, steps, free=False):
+        run: Any = prepared(simulators(MUJOCO)[0], scene, 1e-3, FAIR)
+        if free:
+            run.model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+            run.model.opt.gravity[:] = 0.0
+        run.run(100)
+        return seconds(lambda: run.run(steps), 1) / steps
+
+    n = int(found.given("n", 16))
+    pendulum = cost(scenes.chain(1), 20_000)
+    short = found.figure("short", np.log10(1e7 * pendulum), 0.3)
+    cubes = scenes.field(n)
+    more = cost(cubes, 300) / cost(cubes, 1000, free=True)
+    ground = found.figure("ground", np.log10(more), 0.3)
+    found.statement = "Processor time of steps in MuJoCo's own loop, fair settings."
+    found.heard(short <= 0.0)
+    found.corrected(short > 0.3, ground > 0.5)
+
+
+@claim(
+    "The simulator with the larger area in a radar chart is the better one.",
+    "The area goes with products of neighbours, so with the order of the axes: the same five "
+    "figures make areas of 1 to {most:.2f}. Of {n:.0f} random pairs {turned:.0%} change places "
+    "with the order.",
+    ask=("A radar chart of n axes shows the value r on each. What is its area?",
+         "n*r^2*sin(2*pi/n)/2", {
+             "pi*r^2": "That is the circle; five corners leave a quarter of it out.",
+             "n*r^2*sin(pi/n)/2": "Between two axes there is the angle 2 pi / n.",
+             "n*r*sin(2*pi/n)/2": "An area goes with the square.",
+             "n*r^2*tan(pi/n)": "That is the polygon around the circle."}),
+)  # fmt: skip
+def radar_area(found):
+    import itertools
+
+    import sympy
+
+    n, r = sympy.symbols("n r", positive=True)
+    corner = sympy.Matrix([r * sympy.cos(2 * sympy.pi / n), r * sympy.sin(2 * sympy.pi / n)])
+    found.formula = n * sympy.Matrix.hstack(sympy.Matrix([r, 0]), corner).det() / 2
+    orders = [(0, *rest) for rest in itertools.permutations(range(1, 5)) if rest[0] < rest[-1]]
+
+    def areas(values):
+        turned = np.asarray(values)[..., orders]
+        return 0.5 * np.sin(0.4 * np.pi) * np.sum(turned * np.roll(turned, 1, axis=-1), axis=-1)
+
+    figures = areas([1.0, 0.9, 0.2, 0.1, 0.8])
+    most = found.figure("most", figures.max() / figures.min(), 1e-6)
+    pairs = areas(found.rng.uniform(0.1, 1.0, (int(found.given("n", 2000)), 2, 5)))
+    first = pairs[:, 0] > pairs[:, 1]
+    turned = found.figure("turned", np.mean(first.any(axis=1) & ~first.all(axis=1)), 0.1)
+    found.statement = "All twelve orders of five axes."
+    found.heard(turned == 0.0)
+    found.corrected(
+        most > 1.3,
+        turned > 0.1,
+        bool(abs(areas([1.0] * 5)[0] / float(found.formula.subs({n: 5, r: 1})) - 1) < 1e-9),
+    )

@@ -1,0 +1,372 @@
+"""Claims of chapter 8: what a range, a log, a mended number and a grip are worth on the robot."""
+
+import functools
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {"p": Symbol("mean of both success rates", 0.1, 0.9), "d": Symbol("their difference",
+    0.01, 0.3), "z": Symbol("sum of the two normal quantiles", 1.0, 5.0),
+    "m": Symbol("mass of the box [kg]"), "mu": Symbol("friction of pads and box", 0.1, 2.0),
+    "g": Symbol("gravity [m/s^2]"), "a": Symbol("acceleration upwards [m/s^2]")}  # fmt: skip
+
+
+def success(kind, k, gap, delay=0.01, seed=41):
+    """On 400 tasks at a gap, the mean over the seeds of a recorded tuning."""
+    from course.sim_to_real import real, recorded, rollouts, tasks
+
+    return float(rollouts(real(gap, delay), recorded()[kind][k].T, tasks(400, seed)).rate.mean())
+
+
+@functools.cache
+def after_mending(part, gap, delay, seeds=(0, 1, 2)):
+    """On these tasks, of gains tuned on the simulator with one part set right."""
+    from course.sim_to_real import mended, only, real, rollouts, tasks, tune
+
+    there = real(gap, delay)
+    sets = [tune(only(mended(there, (part,))), seed).gains for seed in seeds]
+    return float(rollouts(there, np.array(sets).T, tasks(400, 41)).rate.mean())
+
+
+@claim(
+    "Measuring a parameter and setting it beats randomising it.",
+    "At gap 1 gains for the measured arm succeed in {known:.0%}, those of the widest range in "
+    "{wide:.0%}, with none in {none:.0%}; with the delay measured and nothing else in {one:.0%}. "
+    "At gap {near} it is {known_near:.1%} against {wide_near:.1%}: there a range needs no robot "
+    "and is as good.",
+)
+def measured_or_randomised(found):
+    near, far = found.given("near", 0.2), found.given("far", 0.6)
+    known = found.figure("known", success("known", 10, 1.0), 0.03)
+    wide = found.figure("wide", success("range", 10, 1.0), 0.03)
+    none = found.figure("none", success("range", 0, 1.0), 0.03)
+    found.figure("known_near", success("known", 2, near), 0.03)
+    found.figure("wide_near", success("range", 10, near), 0.03)
+
+    def better(k, seed):
+        rates = (success(kind, i, k / 10, seed=seed) for kind, i in (("known", k), ("range", 10)))
+        return float(np.subtract(*rates)) > 0.02
+
+    one = found.figure("one", after_mending("delay", 1.0, 0.01), 0.1)
+    found.statement = "400 tasks, 10 ms of delay, gains on record."
+    edge = round(10 * far)
+    inside, outside = ([better(k, s) for k in some for s in (1, 2, 3)]
+                       for some in (range(edge, 11, 2), range(edge - 3, edge)))  # fmt: skip
+    found.heard(all(outside), only_if="all of them are measured, and the gap is {far} or wider",
+                inside=inside, outside=[*outside, one > wide])  # fmt: skip
+    found.corrected(known > wide + 0.2, wide > none, wide > one + 0.1)
+
+
+@claim(
+    "A simulator with one parameter set right makes no policy worse on the robot.",
+    "Errors cancel. At gap 1 gains tuned on the nominal simulator succeed in {none:.0%}; with the "
+    "true delay in it and nothing else {delay:.0%}, with the true load alone {load:.0%}. At gap "
+    "{near} and {late_ms:.0f} ms the same mending helps: {before:.0%} become {after:.0%}.",
+)
+def mended_parameter(found):
+    near, late = found.given("near", 0.3), 1e-3 * found.given("late_ms", 20)
+    none = found.figure("none", success("range", 0, 1.0), 0.03)
+    delay = found.figure("delay", after_mending("delay", 1.0, 0.01), 0.1)
+    load = found.figure("load", after_mending("load", 1.0, 0.01, (0,)), 0.1)
+    before = found.figure("before", success("range", 0, near, late), 0.03)
+    after = found.figure("after", after_mending("delay", near, late, (0,)), 0.1)
+    found.statement = "400 tasks, up to three searches each."
+    found.heard(delay >= none)
+    found.corrected(delay < none - 0.05, load > none + 0.2, after > before + 0.2)
+
+
+@claim(
+    "78 of 100, then 87 of 100: that shows that the change helped.",
+    "Two policies that are equally good come out as far apart in {chance:.0%} of such pairs. About "
+    "{formula} trials each are needed, {own:.0f} here, for four tests in five to tell rates like "
+    "these apart; with {n:.0f} only {power:.0%} do.",
+    ask=("Two success rates about p differ by d; z is the sum of the quantiles of level and power. "
+         "How many trials with each?", "n = 2*z^2*p*(1 - p)/d^2", {
+             "z^2*p*(1 - p)/d^2": "Both rates are uncertain.",
+             "2*z*p*(1 - p)/d^2": "The standard error falls with the root of n.",
+             "2*z^2*p*(1 - p)/d": "Half the difference needs four times as many."}),
+)  # fmt: skip
+def trials_to_tell(found):
+    import sympy
+
+    from course.sim_to_real import trials
+
+    z, p, d, n = sympy.symbols("z p d n", positive=True)
+    found.formula = sympy.solve(sympy.Eq(d, z * sympy.sqrt(2 * p * (1 - p) / n)), n)[0]
+    own = found.figure("own", trials(0.78, 0.87), 0.0)
+    law = float(found.formula.subs({z: 1.96 + 0.8416, p: 0.825, d: 0.09}))
+    few = int(found.given("n", 100))
+    a, b = (found.rng.binomial(few, rate, 20000) for rate in (0.78, 0.87))
+    middle = (a + b) / (2 * few)
+    seen = np.abs(a - b) / np.sqrt(2 * few * middle * (1 - middle)) > 1.96
+    power = found.figure("power", seen.mean(), 0.1)
+    same = found.rng.binomial(few, 0.825, (2, 20000))
+    chance = found.figure("chance", (np.abs(same[0] - same[1]) > 8).mean(), 0.1)
+    found.statement = "20,000 pairs of 100 trials, tested at 5 %."
+    found.heard(chance < 0.05)
+    found.corrected(abs(own / law - 1) < 0.02, power < 0.5, chance > 0.05)
+
+
+@claim(
+    "A late command makes the arm swing more and more.",
+    "It does beyond the delay margin of the loop. Of joint 2 that is {margin_ms:.1f} ms with gains "
+    "tuned without delay, {ranged_ms:.1f} ms with those of the widest range, while joint 1 is "
+    "held. Free it gives way, joint 2 turns less inertia, and the arm swings from {both_ms:.1f} ms "
+    "on at an elbow of {elbow} rad, from {folded_ms:.1f} ms at {more} rad. Dry friction stops a "
+    "swing that is small.",
+)
+def late_command(found):
+    from course.charts.sim_to_real.gap import arm_limit, delay_limit, swings
+    from course.sim_to_real import recorded
+
+    def drawn(share, dry=0.0):
+        kp, kd = found.rng.uniform(10.0, 30.0), found.rng.uniform(0.8, 1.6)
+        gains = np.array([0.0, 0.0, 0.0, kp, 0.0, kd])
+        return swings(gains, share * delay_limit(gains), dry=dry)
+
+    gains, careful = recorded()["range"][[0, 10], 0]
+    margin = found.figure("margin_ms", 1e3 * delay_limit(gains), 1e-3)
+    ranged = found.figure("ranged_ms", 1e3 * delay_limit(careful), 1e-3)
+    elbow, more = found.given("elbow", 1.2), found.given("more", 2.0)
+    both = found.figure("both_ms", 1e3 * arm_limit(gains, elbow), 0.05)
+    folded = found.figure("folded_ms", 1e3 * arm_limit(gains, more), 0.05)
+    inside, outside, stuck = ([drawn(x, dry) for _ in range(8)]
+                              for x, dry in ((1.05, 0.0), (0.95, 0.0), (1.05, 0.1)))  # fmt: skip
+    found.statement = "Joint 2 with drawn gains, 5 % to both sides of its margin, joint 1 held."
+    found.heard(all(outside), only_if="it is later than the delay margin of the whole loop, and no "
+                "dry friction holds the joint", inside=inside,
+                outside=outside + stuck)  # fmt: skip
+    found.corrected(ranged > margin, not any(outside + stuck), both < 0.7 * margin, folded > both)
+
+
+def fitted(seed=0, **changed):
+    """A log with 1 mrad of noise, a fit of five numbers to it, and their errors."""
+    from course.charts.sim_to_real.logs import FREE, GUESS, TRUTH, record
+    from course.sim_to_real import fit
+    from course.sim_to_real.identify import arm
+
+    log = record(seed=seed, **changed)
+    found = fit(arm, log, GUESS, FREE)
+    return log, found, found.value - np.array(list(TRUTH.values()))
+
+
+@claim(
+    "A parameter lies within about twice the half-width that a fit claims for 95 %.",
+    "That bar comes from the slopes and believes the model. With {friction} N m of dry friction "
+    "in the arm and none in the model the worst number is {wrong:.1%} off at a claimed "
+    "{claimed:.2%}.",
+)
+def believed_error_bar(found):
+    def within(seed, friction, kind="two sines"):
+        _, fit, error = fitted(seed=seed, kind=kind, f1=friction, f2=0.5 * friction)
+        return bool(np.all(np.abs(error) < 2.0 * fit.half_width()))
+
+    friction = found.given("friction", 0.1)
+    _, fit, error = fitted(f1=friction, f2=0.5 * friction)
+    wrong = found.figure("wrong", np.max(np.abs(error / (fit.value - error))), 0.02)
+    claimed = found.figure("claimed", np.max(fit.half_width() / fit.value), 0.05)
+    found.statement = "Two seconds of two sines, 1 mrad of noise, logs of other seeds."
+    found.heard(
+        within(1, friction), only_if="the model has all that the robot has",
+        inside=[within(seed, 0.0, kind) for seed in range(3)
+                for kind in ("two sines", "steps", "one slow joint")],
+        outside=[within(seed, x) for seed, x in enumerate(found.rng.uniform(0.003, 0.1, 8))],
+    )  # fmt: skip
+    found.corrected(wrong > 10.0 * claimed, fit.white < 1e-6)
+
+
+@claim(
+    "A log that is one sample late does no harm: hardly anything is to be seen in the residual.",
+    "The residual grows to {growth:.2f} of itself, and the worst number is {sigmas:.0f} standard "
+    "deviations off, or {off:.1%}; with samples of {coarse_ms:.0f} ms {coarse:.1%}, at a residual "
+    "{seen:.1f} times as large. After `mj_step` MuJoCo's sensors hold the readings of the state "
+    "before it. The residual against the speeds finds {late_ms:.2f} ms of a step of "
+    "{step_ms:.0f} ms, and more of a log in which little moves.",
+)
+def one_sample_late(found):
+    from course.charts.sim_to_real.logs import FREE, GUESS, TRUTH
+    from course.sim_to_real import Log, fit, late
+    from course.sim_to_real.identify import arm
+
+    truth = np.array(list(TRUTH.values()))
+
+    def moved(**changed):
+        """Errors, over the true values and over the error bars, growth, and how late it says."""
+        log, right, _ = fitted(**changed)
+        shifted = np.column_stack([log.measured[:, 0], log.measured[:, :-1]])
+        stamped = Log(log.times, shifted, log.command)
+        wrong = fit(arm, stamped, GUESS, FREE)
+        off = np.abs(wrong.value - truth)
+        return ((off / truth).max(), (off / np.sqrt(np.diag(right.covariance))).max(),
+                wrong.noise / right.noise, 1e3 * late(wrong, stamped)[0])  # fmt: skip
+
+    step, wide = found.given("step_ms", 2.0), found.given("coarse_ms", 10.0)
+    rows = moved(), moved(dt=1e-3 * wide), moved(kind="one slow joint")
+    off, sigmas, growth, by = rows[0]
+    found.figure("off", off, 0.02), found.figure("sigmas", sigmas, 0.02)
+    found.figure("growth", growth, 0.02), found.figure("late_ms", by, 0.05)
+    far, seen = found.figure("coarse", rows[1][0], 0.05), found.figure("seen", rows[1][2], 0.05)
+    found.statement = "The same log with its angles moved by a sample."
+    found.heard(sigmas < 3.0)
+    found.corrected(growth < 1.8, sigmas > 30.0, abs(by / step - 1.0) < 0.1, far > 3.0 * off,
+                    seen > 3.0, rows[2][3] > 1.1 * step)  # fmt: skip
+
+
+@claim(
+    "Asked for the same numbers, MuJoCo's own identification and this course's give the same.",
+    "On the same log they differ by less than a thousandth of a standard deviation, their error "
+    "bars by {bars:.2%}, if both compare with the state of the same instant.",
+)
+def same_as_mujoco(found):
+    from course.charts.sim_to_real.logs import GUESS
+    from course.oracles.mujoco import sysid
+    from course.sim_to_real import plants
+
+    log, ours, _ = fitted()
+    theirs = sysid.prepared(plants.ARM, log, GUESS)()
+    apart = np.abs(ours.value - theirs.value) / np.sqrt(np.diag(ours.covariance))
+    bars = found.figure("bars", np.abs(theirs.half_width / ours.half_width() - 1.0).max(), 0.5)
+    found.statement = "Five numbers from two seconds with 1 mrad of noise."
+    found.heard(bool(apart.max() < 1e-3))
+    found.corrected(bool(apart.max() < 1e-3), bars < 0.01)
+
+
+@functools.cache
+def policy():
+    """The gripper with the least force that holds, times 1.2."""
+    from course.oracles.mujoco.lab import Lab
+
+    return replace(Lab(), force=1.2 * Lab().needed)
+
+
+@claim(
+    "A grip that holds a box at rest holds it on the way up.",
+    "Up it has to accelerate the box too: each of two fingers needs {formula}. In MuJoCo the box "
+    "slips from {share:.3f} of that down.",
+    ask=("Two fingers hold a box of mass m by friction mu and lift it with the acceleration a. "
+         "Least force of each?", "F > m*(g + a)/(2*mu)", {
+             "m*g/(2*mu)": "That holds it at rest.",
+             "m*(g + a)/mu": "Two fingers carry it.",
+             "mu*m*(g + a)/2": "A force F carries up to mu F, so divide."}),
+)  # fmt: skip
+def slip_force(found):
+    import sympy
+
+    from course.oracles.mujoco.lab import lift
+
+    m, g, a, mu, F = sympy.symbols("m g a mu F", positive=True)
+    found.formula = sympy.solve(sympy.Eq(2 * mu * F, m * (g + a)), F)[0]
+
+    def held(force, lab=None):
+        return lift(replace(lab or policy(), force=force)).held
+
+    numbers = {m: policy().mass, g: 9.81, a: policy().acceleration, mu: policy().friction}
+    law = float(found.formula.subs(numbers))
+    others = [replace(policy(), friction=found.rng.uniform(0.3, 1.5),
+                      acceleration=found.rng.uniform(0.5, 6.0)) for _ in range(4)]  # fmt: skip
+    at_rest = float(found.formula.subs({**numbers, a: 0}))
+    low, high = 0.7 * law, 1.3 * law
+    for _ in range(7):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if held(middle) else (middle, high)
+    share = found.figure("share", high / law, 0.02)
+    found.statement = "The force by halving, in MuJoCo with elliptic cones."
+    found.heard(held(1.02 * at_rest))
+    found.corrected(abs(share - 1.0) < 0.03, all(held(1.05 * x.needed, x) for x in others),
+                    not any(held(0.93 * x.needed, x) for x in others))  # fmt: skip
+
+
+@claim(
+    "Tuned for less friction than there is a gripper squeezes too hard; tuned for more, it drops.",
+    "It presses by the ratio of both: tuned for {low} and used at {high} {over:.1f} times as hard "
+    "as it must, margin included, and holds {kept:.0f} of {n:.0f} boxes; tuned for {much} and used "
+    "at {little} it has {under:.2f} of it and holds {lost:.0f}. A smaller error the margin bears. "
+    "And of a force {hard:.0f} times what is needed the box is knocked out of the jaw.",
+)
+def friction_wrong_both_ways(found):
+    from course.oracles.mujoco.lab import trials
+
+    n = int(found.given("n", 8))
+    low, high = found.given("low", 0.3), found.given("high", 0.9)
+    much, little = found.given("much", 1.2), found.given("little", 0.4)
+
+    def used(believed, actual):
+        force = 1.2 * replace(policy(), friction=believed).needed
+        lab = replace(policy(), friction=actual, force=force)
+        return lab.force / lab.needed, trials(lab, n)
+
+    (over, kept), (under, lost) = used(low, high), used(much, little)
+    for name, value in (("over", over), ("under", under), ("kept", kept), ("lost", lost)):
+        found.figure(name, value)
+    slick, hard = replace(policy(), friction=little), found.given("hard", 10)
+    found.statement = "Boxes up to 15 mm off and 5 % heavier or lighter."
+    found.heard(
+        used(1.1 * low, low)[1] == 0, only_if="what is believed is off by more than its margin",
+        inside=[used(x * little, little)[1] == 0 for x in found.rng.uniform(1.35, 3.0, 8)],
+        outside=[used(x * little, little)[1] == 0 for x in found.rng.uniform(1.02, 1.12, 8)],
+    )  # fmt: skip
+    found.corrected(kept == n, lost == 0, trials(replace(slick, force=hard * slick.needed), 4) == 0)
+
+
+@claim(
+    "With a step as large as 20 ms a robot flies apart in MuJoCo as soon as it touches.",
+    "Nothing flies, and nothing warns. With MuJoCo's default contacts {kept:.0f} of {n:.0f} drawn "
+    "grips that hold at a tenth of that still hold, with pads {sink:.1f} times as deep in the box. "
+    "Direct contacts of the frequency omega and the damping ratio zeta lose it from "
+    "2 (sqrt(1 + zeta^2) - zeta) / omega on.",
+)
+def large_step_at_contact(found):
+    from course.oracles.mujoco.lab import lift
+
+    def lost(share, stiffness, zeta=1.0):
+        omega = math.sqrt(stiffness)
+        dt = share * 2.0 * (math.sqrt(1.0 + zeta**2) - zeta) / omega
+        return not lift(replace(policy(), dt=dt, solref=(-stiffness, -2.0 * zeta * omega))).held
+
+    n = int(found.given("n", 10))
+    pairs: list = []
+    while len(pairs) < n:
+        lab = replace(policy(), friction=found.rng.uniform(0.3, 1.2))
+        lab = replace(lab, force=lab.needed * found.rng.uniform(1.2, 2.5))
+        if (fine := lift(lab)).held:
+            pairs.append((fine, lift(replace(lab, dt=0.02))))
+    kept = found.figure("kept", sum(coarse.held for _, coarse in pairs), 0.15)
+    sink = np.median([b.pressed / a.pressed for a, b in pairs if b.held])
+    found.figure("sink", sink, 0.05)
+    stiff = found.rng.uniform(1e4, 5e4, 6).tolist()
+    direct = [lift(replace(policy(), dt=0.02, solref=(-x, -2.0 * math.sqrt(x)))) for x in stiff]
+    every = [b for _, b in pairs] + direct
+    found.statement = (
+        "Contacts of 1e4 to 5e4 for a unit of mass, 10 % below the limit and 50 % above it."
+    )
+    found.heard(any(b.fastest > 3.0 for b in every))
+    found.corrected(0 < kept < n, not any(b.warnings for b in every), sink > 1.5,
+                    all(b.fastest < 1.0 for b in every), not any(b.held for b in direct),
+                    all(lost(1.5, x, z) and not lost(0.9, x, z)
+                        for x, z in zip(stiff, 3 * (1.0, 2.0), strict=True)))  # fmt: skip
+
+
+@claim(
+    "A camera that is 2 cm off makes the gripper miss by 2 cm.",
+    "Along the way of its fingers the jaw pushes the box to its middle: with {free_mm:.0f} mm free "
+    "on each side boxes are held up to {held_mm:.0f} mm off.",
+)
+def camera_off(found):
+    from course.oracles.mujoco.lab import lift
+
+    def misses(offset, opening=0.025):
+        return not lift(replace(policy(), opening=opening, offset=offset)).held
+
+    free = found.given("free_mm", 25.0)
+    most = max(x for x in range(18, 32) if not misses(1e-3 * x))
+    found.figure("held_mm", most, 0.05)
+    jaws = found.rng.uniform(0.012, 0.03, 8).tolist()
+    found.statement = "Boxes off by whole millimetres, and jaws of other widths."
+    found.heard(
+        misses(0.02), only_if="it is off by more than the free width of the jaw",
+        inside=[misses(w + 0.002, w) for w in jaws], outside=[misses(w - 0.002, w) for w in jaws],
+    )  # fmt: skip
+    found.corrected(abs(most / free - 1.0) < 0.05)

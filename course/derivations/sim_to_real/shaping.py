@@ -1,0 +1,273 @@
+"""Claims of chapter 8: what shaping changes and what it does not, and a bound on the gap."""
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {"gamma": Symbol("discount", 0.1, 0.99), "a": Symbol("potential of the first state"),
+    "b": Symbol("potential of the last state"), "Q": Symbol("value of an action, unshaped"),
+    "phi": Symbol("potential of its state"), "c": Symbol("penalty of a step"),
+    "eps": Symbol("total variation distance of the next state", 0.01, 0.5),
+    "R": Symbol("largest reward of a step")}  # fmt: skip
+
+
+def drawn(rng, ends=0, states=6):
+    """A process with two actions and so many states in which it ends."""
+    from course.sim_to_real import Process
+
+    P, R = rng.dirichlet(np.full(states, 0.3), (states, 2)), rng.normal(size=(states, 2, states))
+    last = np.arange(states) >= states - ends
+    P[last], R[last] = np.eye(states)[last][:, None], 0.0
+    return Process(P, R, 0.95, last)
+
+
+@claim(
+    "The discounted shaping rewards of three steps add up to {formula}.",
+    "So they do: all between cancels, for any number of steps. What is left depends on the way "
+    "only through its end.",
+    ask=("A step from s to s' is paid gamma phi(s') - phi(s) more. First state of potential a, the "
+         "state after the third step of potential b: discounted sum of what is paid more?",
+         "gamma^3*b - a", {
+             "b - a": "That is without discount.",
+             "gamma^2*b - a": "The third step is discounted by gamma^2, its potential once more.",
+             "gamma^3*(b - a)": "The first potential is not discounted."}),
+)  # fmt: skip
+def telescoped_sum(found):
+    import sympy
+
+    from course.sim_to_real import shaped
+
+    gamma, a, b = sympy.symbols("gamma a b", positive=True)
+    found.formula = gamma**3 * b - a
+    p = sympy.symbols("p0:12")
+    terms = [gamma**k * (gamma * p[k + 1] - p[k]) for k in range(11)]
+    cancels = [sympy.expand(sum(terms[:n]) - (gamma**n * p[n] - p[0])) == 0 for n in range(1, 12)]
+    phi, free = found.rng.normal(size=6), drawn(found.rng)
+    extra = (shaped(free, phi).reward - free.reward)[:, 0]
+    way = found.rng.integers(0, 6, 12)
+    paid = np.cumsum([0.95**k * extra[way[k], way[k + 1]] for k in range(11)])
+    three = float(found.formula.subs({gamma: 0.95, a: phi[way[0]], b: phi[way[3]]}))
+    found.figure("paid", paid[-1], 1e-9)
+    found.statement = "Eleven steps through a drawn process, summed."
+    found.heard(abs(paid[2] - three) < 1e-12)
+    found.corrected(all(cancels), abs(paid[-1] - (0.95**11 * phi[way[11]] - phi[way[0]])) < 1e-12)
+
+
+@claim(
+    "Potential-based shaping keeps the best policy, whatever the potential.",
+    "Where an episode ends, gamma^T phi of its end stays in the sum, and where and when it ends is "
+    "the policy's choice. Of {n:.0f} drawn processes with two ends {free:.0f} get another best "
+    "policy from a potential that is free there, of those with a single end {single:.0f}, and none "
+    "from the same one with 0 at the ends.",
+)
+def shaping_keeps_the_best(found):
+    from course.sim_to_real import evaluate_policy, shaped, value_iteration
+
+    def kept(free_end, ends=2):
+        process, phi = drawn(found.rng, ends), 5.0 * found.rng.normal(size=6)
+        best = value_iteration(process).value
+        policy = value_iteration(shaped(process, phi, free_end=free_end)).policy
+        return bool(np.allclose(evaluate_policy(process, policy), best, atol=1e-9))
+
+    n = found.given("n", 40)
+    zero, free = ([kept(end) for _ in range(n)] for end in (False, True))
+    found.figure("free", n - sum(free), 0.0)
+    single = found.figure("single", n - sum(kept(True, 1) for _ in range(n)), 0.0)
+    found.statement = "Six states, two actions, solved exactly."
+    found.heard(all(free), only_if="the potential is 0 where an episode ends", inside=zero,
+                outside=free)  # fmt: skip
+    found.corrected(all(zero), sum(free) < 0.8 * n, single > 3)
+
+
+@claim(
+    "Where only a clock ends the episodes a potential may be what it likes at their end.",
+    "The clock is an end as any other: gamma^T phi of the last state stays in the sum. Of {n:.0f} "
+    "drawn processes without ends {cut:.0f} get another best first action from it with "
+    "{steps:.0f} steps to go; none if the value of the last state is added when time is up.",
+)
+def time_is_an_end(found):
+    from course.sim_to_real import shaped, value_iteration
+
+    n, steps = int(found.given("n", 40)), int(found.given("steps", 2))
+
+    def first(process, value):
+        """Best first actions, with so many steps to go and this value of the last state."""
+        for _ in range(steps):
+            q = process.backup(value)
+            value = q.max(axis=1)
+        return q.argmax(axis=1)
+
+    def kept(valued):
+        process, phi = drawn(found.rng), 5.0 * found.rng.normal(size=6)
+        last = [valued * value_iteration(p).value for p in (process, shaped(process, phi))]
+        return bool(np.all(first(process, last[0]) == first(shaped(process, phi), last[1])))
+
+    valued, cut = ([kept(x) for _ in range(n)] for x in (1.0, 0.0))
+    found.figure("cut", n - sum(cut), 0.0)
+    found.statement = "Six states, two actions, by backward recursion."
+    found.heard(all(cut), only_if="the value of the last state is added there", inside=valued,
+                outside=cut)  # fmt: skip
+    found.corrected(all(valued), sum(cut) < 0.8 * n)
+
+
+@claim(
+    "Paid for being near at each step, a robot may choose another way than one paid for getting "
+    "nearer.",
+    "Of {n:.0f} drawn pairs of ways {flipped:.0f} have another best one when minus the distance "
+    "is paid at each step; paid as a potential's difference it stays the short one in all. A long "
+    "way that passes near the goal is cheaper than a short one that begins with a detour.",
+)
+def two_routes(found):
+    from course.sim_to_real import Process, shaped, value_iteration
+
+    def choice(distances, paid):
+        """Which of two ways from state 0 is best: the first or the second; distances of both."""
+        sizes = [len(way) for way in distances]
+        S = sum(sizes) + 2
+        P, starts = np.zeros((S, 2, S)), (1, 1 + sizes[0])
+        for k, (start, size) in enumerate(zip(starts, sizes, strict=True)):
+            P[0, k, start] = 1.0
+            for s in range(start, start + size):
+                P[s, :, s + 1 if s + 1 < start + size else S - 1] = 1.0
+        P[-1, :, -1] = 1.0
+        R = np.zeros((S, 2, S))
+        R[:-1, :, -1] = 1.0
+        d = np.array([1.0, *distances[0], *distances[1], 0.0])
+        if paid == "distance":
+            R[:-1] -= d
+        process = Process(P, R, 0.95, np.arange(S) == S - 1)
+        return value_iteration(shaped(process, -d) if paid == "potential" else process).policy[0]
+
+    n, flips, kept = int(found.given("n", 40)), [], []
+    for _ in range(n):
+        ways = [found.rng.uniform(0.1, 2.0, int(m)) for m in found.rng.permutation(10)[:2] + 1]
+        best = choice(ways, "goal")
+        flips.append(choice(ways, "distance") != best)
+        kept.append(choice(ways, "potential") == best == int(len(ways[0]) > len(ways[1])))
+    flipped = found.figure("flipped", sum(flips), 0.0)
+    found.statement = "Two ways of one to ten states to a goal that pays, solved exactly."
+    found.heard(flipped > 0)
+    found.corrected(all(kept), flipped < n)
+
+
+@claim(
+    "Shaping turns Q into Q - phi + gamma phi.",
+    "It turns Q into {formula}, if nothing ends or ends have the potential 0: the sum telescopes "
+    "to the potential of the state that the action is taken in. It is the same for all actions, so "
+    "the best one stays.",
+    ask=("Shaped by gamma phi(s') - phi(s), no end in sight: what becomes of the value Q of an "
+         "action in a state of potential phi?", "Q - phi", {
+             "Q - phi + gamma*phi": "The next state is another one, and its potential cancels.",
+             "Q + phi": "The state's potential is taken off.",
+             "Q - gamma*phi": "The state's own potential is not discounted."}),
+)  # fmt: skip
+def q_of_shaped(found):
+    import sympy
+
+    from course.sim_to_real import shaped, value_iteration
+
+    Q, p = sympy.symbols("Q phi")
+    found.formula = Q - p
+    phi = found.rng.normal(size=6)
+
+    def off(ends, factor, free_end=False):
+        """Largest difference of the shaped Q from Q - factor phi, 0 at the ends."""
+        process, live = drawn(found.rng, ends), phi * (np.arange(6) < 6 - ends)
+        change = value_iteration(shaped(process, phi, free_end=free_end)).q
+        return np.abs(change - value_iteration(process).q + factor * live[:, None]).max()
+
+    heard = found.figure("heard_off", off(0, 0.05), 1e-6)
+    found.statement = "Drawn processes with none to two ends, solved before and after."
+    found.heard(heard < 1e-9)
+    found.corrected(max(off(ends, 1.0) for ends in (0, 1, 2)) < 1e-10, off(2, 1.0, True) > 0.01)
+
+
+@claim(
+    "A constant penalty for each step is not potential-based shaping.",
+    "Without an end it is: phi = {formula} everywhere pays -c each step. Nor does it matter where "
+    "every way to the end is as long. Else the potential, 0 at the end, would have to tell how "
+    "many steps are still to come, which the action decides: a penalty can change what is best.",
+    ask=("Nothing ends. Which constant potential pays -c for every step?", "phi = c/(1 - gamma)", {
+        "-c/(1 - gamma)": "gamma phi - phi has the other sign.",
+        "c": "Then a step costs (1 - gamma) c.",
+        "c/gamma": "Solve gamma phi - phi = -c."}),
+)  # fmt: skip
+def step_penalty(found):
+    import sympy
+
+    from course.sim_to_real import Process
+
+    gamma, c, p = sympy.symbols("gamma c phi", positive=True)
+    found.formula = sympy.solve(sympy.Eq(gamma * p - p, -c), p)[0]
+
+    def left(process):
+        """Largest part of a unit penalty that the best potential, 0 at ends, does not pay."""
+        S, inner = len(process.terminal), np.count_nonzero(~process.terminal)
+        pairs = [(s, n) for s, _, n in np.argwhere(process.transition > 0.0) if s < inner]
+        rows = np.array([0.95 * np.eye(S)[n] - np.eye(S)[s] for s, n in pairs])[:, :inner]
+        best = np.linalg.lstsq(rows, -np.ones(len(rows)), rcond=None)[0]
+        return np.abs(rows @ best + 1.0).max()
+
+    def chain(n):
+        """n states, each left for the next by either action, the last one an end."""
+        P = np.repeat(np.eye(n, k=1)[:, None], 2, axis=1)
+        P[-1, :, -1] = 1.0
+        return Process(P, 0.0 * P, 0.95, np.arange(n) == n - 1)
+
+    ended, endless = ([left(drawn(found.rng, e)) for _ in range(8)] for e in (1, 0))
+    chains = [left(chain(n)) for n in found.rng.integers(3, 9, 8)]
+    found.figure("least_left_with_an_end", min(ended), 0.01)
+    found.statement = "The potential that comes closest, by least squares: drawn, and in chains."
+    inside, outside = ([x > 1e-9 for x in some] for some in (ended, endless + chains))
+    found.heard(all(outside), only_if="episodes can end, and ways to the end differ in length",
+                inside=inside, outside=outside)  # fmt: skip
+    found.corrected(max(endless) < 1e-9, max(chains) < 1e-9,
+                    float(found.formula.subs({gamma: 0.95, c: 1})) > 19.9)  # fmt: skip
+
+
+@claim(
+    "If the next state's distribution is wrong by eps, a policy's value is wrong by eps R / "
+    "(1 - gamma) at most.",
+    "The error is made anew in each step: the bound is {formula}. A chain that the simulator "
+    "keeps where it is paid and the robot leaves with probability eps reaches {share:.1%} of it, "
+    "{factor:.0f} times what was heard. Of two deterministic simulators that differ eps is 1: "
+    "there it says nothing, once gamma is above a half.",
+    ask=("Rewards from 0 to R, discount gamma, total variation distance eps of the next state: by "
+         "how much may a policy's value differ at most?", "gamma*eps*R/(1 - gamma)^2", {
+             "eps*R/(1 - gamma)": "That is one wrong step; each step is wrong.",
+             "eps*R/(1 - gamma)^2": "The first reward is paid before a next state is drawn.",
+             "2*gamma*eps*R/(1 - gamma)^2": "eps is half of the summed differences."}),
+)  # fmt: skip
+def gap_of_values(found):
+    import sympy
+
+    from course.sim_to_real import Process, evaluate_policy, transfer_bound
+
+    g, e, R, D = sympy.symbols("gamma eps R D", positive=True)
+    # The difference D is that of one expectation, and D again after it.
+    found.formula = sympy.solve(sympy.Eq(D, g * (e * R / (1 - g) + D)), D)[0]
+    gamma, eps = 0.95, 1e-3
+    pays, ends = np.zeros((2, 1, 2)), np.zeros(2, dtype=bool)
+    pays[0] = 1.0
+
+    def lost(gamma, eps):
+        """What the chain of two states loses to the one that stays."""
+        moves = (np.array([[[1 - x, x]], [[0.0, 1.0]]]) for x in (0.0, eps))
+        sure, leaves = (evaluate_policy(Process(P, pays, gamma, ends), [0, 0])[0] for P in moves)
+        return sure - leaves
+
+    bound = transfer_bound(gamma, eps)
+    law = float(found.formula.subs({g: gamma, e: eps, R: 1}))
+    share = found.figure("share", lost(gamma, eps) / bound)
+    factor = found.figure("factor", lost(gamma, eps) * (1 - gamma) / eps)
+    found.statement = "Two states, a discount of 0.95 and a distance of 0.001; and drawn ones."
+    low, high = found.rng.uniform(0.05, 0.5, 8), found.rng.uniform(0.51, 0.99, 8)
+    found.heard(
+        factor <= 1.0, only_if="the discount is a half or less",
+        inside=[transfer_bound(x, eps) * (1 - x) <= eps for x in low],
+        outside=[lost(x, eps) * (1 - x) <= eps for x in high],
+    )  # fmt: skip
+    found.corrected(
+        abs(bound / law - 1.0) < 1e-9, 0.9 < share <= 1.0, factor > 10.0,
+        all((transfer_bound(x, 1.0) >= 1.0 / (1.0 - x)) == (x > 0.5) for x in (*low, *high)),
+    )  # fmt: skip

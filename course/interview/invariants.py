@@ -1,0 +1,265 @@
+"""Invariants: what must hold of right code whatever it computes, each as one figure.
+
+Every function returns how far something is from what must hold: zero where it holds, and infinity
+where the numbers are not finite. What is small enough is for the caller to say. They need no
+reference solution, so they can be asked of any code: the learner's own, and that of `museum`.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from course import check
+
+Array = NDArray[np.float64]
+Mapped = Callable[..., ArrayLike]
+# Rewards, values, ends of episodes and the value after the last step -> advantages.
+Advantages = Callable[[Array, Array, NDArray[np.bool_], float], Array]
+
+
+def gap(one: ArrayLike, other: ArrayLike) -> float:
+    """The largest difference of two arrays of one shape; infinite if a number is not finite.
+
+    Raises:
+        ValueError: for arrays of two shapes.
+    """
+    a, b = np.asarray(one, dtype=float), np.asarray(other, dtype=float)
+    if a.shape != b.shape:
+        raise check.refused("other.shape", b.shape, f"that of one, {a.shape}")
+    if not (np.isfinite(a).all() and np.isfinite(b).all()):
+        return np.inf
+    return float(np.abs(a - b).max(initial=0.0))
+
+
+def rotation_error(matrix: ArrayLike) -> float:
+    """A rotation keeps lengths and handedness: its columns are orthonormal, its determinant is 1.
+
+    Args:
+        matrix: shape (n, n).
+    """
+    turn = np.asarray(matrix, dtype=float)
+    if turn.ndim != 2 or turn.shape[0] != turn.shape[1]:
+        raise check.refused("matrix.shape", turn.shape, "(n, n)")
+    if not np.isfinite(turn).all():
+        return np.inf
+    return max(gap(turn.T @ turn, np.eye(len(turn))), abs(float(np.linalg.det(turn)) - 1.0))
+
+
+def derivative_error(value: Mapped, derivative: Mapped, at: ArrayLike, step: float = 1e-5) -> float:
+    """A derivative is the limit of differences; the error is relative where they are above 1.
+
+    Args:
+        value: of shape (m,) or a number, at a point.
+        derivative: at a point; shape (m, n) for a point of n numbers, that of value for a number.
+        at: the point, a number or of shape (n,).
+        step: of the central difference, in the units of the point.
+    """
+    check.positive("step", step)
+    point = np.asarray(at, dtype=float)
+    ways = np.eye(point.size).reshape(point.size, *point.shape) * step
+    columns = [np.subtract(value(point + d), value(point - d)) / (2 * step) for d in ways]
+    slope = np.stack(columns, axis=-1) if point.ndim else np.asarray(columns[0])
+    return gap(derivative(point), slope) / max(1.0, float(np.abs(slope).max()))
+
+
+def write_read_error(read: Mapped, write: Mapped, state: ArrayLike) -> float:
+    """Writing what was read changes nothing.
+
+    Args:
+        read: state -> what is shown of it.
+        write: (state, what is shown) -> the new state.
+        state: where to try it.
+    """
+    return gap(write(state, read(state)), state)
+
+
+def round_trip_error(there: Mapped, back: Mapped, value: ArrayLike) -> float:
+    """Going there and back changes nothing. Two wrong maps that are inverses pass it too."""
+    return gap(back(there(value)), value)
+
+
+def mirror_error(
+    step: Mapped, mirror: Mapped, mirror_input: Mapped, state: ArrayLike, given: ArrayLike
+) -> float:
+    """The mirrored state with the mirrored input moves as the mirror of the motion.
+
+    Args:
+        step: (state, input) -> the next state.
+        mirror, mirror_input: the reflections of a state and of an input.
+        state, given: where to try it.
+    """
+    return gap(step(mirror(state), mirror_input(given)), mirror(step(state, given)))
+
+
+def unit_error(
+    formula: Mapped, values: Sequence[float], factors: Sequence[float], factor: float
+) -> float:
+    """Other units, the same quantity: the inputs times their factors give the result times its own.
+
+    Args:
+        formula: of the values.
+        values: in the first units.
+        factors: from the first units to the others, one a value.
+        factor: from the first unit of the result to the other.
+
+    Returns:
+        The error relative to the result where that is above 1.
+    """
+    if len(values) != len(factors):
+        raise check.refused("factors", len(factors), f"{len(values)} factors")
+    other = np.asarray(formula(*(v * f for v, f in zip(values, factors, strict=True)))) / factor
+    same = np.asarray(formula(*values), dtype=float)
+    return gap(other, same) / max(1.0, float(np.abs(same).max()))
+
+
+def turn_error(function: Mapped, angle: float, turns: int = 1) -> float:
+    """A whole turn changes nothing that depends on an orientation.
+
+    Args:
+        function: of an angle in radians.
+        angle: where to try it.
+        turns: how many turns are added.
+    """
+    return gap(function(angle + 2.0 * np.pi * turns), function(angle))
+
+
+def weight_error(forces: ArrayLike, masses: ArrayLike, gravity: float = 9.81) -> float:
+    """At rest the ground carries the weight; the error is a part of the weight.
+
+    Args:
+        forces: upwards, of the ground on the bodies, N.
+        masses: of the bodies, kg.
+        gravity: m/s^2.
+    """
+    weight = gravity * float(np.sum(check.vector("masses", masses, low=check.POSITIVE)))
+    return gap(np.sum(forces), weight) / weight
+
+
+def fall_error(gained: float, seconds: float, gravity: float = 9.81) -> float:
+    """In free fall the speed gained is gravity times time, of any mass and at any step.
+
+    Args:
+        gained: downwards, m/s.
+        seconds: since the start.
+        gravity: m/s^2.
+    """
+    due = check.positive("gravity", gravity) * check.positive("seconds", seconds)
+    return gap(gained, due) / due
+
+
+def kept_error(series: ArrayLike) -> float:
+    """What nothing acts on is kept: momentum, energy; the error is a part of the first.
+
+    Args:
+        series: shape (steps,) or (steps, components).
+    """
+    kept = np.asarray(series, dtype=float)
+    first = float(np.abs(kept[0]).max())
+    return gap(kept, np.broadcast_to(kept[0], kept.shape)) / (first or 1.0)
+
+
+def refined_ratio(error: Callable[[float], float], step: float, parts: int = 4) -> float:
+    """The error of a finer step over that of the step.
+
+    A right equation has about 1 / parts^order, a wrong one about 1 however fine the step: what
+    the step does not cure is no error of the integrator.
+
+    Args:
+        error: of a step.
+        step: the coarse one.
+        parts: into which the fine one cuts it.
+    """
+    check.count("parts", parts, 2)
+    coarse, fine = error(step), error(step / parts)
+    if not np.isfinite([coarse, fine]).all():
+        return np.inf
+    return fine / coarse if coarse else float(fine > 0.0)
+
+
+def ends_error(path: ArrayLike | None, start: ArrayLike, goal: ArrayLike) -> float:
+    """A path that is called solved begins at the start and ends at the goal.
+
+    Args:
+        path: shape (states, dim), or None for a planner that says that it found none.
+        start, goal: shape (dim,).
+    """
+    if path is None:
+        return 0.0
+    states = np.asarray(path, dtype=float)
+    if not len(states):
+        return np.inf
+    return max(gap(states[0], start), gap(states[-1], goal))
+
+
+def tree_error(points: ArrayLike, parents: Sequence[int], costs: ArrayLike) -> float:
+    """The cost of a node is the length of its path from the root.
+
+    Args:
+        points: shape (nodes, dim).
+        parents: of each node its parent, -1 for the root.
+        costs: of each node.
+
+    Returns:
+        The largest difference; infinite where the parents lead in a circle.
+    """
+    places, lengths = np.asarray(points, dtype=float), np.zeros(len(parents))
+    for node in range(len(parents)):
+        at, seen = node, 0
+        while parents[at] >= 0:
+            lengths[node] += np.linalg.norm(places[at] - places[parents[at]])
+            at, seen = parents[at], seen + 1
+            if seen > len(parents):
+                return np.inf
+    return gap(costs, lengths)
+
+
+def episodes_error(advantages: Advantages, episodes: Sequence[tuple[Array, Array]]) -> float:
+    """Episodes that have ended do not know of each other: in one buffer each is as it is alone.
+
+    Args:
+        advantages: of rewards, values, ends and the value after the last step.
+        episodes: of each the rewards and the values, shape (steps,) both.
+    """
+    ends = [np.arange(len(rewards)) == len(rewards) - 1 for rewards, _ in episodes]
+    alone = [advantages(r, v, e, 0.0) for (r, v), e in zip(episodes, ends, strict=True)]
+    rewards, values = (np.concatenate(parts) for parts in zip(*episodes, strict=True))
+    together = advantages(rewards, values, np.concatenate(ends), 0.0)
+    return gap(together, np.concatenate(alone))
+
+
+def forever_error(value: float, discount: float, reward: float = 1.0) -> float:
+    """A reward for ever is worth reward / (1 - discount); the error is a part of that.
+
+    Args:
+        value: that was learned.
+        discount: a step, from 0 to below 1.
+        reward: of every step.
+    """
+    check.finite("discount", discount, 0.0, 1.0 - 1e-12)
+    due = reward / (1.0 - discount)
+    return gap(value, due) / abs(due)
+
+
+def stored_error(before: ArrayLike, after: ArrayLike, lengths: Sequence[int]) -> float:
+    """A stored step never goes back in time, and there are as many as the episodes have steps.
+
+    Args:
+        before, after: the time within its episode at both ends of each stored step.
+        lengths: of the episodes, in steps.
+
+    Returns:
+        How many steps go back, and how many are too many or too few, added.
+    """
+    back = np.count_nonzero(np.asarray(after) <= np.asarray(before))
+    return float(back + abs(np.size(before) - sum(lengths)))
+
+
+def idle_parameters(gradients: Mapping[str, ArrayLike]) -> list[str]:
+    """Every parameter has a gradient: the names of those with none anywhere, or not a finite one.
+
+    Args:
+        gradients: by the name of the parameter.
+    """
+    arrays = {name: np.asarray(gradient, dtype=float) for name, gradient in gradients.items()}
+    return [name for name, g in arrays.items() if not (np.any(g) and np.isfinite(g).all())]

@@ -1,0 +1,54 @@
+"""Chapter 9: robot learning. Every method on the smallest task that shows its point.
+
+The public names of the chapter; each lives in the file of its section. `PointReach`, the task on
+which PPO learns, is an environment like others: `course.vector_env`.
+"""
+
+from course.learning.chunk import Coded, Commit, Delayed, Ensemble, Executor, chunk_policy
+from course.learning.clone import Linear, Policy, Round, clone, dagger, linear, nearest
+from course.learning.evaluate import Band, Episodes, band, evaluate, first_finished
+from course.learning.generate import (
+    Drawn,
+    Mixture,
+    denoise,
+    diffusion_policy,
+    flow_policy,
+    integrate,
+    mix,
+)
+from course.learning.network import (
+    Diverged,
+    Normaliser,
+    fit,
+    flatten,
+    load,
+    network,
+    one_thread,
+    predict,
+    tensor,
+    weights,
+)
+from course.learning.ppo import ActorCritic, Iteration, Settings, gae, objective, ppo
+from course.learning.recorded import recorded, remake
+from course.learning.tasks import (
+    Circle,
+    Regulator,
+    Runs,
+    TwoWays,
+    accumulated,
+    context_costs,
+    expected_cost,
+    roll,
+    runs,
+    windows,
+)
+
+__all__ = [
+    "ActorCritic", "Band", "Circle", "Coded", "Commit", "Delayed", "Diverged", "Drawn",
+    "Ensemble", "Episodes", "Executor", "Iteration", "Linear", "Mixture", "Normaliser",
+    "Policy", "Regulator", "Round", "Runs", "Settings", "TwoWays", "accumulated", "band",
+    "chunk_policy", "clone", "context_costs", "dagger", "denoise", "diffusion_policy",
+    "evaluate", "expected_cost", "first_finished", "fit", "flatten", "flow_policy", "gae",
+    "integrate", "linear", "load", "mix", "nearest", "network", "objective", "one_thread",
+    "ppo", "predict", "recorded", "remake", "roll", "runs", "tensor", "weights", "windows",
+]  # fmt: skip

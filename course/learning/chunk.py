@@ -1,0 +1,174 @@
+"""Chunks of actions: an autoencoder that draws them, and the ways to carry them out.
+
+The autoencoder is what ACT (Zhao et al., Learning fine-grained bimanual manipulation with low-cost
+hardware, 2023) adds to cloning: a code z for what differs between demonstrations of one state. ACT
+puts it in a transformer, as it sees four cameras; here a state is two numbers, so that there is
+nothing to attend to and a multilayer perceptron does.
+
+An executor turns a policy of chunks (N, H, a) into one of single actions (N, a) that remembers.
+`roll` resets it; elsewhere call `reset()` before each episode.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from course.check import count, finite, positive, refused
+from course.learning.clone import Policy, fitted, normals, prepared
+from course.learning.network import network, predict, pytorch, tensor
+from course.learning.tasks import Act, Array
+
+
+@dataclass
+class Coded(Policy):
+    """A policy with a code; `replace(policy, zero=True)` takes it as 0, as ACT runs.
+
+    Attributes:
+        latent: numbers in the code.
+        zero: whether the code is 0 instead of drawn.
+    """
+
+    latent: int = 2
+    zero: bool = False
+
+    def __call__(self, states: ArrayLike, rng: np.random.Generator) -> Array:
+        """Actions for states (N, d), shape (N, *shape)."""
+        rows = self.seen(states)
+        code = rng.standard_normal((len(rows), self.latent)) * (not self.zero)
+        return self.done.undo(self.draw(rows, code)).reshape(len(rows), *self.shape)
+
+
+def chunk_policy(
+    states: ArrayLike, actions: ArrayLike, seed: int, *, latent: int = 2, beta: float = 0.03,
+    width: int = 64, zero: bool = False, **how: Any,
+) -> Coded:  # fmt: skip
+    """A conditional variational autoencoder of actions (Sohn, Lee and Yan, 2015).
+
+    An encoder sees state and action and says mean and deviation of the code, a decoder sees state
+    and code. The loss is the decoder's squared error plus `beta` times the divergence of the codes
+    from a standard normal distribution, from which they are drawn when there is no action to see.
+
+    Args:
+        states, actions: (n, d), and (n, a) or chunks (n, H, a).
+        seed, width: of weights, codes and batches; of the two hidden layers of each.
+        latent, zero: numbers in a code, and whether it is 0 instead of drawn.
+        beta: weight of the divergence; as it grows the code says less, and the policy is the mean.
+        how: `steps`, `batch`, `rate` and `clip` of `fit`.
+    """
+    blank, x, y = prepared(states, actions)
+    positive("beta", beta)
+    torch, size, d = pytorch(), y.shape[1], x.shape[1]
+    encoder = network(
+        (d + size, width, width, 2 * count("latent", latent, 1)), seed, activation="silu", last=0.1
+    )
+    decoder = network((d + latent, width, width, size), seed + 1, activation="silu")
+    inputs, wanted, randn = tensor(x), tensor(y), normals(seed)
+
+    def loss(pick: Any) -> Any:
+        rows, clean = inputs[pick], wanted[pick]
+        mean, spread = encoder(torch.cat((rows, clean), 1)).split(latent, 1)  # log of the variance
+        code = mean + (0.5 * spread).exp() * randn(mean.shape)
+        said = decoder(torch.cat((rows, code), 1))
+        divergence = 0.5 * (mean.square() + spread.exp() - spread - 1.0).sum(1).mean()
+        return (said - clean).square().mean() + beta * divergence
+
+    def draw(rows: Array, code: Array) -> Array:
+        return predict(decoder, np.concatenate((rows, code), axis=1))
+
+    policy = Coded(blank.seen, blank.done, blank.shape, draw, latent=latent, zero=zero)
+    both = torch.nn.ModuleList([decoder, encoder])
+    fitted(policy, both, loss, len(x), seed=seed, **how)
+    return policy
+
+
+# --- executors ------------------------------------------------------------------------------------
+
+
+@dataclass
+class Executor:
+    """What carries out chunks: remembers the last ones, the newest last, and how far it is.
+
+    Attributes:
+        policy: states (N, d), generator -> chunks (N, H, a).
+    """
+
+    policy: Act
+    made: deque[Array] = field(default_factory=deque, init=False, repr=False)
+    step: int = field(default=0, init=False, repr=False)
+
+    def reset(self) -> None:
+        """Begin an episode."""
+        self.made.clear()
+        self.step = 0
+
+    def plan(self, states: Array, rng: np.random.Generator, least: int) -> None:
+        """Ask for new chunks of at least so many steps, and remember them."""
+        chunk = np.asarray(self.policy(states, rng), dtype=float)
+        if chunk.ndim != 3 or chunk.shape[0] != len(states) or chunk.shape[1] < least:
+            raise refused("chunk.shape", chunk.shape, f"({len(states)}, {least} or more, a)")
+        if self.made and self.made[-1].shape != chunk.shape:
+            was = f"{self.made[-1].shape} as before, until reset()"
+            raise refused("chunk.shape", chunk.shape, was)
+        self.made.append(chunk)
+
+
+@dataclass
+class Commit(Executor):
+    """Carry out the first `executed` steps of a chunk without a look, then ask for the next."""
+
+    executed: int = 1
+
+    def __call__(self, states: Array, rng: np.random.Generator) -> Array:
+        """Actions (N, a) for states (N, d)."""
+        k = self.step % count("executed", self.executed, 1)
+        if k == 0:
+            self.made.clear()
+            self.plan(states, rng, self.executed)
+        if len(self.made[0]) != len(states):
+            raise refused("states.shape", np.shape(states), f"{len(self.made[0])} rows, or reset()")
+        self.step += 1
+        return self.made[0][:, k]
+
+
+@dataclass
+class Ensemble(Executor):
+    """Ask at each step and take the mean of what all chunks say of it (ACT, 2023, sec. IV).
+
+    Attributes:
+        decay: weights are exp(-decay i), i = 0 for the oldest chunk: the new comes in slowly.
+    """
+
+    decay: float = 0.01
+
+    def __call__(self, states: Array, rng: np.random.Generator) -> Array:
+        """Actions (N, a) for states (N, d)."""
+        self.plan(states, rng, 1)
+        if len(self.made) > self.made[0].shape[1]:
+            self.made.popleft()
+        old = len(self.made)
+        weights = np.exp(-finite("decay", self.decay) * np.arange(old))
+        told = [chunk[:, old - 1 - i] for i, chunk in enumerate(self.made)]
+        return np.tensordot(weights / weights.sum(), np.array(told), axes=1)
+
+
+@dataclass
+class Delayed(Executor):
+    """At each step act on the state `delay` steps ago: the chunk's one action for that time.
+
+    It reacts at every step as a policy of single actions does, and looks as far ahead as a chunk,
+    which tells which of both makes chunks work. For the first steps it follows the first chunk.
+    """
+
+    delay: int = 1
+
+    def __call__(self, states: Array, rng: np.random.Generator) -> Array:
+        """Actions (N, a) for states (N, d)."""
+        self.plan(states, rng, count("delay", self.delay) + 1)
+        if len(self.made) > self.delay + 1:
+            self.made.popleft()
+        return self.made[0][:, len(self.made) - 1]

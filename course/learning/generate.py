@@ -1,0 +1,237 @@
+"""Policies that draw: denoising diffusion and flow matching on actions or chunks of them.
+
+Both start from normal noise at time 0 and end at an action at time 1. Between them a sample is
+a(t) clean + s(t) noise. A network is fitted to a mean given such a sample, from which follows the
+clean action for diffusion and the velocity clean - noise for the flow. For Gaussian mixtures these
+means are known, so that a sampler is tried without any training.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from course.check import count, finite, one_of, refused, vector
+from course.learning.clone import Policy, fitted, normals, prepared
+from course.learning.network import network, predict, pytorch, tensor
+from course.learning.tasks import Array
+
+Field = Callable[[Array, float], Array]
+
+# Runge and Kutta's explicit methods: rows of the stages, and the weights at the end.
+TABLEAUS: dict[str, tuple[tuple[tuple[float, ...], ...], tuple[float, ...]]] = {
+    "euler": ((), (1.0,)),
+    "heun": (((1.0,),), (0.5, 0.5)),
+    "rk4": (((0.5,), (0.0, 0.5), (0.0, 0.0, 1.0)), (1 / 6, 1 / 3, 1 / 3, 1 / 6)),
+}
+SOLVERS = (*TABLEAUS, "ddim", "ddpm")
+
+
+def integrate(field: Field, noise: ArrayLike, steps: int, solver: str = "heun") -> Array:
+    """Follow a velocity from time 0 to 1 in equal steps.
+
+    One Euler step ends at noise + field(noise, 0). Flow matching fits the field to the mean of
+    clean - noise given the sample, which at time 0 is the noise itself and says nothing of the
+    clean action: field(noise, 0) = mean - noise, and the step ends at the mean.
+
+    Args:
+        field: samples (n, d), time -> velocities (n, d).
+        noise: samples at time 0, (n, d).
+        steps: equal ones; each asks the field once for every stage of the solver.
+        solver: "euler", "heun" or "rk4".
+    """
+    rows, ends = TABLEAUS[one_of("solver", solver, TABLEAUS)]
+    x, h = vector("noise", noise, (None, None)), 1.0 / count("steps", steps, 1)
+    for k in range(steps):
+        slopes = [field(x, k * h)]
+        for row in rows:
+            at = x + h * sum(w * slope for w, slope in zip(row, slopes, strict=True))
+            slopes.append(field(at, (k + sum(row)) * h))
+        x = x + h * sum(w * slope for w, slope in zip(ends, slopes, strict=True))
+    return x
+
+
+def mix(time: ArrayLike) -> tuple[Any, Any]:
+    """a and s of the diffusion, a^2 + s^2 = 1 (after the cosine of Nichol and Dhariwal, 2021)."""
+    angle = 0.5 * np.pi * np.asarray(time, dtype=float)
+    return np.sin(angle), np.cos(angle)
+
+
+def denoise(
+    clean: Field, noise: ArrayLike, steps: int, rng: np.random.Generator, eta: float = 0.0
+) -> Array:
+    """Take a diffusion back from time 0 to 1 (Song, Meng and Ermon, DDIM, 2021, eq. 12 and 16).
+
+    Args:
+        clean: samples (n, d), time -> means of the clean action (n, d). The noise follows from it;
+            the other way round one divides by a, which is 0 at the start.
+        noise: samples at time 0, (n, d).
+        steps: calls of `clean`. With a single one the answer is the mean, as of a flow.
+        eta: 0 for DDIM, where only the start is drawn; 1 for the ancestral sampling of DDPM (Ho,
+            Jain and Abbeel, 2020), which draws at each step but the last.
+    """
+    x = vector("noise", noise, (None, None))
+    share = finite("eta", eta, 0.0, 1.0)
+    a, s = mix(np.linspace(0.0, 1.0, count("steps", steps, 1) + 1))
+    s[-1] = 0.0
+    for k in range(steps):
+        mean = clean(x, k / steps)
+        left = (x - a[k] * mean) / s[k]
+        drawn = share * s[k + 1] / s[k] * math.sqrt(1.0 - (a[k] / a[k + 1]) ** 2)
+        x = a[k + 1] * mean + math.sqrt(s[k + 1] ** 2 - drawn**2) * left
+        if drawn:
+            x = x + drawn * rng.standard_normal(x.shape)
+    return x
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """Normal distributions with weights, whose fields are known.
+
+    Attributes:
+        weights: of m parts, positive, of sum 1, shape (m,).
+        means: shape (m, d).
+        deviations: of each part, the same in all directions, shape (m,).
+    """
+
+    weights: Array
+    means: Array
+    deviations: Array
+
+    def __post_init__(self) -> None:
+        m = len(vector("means", self.means, (None, None)))
+        vector("deviations", self.deviations, (m,), low=0.0)
+        if abs(vector("weights", self.weights, (m,), low=0.0).sum() - 1.0) > 1e-9:
+            raise refused("sum of weights", self.weights.sum(), "1")
+
+    def draw(self, number: int, rng: np.random.Generator) -> Array:
+        """Samples, shape (number, d)."""
+        part = rng.choice(len(self.weights), number, p=self.weights)
+        spread = self.deviations[part, None] * rng.standard_normal((number, self.means.shape[1]))
+        return self.means[part] + spread
+
+    def expect(self, x: Array, a: float, s: float) -> tuple[Array, Array]:
+        """Means of clean and noise given x = a clean + s noise, both (n, d) as x; not a = s = 0."""
+        width = (a * self.deviations) ** 2 + s**2  # variance of x in each part
+        off = x[:, None] - a * self.means
+        told = np.log(self.weights + 1e-300) - 0.5 * (
+            np.sum(off**2, axis=2) / width + self.means.shape[1] * np.log(width)
+        )
+        part = np.exp(told - told.max(axis=1, keepdims=True))
+        part = (part / part.sum(axis=1, keepdims=True))[..., None]
+        gain = (a * self.deviations**2 / width)[:, None]
+        clean = np.sum(part * (self.means + gain * off), axis=1)
+        return clean, np.sum(part * off * (s / width)[:, None], axis=1)
+
+    def velocity(self, x: Array, time: float) -> Array:
+        """The exact field of flow matching on the straight way, a = t, s = 1 - t."""
+        clean, noise = self.expect(x, time, 1.0 - time)
+        return clean - noise
+
+    def clean(self, x: Array, time: float) -> Array:
+        """The exact mean of the clean sample for `denoise`."""
+        a, s = mix(time)
+        return self.expect(x, float(a), float(s))[0]
+
+
+# --- policies -------------------------------------------------------------------------------------
+
+
+@dataclass
+class Drawn(Policy):
+    """A policy that draws its actions; `replace(policy, steps=..., solver=...)` changes how.
+
+    Attributes:
+        solver: "euler", "heun" or "rk4" of a flow, "ddim" or "ddpm" of a diffusion.
+        steps: of the solver.
+    """
+
+    solver: str = "euler"
+    steps: int = 10
+
+    def __call__(self, states: ArrayLike, rng: np.random.Generator) -> Array:
+        """Actions for states (N, d), shape (N, *shape)."""
+        rows = self.seen(states)
+        field = partial(self.draw, rows)
+        noise = rng.standard_normal((len(rows), math.prod(self.shape)))
+        if self.solver in TABLEAUS:
+            drawn = integrate(field, noise, self.steps, self.solver)
+        else:
+            drawn = denoise(field, noise, self.steps, rng, float(self.solver == "ddpm"))
+        return self.done.undo(drawn).reshape(len(drawn), *self.shape)
+
+
+def _generative(
+    states: ArrayLike, actions: ArrayLike, seed: int, flow: bool, width: int, solver: str,
+    sampled: int, how: dict[str, Any],
+) -> Drawn:  # fmt: skip
+    blank, x, y = prepared(states, actions)
+    torch, size = pytorch(), y.shape[1]
+    net = network((x.shape[1] + size + 5, width, width, size), seed, activation="silu", last=0.1)
+    inputs, wanted, randn = tensor(x), tensor(y), normals(seed)
+
+    def mean(sample: Any, time: Any, rows: Any) -> Any:
+        """The answer for normal data, which is known, and what the network adds to it."""
+        turn = 2.0 * math.pi * time
+        clock = (time, turn.sin(), turn.cos(), (2.0 * turn).sin(), (2.0 * turn).cos())
+        skip = (2.0 * time - 1.0) / ((1.0 - time) ** 2 + time**2) if flow else 0.0
+        return skip * sample + net(torch.cat((sample, *clock, rows), 1))
+
+    def loss(pick: Any) -> Any:
+        clean = wanted[pick]
+        noise = randn(clean.shape)
+        time = torch.special.ndtr(randn((len(clean), 1)))  # even in (0, 1)
+        a, s = (time, 1.0 - time) if flow else ((w := 0.5 * math.pi * time).sin(), w.cos())
+        rate = clean - noise if flow else s * clean - a * noise
+        return (mean(a * clean + s * noise, time, inputs[pick]) - rate).square().mean()
+
+    def draw(rows: Array, sample: Array, time: float) -> Array:
+        clock = torch.full((len(rows), 1), time)
+        rate = predict(lambda given: mean(given, clock, tensor(rows)), sample)
+        a, s = mix(time)
+        return rate if flow else a * sample + s * rate
+
+    parts = blank.seen, blank.done, blank.shape
+    one_of("solver", solver, SOLVERS[:3] if flow else SOLVERS[3:])
+    policy = Drawn(*parts, draw, solver=solver, steps=count("sampled", sampled, 1))
+    fitted(policy, net, loss, len(x), seed=seed, **how)
+    return policy
+
+
+def flow_policy(
+    states: ArrayLike, actions: ArrayLike, seed: int, *, width: int = 128, solver: str = "euler",
+    sampled: int = 10, **how: Any,
+) -> Drawn:  # fmt: skip
+    """Flow matching on straight ways (Lipman et al., 2023; Liu, Gong and Liu, 2023).
+
+    The network is fitted by squared error to clean - noise at an even time between both. It adds to
+    the field of a normal distribution, so that what is only noise needs not be learned.
+
+    Args:
+        states, actions: (n, d), and (n, a) or chunks (n, H, a).
+        seed, width: of weights, noise and batches; of the two hidden layers.
+        solver, sampled: how actions are drawn: "euler", "heun" or "rk4", in how many steps.
+        how: `steps`, `batch`, `rate` and `clip` of `fit`.
+    """
+    return _generative(states, actions, seed, True, width, solver, sampled, how)
+
+
+def diffusion_policy(
+    states: ArrayLike, actions: ArrayLike, seed: int, *, width: int = 128, solver: str = "ddim",
+    sampled: int = 10, **how: Any,
+) -> Drawn:  # fmt: skip
+    """Denoising diffusion of actions (Chi et al., Diffusion policy, 2023).
+
+    The network is fitted by squared error to s clean - a noise (Salimans and Ho, 2022), from which
+    clean = a sample + s network. What is off in it counts s times, nothing at the end; fitted to
+    the clean action it counts at each of many last steps, fitted to the noise it is divided by 0
+    at the start.
+    Arguments as of `flow_policy`; the solver is "ddim" or "ddpm".
+    """
+    return _generative(states, actions, seed, False, width, solver, sampled, how)

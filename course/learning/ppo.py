@@ -1,0 +1,453 @@
+"""Proximal policy optimisation (Schulman et al., arXiv 1707.06347, 2017), every detail a setting.
+
+One iteration: the policy acts in all environments for some steps; each action is compared with what
+the critic expected (generalised advantages); then some epochs of minibatches make the better
+actions likelier, clipped where they have become so already.
+
+The two ends of an episode are kept apart: after a termination there is nothing, after a truncation
+there is the value of the last observation, which was seen and is not in the next row. Statistics of
+the normalisers are those of all environments, and stay while a batch is collected and used.
+
+What makes it fast: the environments are one compiled call, the critic judges all rows at once after
+the rollout, log-probabilities come from the noise that was drawn, an epoch is shuffled once, and
+all weights are one vector.
+"""
+
+from __future__ import annotations
+
+import copy
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import count, finite, positive, refused
+from course.learning.network import Diverged, Normaliser, flatten, network, one_thread, pytorch
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Every detail, so that each can be turned off.
+
+    Attributes:
+        horizon: steps of each environment in an iteration.
+        epochs, minibatches: passes over a batch, and the parts of each.
+        rate, anneal: of Adam, and whether it falls to 0 along a straight line.
+        discount, trace: gamma and lambda of the advantages.
+        clip: the ratio of probabilities counts between 1 - clip and 1 + clip; infinite: off.
+        entropy, value_weight: of the two losses beside the objective.
+        longest_gradient: a longer one is cut to this length; infinite: off.
+        most_kl: mean divergence after which no further epoch is begun; infinite: off.
+        hidden: sizes of the layers, of the actor's and of the critic's network.
+        spread: standard deviation of the first actions.
+        normalise_observations, normalise_advantages, scale_rewards: to a deviation of 1.
+        bootstrap: value what comes after the clock ran out; else it counts as an end.
+        shared: one normaliser for all environments; else one for each, which is a trap.
+        crossing: learn also from the step that resets, of "NextStep"; a trap too.
+    """
+
+    horizon: int = 32
+    epochs: int = 5
+    minibatches: int = 8
+    rate: float = 3e-3
+    anneal: bool = True
+    discount: float = 0.99
+    trace: float = 0.95
+    clip: float = 0.2
+    entropy: float = 0.0
+    value_weight: float = 0.5
+    longest_gradient: float = 0.5
+    most_kl: float = math.inf
+    hidden: tuple[int, ...] = (16, 16)
+    spread: float = 1.0
+    normalise_observations: bool = True
+    normalise_advantages: bool = True
+    scale_rewards: bool = True
+    bootstrap: bool = True
+    shared: bool = True
+    crossing: bool = False
+
+    def __post_init__(self) -> None:
+        for name in ("horizon", "epochs", "minibatches"):
+            count(name, getattr(self, name), 1)
+        for name in ("discount", "trace"):
+            finite(name, getattr(self, name), 0.0, 1.0)
+        for name in ("rate", "spread"):
+            positive(name, getattr(self, name))
+        for name in ("entropy", "value_weight"):
+            finite(name, getattr(self, name), 0.0)
+        for name in ("clip", "longest_gradient", "most_kl"):
+            if not getattr(self, name) > 0.0:
+                raise refused(name, getattr(self, name), "a positive number, infinite to leave out")
+
+
+def gae(
+    rewards: ArrayLike, values: ArrayLike, following: ArrayLike, terminated: ArrayLike,
+    truncated: ArrayLike, discount: float = 0.99, trace: float = 0.95,
+) -> Array:  # fmt: skip
+    """Generalised advantages (Schulman et al., High-dimensional continuous control, 2016, eq. 16).
+
+    The discounted sum of the errors of the critic, as far as the episode goes.
+
+    Args:
+        rewards, values: of each step and of the observation before it, (T,) or (T, N).
+        following: value of the observation after it: of a last one the episode's own, not that of
+            the next one's start. Not used after a termination.
+        terminated, truncated: how the episode ended with this step.
+        discount, trace: gamma and lambda, each from 0 to 1.
+
+    Returns:
+        The advantages; with `values` added they are the critic's targets.
+    """
+    gamma, decay = finite("discount", discount, 0.0, 1.0), finite("trace", trace, 0.0, 1.0)
+    r, v, after = (np.asarray(x, dtype=float) for x in (rewards, values, following))
+    over, late = np.asarray(terminated, dtype=bool), np.asarray(truncated, dtype=bool)
+    for name, each in (
+        ("values", v),
+        ("following", after),
+        ("terminated", over),
+        ("truncated", late),
+    ):
+        if each.shape != r.shape:
+            raise refused(f"{name}.shape", each.shape, f"{r.shape}, as of the rewards")
+    errors = r + gamma * np.where(over, 0.0, after) - v
+    kept = gamma * decay * ~(over | late)
+    advantages = np.zeros_like(errors)
+    ahead = np.zeros(r.shape[1:])
+    for t in range(len(r) - 1, -1, -1):
+        ahead = errors[t] + kept[t] * ahead
+        advantages[t] = ahead
+    return advantages
+
+
+def objective(ratio: Array, advantage: Array, clip: float = 0.2) -> tuple[Array, Array]:
+    """The clipped objective of each action (eq. 7), to be made large, and its slope.
+
+    The smaller of ratio * advantage and the same with the ratio kept near 1: what has become
+    likelier is not rewarded further, what was a mistake to make unlikely is corrected.
+
+    Args:
+        ratio: of the action's probability to the one it was drawn with.
+        advantage: same shape.
+        clip: the ratio counts between 1 - clip and 1 + clip.
+
+    Returns:
+        The objective and its derivative by the ratio.
+    """
+    free = ratio * advantage
+    held = np.clip(ratio, 1.0 - clip, 1.0 + clip) * advantage
+    return np.minimum(free, held), np.where(free <= held, advantage, 0.0)
+
+
+class ActorCritic:
+    """A Gaussian policy and its critic: observations (n, d) in, mean actions (n, a) out.
+
+    Attributes:
+        actor, critic: networks, (n, d) -> (n, a) and (n, 1).
+        log_std: logarithm of the actions' standard deviations, a parameter (a,).
+        normaliser: of the observations.
+        flat: all weights, see `flatten`.
+    """
+
+    def __init__(self, inputs: int, actions: int, seed: int, settings: Settings, n: int) -> None:
+        """Networks for so many inputs and actions; `n` environments."""
+        torch, hidden = pytorch(), settings.hidden
+        self.actor = network((inputs, *hidden, actions), seed, last=0.01)
+        self.critic = network((inputs, *hidden, 1), seed + 1)
+        start = torch.full((actions,), math.log(settings.spread))
+        self.log_std = torch.nn.Parameter(start)
+        self.normaliser = Normaliser.blank(inputs if settings.shared else n * inputs)
+        self.flat = flatten(self.actor, self.critic, self.log_std)
+
+    def seen(self, observations: Array) -> Any:
+        """Observations (..., n, d) as the networks take them, a float32 tensor (rows, d)."""
+        d = observations.shape[-1]
+        scaled = self.normaliser(observations.reshape(-1, self.normaliser.mean.size))
+        return pytorch().from_numpy(scaled.reshape(-1, d).astype(np.float32))
+
+    def __call__(self, observations: Array, *, scaled: bool = False) -> NDArray[np.float32]:
+        """The most likely actions, (n, a); `scaled` where the observations are so already."""
+        torch = pytorch()
+        with torch.inference_mode():
+            rows = torch.from_numpy(observations) if scaled else self.seen(observations)
+            return self.actor(rows).numpy()
+
+    def copy(self) -> ActorCritic:
+        """One that no further iteration changes."""
+        twin = copy.copy(self)
+        twin.actor, twin.critic, twin.log_std = copy.deepcopy(
+            (self.actor, self.critic, self.log_std)
+        )
+        twin.normaliser = copy.copy(self.normaliser)
+        twin.flat = flatten(twin.actor, twin.critic, twin.log_std)
+        return twin
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """What one iteration did.
+
+    Attributes:
+        steps: of the environments, so far.
+        policy: as it is now; later iterations change it (`policy.copy()`).
+        returns, lengths, terminated: of the episodes that ended, (e,): sums of rewards, steps, and
+            whether the end was a termination.
+        kl: mean divergence of the policy from the one that acted.
+        clipped: share of the actions whose ratio ended beyond the clip.
+        value_loss: mean squared error of the critic, in its own units, before the update.
+        spread: mean standard deviation of the actions.
+    """
+
+    steps: int
+    policy: ActorCritic
+    returns: Array
+    lengths: NDArray[np.int64]
+    terminated: NDArray[np.bool_]
+    kl: float
+    clipped: float
+    value_loss: float
+    spread: float
+
+
+class Batch(NamedTuple):
+    """What all environments did in an iteration, (T, N, ...)."""
+
+    observations: Array  # (T + 1, N, d)
+    means: Array
+    noise: Array  # in standard deviations
+    rewards: Array
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    valid: NDArray[np.bool_]  # False where the step was the reset of "NextStep"
+    cut: list[tuple[int, Array]]  # where the clock cut an episode: t, and the last rows (N, d)
+    ended: list[tuple[float, int, bool]]
+
+
+class Runner:
+    """Environments that go on where the last batch left them."""
+
+    def __init__(self, envs: Any, seed: int, settings: Settings) -> None:
+        mode = envs.metadata["autoreset_mode"].value
+        if mode == "Disabled":
+            raise refused("autoreset_mode", mode, "'SameStep' or 'NextStep'")
+        self.envs, self.same_step, self.settings = envs, mode == "SameStep", settings
+        self.rng, self.steps, n = np.random.default_rng((seed, 9)), 0, envs.num_envs
+        self.last = np.asarray(envs.reset(seed=seed)[0], dtype=float)
+        if self.last.ndim != 2:
+            raise refused("observations.shape", self.last.shape, "(environments, numbers)")
+        self.over, self.total, self.length = np.zeros(n, bool), np.zeros(n), np.zeros(n, int)
+        # Rewards are scaled by the deviation of their discounted sum so far.
+        self.worth, self.scale = np.zeros(n), Normaliser.blank(1 if settings.shared else n)
+
+    def collect(self, policy: ActorCritic) -> Batch:
+        """Act for `horizon` steps."""
+        T, n, space = self.settings.horizon, self.envs.num_envs, self.envs.single_action_space
+        noise = self.rng.normal(size=(T, n, *space.shape))
+        batch = Batch(
+            np.empty((T + 1, *self.last.shape)), np.empty_like(noise), noise, np.empty((T, n)),
+            np.zeros((T, n), bool), np.zeros((T, n), bool), np.ones((T, n), bool), [], [],
+        )  # fmt: skip
+        spread = np.exp(policy.log_std.detach().numpy().astype(float))
+        for t in range(T):
+            batch.observations[t], batch.means[t] = self.last, policy(self.last)
+            actions = batch.means[t] + spread * noise[t]
+            if not math.isfinite(actions.sum()):
+                raise Diverged("the policy's actions are no finite numbers: lower the rate")
+            # What the environment cannot do is cut here; what was drawn is what is learned from.
+            sent = np.clip(actions, space.low, space.high).astype(np.float32)
+            seen, rewards, over, late, infos = self.envs.step(sent)
+            finite_rows("observation", seen, self.steps + t)
+            finite_rows("reward", rewards, self.steps + t)
+            if not self.same_step:
+                batch.valid[t] = ~self.over
+            elif late.any():
+                after = np.array(seen, dtype=float)
+                for i in np.flatnonzero(late):
+                    after[i] = infos["final_obs"][i]
+                batch.cut.append((t, after))
+            batch.rewards[t], batch.terminated[t], batch.truncated[t] = rewards, over, late
+            self.last, self.over = np.asarray(seen, dtype=float), over | late
+            self.total += rewards
+            self.length += batch.valid[t]
+            for i in np.flatnonzero(self.over):
+                batch.ended.append((float(self.total[i]), int(self.length[i]), bool(over[i])))
+                self.total[i], self.length[i] = 0.0, 0
+        batch.observations[T] = self.last
+        self.steps += T
+        return batch
+
+    def scaled(self, batch: Batch) -> Array:
+        """The rewards in units of the deviation of what they come to, (T, N)."""
+        if not self.settings.scale_rewards:
+            return batch.rewards
+        sums = np.empty_like(batch.rewards)
+        for t in range(len(sums)):
+            self.worth = self.settings.discount * self.worth + batch.rewards[t]
+            sums[t] = self.worth
+            self.worth = self.worth * ~(batch.terminated[t] | batch.truncated[t])
+        self.scale.update(sums.reshape(-1, self.scale.mean.size))
+        return batch.rewards / np.sqrt(self.scale.variance + 1e-8)
+
+
+def finite_rows(name: str, rows: Any, step: int) -> None:
+    """Raise ValueError with environment and step if a number of some rows is not finite."""
+    if not math.isfinite(np.sum(rows)):
+        bad = ~np.isfinite(np.asarray(rows, dtype=float)).reshape(len(rows), -1).all(axis=1)
+        if bad.any():
+            i = int(np.argmax(bad))
+            raise refused(f"{name} of environment {i} at step {step}", rows[i], "finite numbers")
+
+
+class Table(NamedTuple):
+    """The rows that are learned from, float32: an epoch shuffles all of them at once."""
+
+    seen: Any  # (rows, d), as the networks take them
+    actions: Any  # (rows, a)
+    log_prob: Any  # of the action when it was drawn, but for a constant, (rows, 1)
+    advantages: Any
+    targets: Any
+
+
+def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings) -> Table:
+    """The rows of a batch with their advantages; the critic judges all of them at once."""
+    T, n = rewards.shape
+    with pytorch().inference_mode():
+        seen = policy.seen(batch.observations)
+        values = policy.critic(seen).numpy().astype(float).reshape(T + 1, n)
+        following = values[1:].copy()
+        for t, after in batch.cut:
+            last = policy.critic(policy.seen(after)).numpy()[:, 0]
+            following[t] = np.where(batch.truncated[t], last, following[t])
+    over, late = batch.terminated, batch.truncated
+    if not settings.bootstrap:
+        over, late = over | late, np.zeros_like(late)
+    advantages = gae(rewards, values[:-1], following, over, late, settings.discount, settings.trace)
+    log_std = policy.log_std.detach().numpy()
+    columns = (
+        seen[: T * n].numpy(), batch.means + np.exp(log_std) * batch.noise,
+        log_density(batch.noise, log_std), advantages, advantages + values[:-1],
+    )  # fmt: skip
+    kept = (batch.valid | settings.crossing).reshape(-1)
+    return Table(*(c.reshape(T * n, -1)[kept].astype(np.float32) for c in columns))
+
+
+def log_density(noise: Array, log_std: Array) -> Array:
+    """Of actions so many standard deviations off (..., a), but for a constant, (..., 1)."""
+    return -0.5 * (noise * noise).sum(axis=-1, keepdims=True) - log_std.sum()
+
+
+def slopes(policy: ActorCritic, part: Table, settings: Settings) -> float:
+    """The loss of a minibatch; its gradient is in `policy.flat.grad`.
+
+    By hand as far as the networks' outputs, where some numbers an action are left of it; from there
+    on PyTorch's.
+    """
+    torch = pytorch()
+    policy.flat.grad.zero_()
+    seen, count_of = torch.from_numpy(part.seen), len(part.seen)
+    mean, value = policy.actor(seen), policy.critic(seen)
+    log_std = policy.log_std.detach().numpy()
+    std = np.exp(log_std)
+    off = (part.actions - mean.detach().numpy()) / std
+    ratio = np.exp(log_density(off, log_std) - part.log_prob)
+    gain, slope = objective(ratio, part.advantages, settings.clip)
+    error = value.detach().numpy() - part.targets
+    push = -slope * ratio / count_of  # by the logarithm of the probability
+    pull = (2.0 * settings.value_weight / count_of) * error
+    torch.autograd.backward(
+        (mean, value), (torch.from_numpy(push * off / std), torch.from_numpy(pull))
+    )
+    policy.log_std.grad += torch.from_numpy((push * (off * off - 1.0)).sum(0) - settings.entropy)
+    losses = settings.value_weight * (error * error).mean() - gain.mean()
+    return float(losses - settings.entropy * log_std.sum())
+
+
+def improve(
+    policy: ActorCritic, table: Table, optimiser: Any, rng: np.random.Generator, settings: Settings
+) -> tuple[float, float]:
+    """The epochs; divergence of the policy and share clipped. Raises `Diverged`."""
+    torch, gradient = pytorch(), policy.flat.grad.numpy()
+    good, before = policy.flat.detach().clone(), policy.log_std.detach().numpy().copy()
+    noise_free = policy(table.seen, scaled=True)
+    if settings.normalise_advantages:
+        level, spread = table.advantages.mean(), table.advantages.std()
+        table = table._replace(advantages=(table.advantages - level) / (spread + 1e-8))
+    for epoch in range(settings.epochs):
+        order = rng.permutation(len(table.seen))
+        shuffled = (np.array_split(x[order], settings.minibatches) for x in table)
+        for part in zip(*shuffled, strict=True):
+            loss = slopes(policy, Table(*part), settings)
+            length = math.sqrt(gradient @ gradient)
+            if not math.isfinite(loss + length):
+                with torch.no_grad():
+                    policy.flat.copy_(good)
+                raise Diverged(f"the loss is {loss}, its gradient {length} long: lower the rate")
+            if length > settings.longest_gradient:
+                gradient *= settings.longest_gradient / length
+            optimiser.step()
+        if epoch == settings.epochs - 1 or settings.most_kl < math.inf:
+            after, log_std = policy(table.seen, scaled=True), policy.log_std.detach().numpy()
+            moved = ((noise_free - after) ** 2 + np.exp(2.0 * before)) * np.exp(-2.0 * log_std)
+            kl = float((log_std - before + 0.5 * moved - 0.5).sum(axis=1).mean())
+            if kl > settings.most_kl:
+                break
+    off = (table.actions - after) * np.exp(-log_std)
+    ratio = np.exp(log_density(off, log_std) - table.log_prob)
+    return kl, float(np.mean(np.abs(ratio - 1.0) > settings.clip))
+
+
+def ppo(
+    envs: Any, settings: Settings | None = None, *, steps: int, seed: int = 0
+) -> Iterator[Iteration]:
+    """Learn, and yield after each iteration, so that whoever looks on can stop.
+
+    Args:
+        envs: a `gymnasium.vector.VectorEnv` with numbers for observations and actions, whose
+            autoreset is "SameStep" or "NextStep".
+        settings: every detail; the usual ones by default.
+        steps: of all environments together; whole iterations are run, at least one.
+        seed: of the environments, the weights and all that is drawn.
+
+    Yields:
+        An `Iteration` each.
+
+    Raises:
+        ValueError: for minibatches that don't divide the batch, an observation or a reward that is
+            no finite number (it names environment and step), an observation that never changes.
+        Diverged: for a loss or an action that is no finite number; the policy that was yielded last
+            has the last good weights.
+    """
+    torch, settings = pytorch(), settings or Settings()
+    T, n = settings.horizon, envs.num_envs
+    count("steps", steps, 1)
+    if T * n % settings.minibatches:
+        allowed = f"a number that divides the batch of {T} * {n} steps"
+        raise refused("minibatches", settings.minibatches, allowed)
+    runner = Runner(envs, count("seed", seed), settings)
+    inputs, outputs = runner.last.shape[1], envs.single_action_space.shape[0]
+    policy = ActorCritic(inputs, outputs, seed, settings, n)
+    optimiser = torch.optim.Adam([policy.flat], settings.rate, eps=1e-5, fused=True)
+    rounds = max(1, steps // (T * n))
+    for k in range(rounds):
+        # Numbers that run away are looked for, and told by `Diverged`.
+        with one_thread(), np.errstate(all="ignore"):
+            if settings.anneal:
+                optimiser.param_groups[0]["lr"] = settings.rate * (1.0 - k / rounds)
+            batch = runner.collect(policy)
+            table = judged(batch, runner.scaled(batch), policy, settings)
+            error = table.advantages
+            kl, clipped = improve(policy, table, optimiser, runner.rng, settings)
+            if settings.normalise_observations:
+                rows = batch.observations[:T].reshape(-1, policy.normaliser.mean.size)
+                policy.normaliser.update(rows)
+                policy.normaliser.check("observations")
+        columns = np.array(batch.ended, dtype=float).reshape(-1, 3).T
+        yield Iteration(
+            (k + 1) * T * n, policy, columns[0], columns[1].astype(int), columns[2] > 0.0, kl,
+            clipped, float(np.mean(error**2)), float(policy.log_std.detach().exp().mean()),
+        )  # fmt: skip

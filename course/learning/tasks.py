@@ -1,0 +1,334 @@
+"""Tasks for imitation, each the smallest that shows one point, and what is known of it exactly.
+
+All are driven by `roll`: states are what a policy sees, one row for each run, as in the vector
+environments and in PyTorch. An expert is a method of its task.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import count, finite, positive, refused, vector
+
+Array = NDArray[np.float64]
+Act = Callable[[Array, np.random.Generator], Array]
+
+
+class Task(Protocol):
+    """What `roll` needs."""
+
+    def step(self, states: Array, actions: Array, rng: np.random.Generator) -> Array:
+        """States (N, d) and actions (N, a) -> states (N, d) one step later."""
+
+
+class Runs(NamedTuple):
+    """Runs of one task, all of T steps: demonstrations, or what a policy did.
+
+    Attributes:
+        states: from the start to the end, shape (N, T + 1, d).
+        actions: that were taken, or labels of the expert in their place, shape (N, T, a).
+    """
+
+    states: Array
+    actions: Array
+
+
+def runs(states: Sequence[ArrayLike], actions: Sequence[ArrayLike]) -> Runs:
+    """Demonstrations out of two lists, a run each.
+
+    Raises:
+        ValueError: for fewer than two (one shows no spread), unequal length, or no finite number.
+    """
+    if len(states) < 2 or len(actions) != len(states):
+        sizes = (len(states), len(actions))
+        raise refused("numbers of states and actions", sizes, "two runs or more, as many of both")
+    for name, each in (("states", states), ("actions", actions)):
+        for k, run in enumerate(each):
+            vector(f"{name}[{k}]", run, np.shape(each[0]))
+    table = Runs(np.array(states, dtype=float), np.array(actions, dtype=float))
+    if table.states.shape[1] != table.actions.shape[1] + 1 or not table.actions.size:
+        raise refused("steps", table.actions.shape[1], "one less than states, from 1 on")
+    return table
+
+
+def windows(shown: Runs, length: int) -> tuple[Array, Array]:
+    """What is seen at each step, and the chunk of actions that follows.
+
+    Where a run ends within a chunk, it goes on with zeros: an action is a displacement, so it
+    stands still. A chunk is at most as long as a demonstration.
+
+    Returns:
+        States (N T, d) and chunks (N T, length, a), those of the first run first.
+    """
+    number, steps, size = shown.actions.shape
+    if number < 2:
+        raise refused("demonstrations", number, "two or more: one shows no spread")
+    count("length", length, 1, steps)
+    filled = np.concatenate((shown.actions, np.zeros((number, length - 1, size))), axis=1)
+    cut = np.lib.stride_tricks.sliding_window_view(filled, length, axis=1)  # (N, T, a, length)
+    chunks = np.swapaxes(cut, 2, 3).reshape(number * steps, length, size)
+    return shown.states[:, :-1].reshape(number * steps, -1), chunks
+
+
+def roll(
+    task: Task, act: Act, starts: ArrayLike, steps: int, rng: np.random.Generator, *,
+    injected: float = 0.0,
+) -> Runs:  # fmt: skip
+    """Let a policy drive; what is recorded are its own actions, without what was injected.
+
+    Args:
+        act: states (N, d), generator -> actions (N, a). What remembers (an executor of chunks)
+            has `reset()`, called before the first step.
+        starts: states, (N, d).
+        injected: deviation of noise on each action (DART; Laskey et al., CoRL 2017).
+
+    Raises:
+        ValueError: for an action that is not finite, with its step.
+    """
+    state = vector("starts", starts, (None, None))
+    count("steps", steps, 1)
+    getattr(act, "reset", lambda: None)()
+    states, actions = [state], []
+    for k in range(steps):
+        action = vector(f"action at step {k}", act(state, rng), (len(state), None))
+        noise = injected * rng.standard_normal(action.shape) if injected else 0.0
+        state = task.step(state, action + noise, rng)
+        states.append(state)
+        actions.append(action)
+    return Runs(np.stack(states, axis=1), np.stack(actions, axis=1))
+
+
+# --- two ways round an obstacle -------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class TwoWays:
+    """A point goes from (0, 0) to (1, 0), left or right of a disc; an action is a displacement.
+
+    Attributes:
+        noise: deviation of what disturbs each step [m].
+        steps: of a way without pauses.
+        centre, radius: of the disc [m].
+        width, scatter, jitter: how far aside demonstrations pass, how much that differs between
+            them, and how much each point of a way is off [m].
+        reach: a run has to end so near to (1, 0) [m].
+    """
+
+    noise: float = 0.0
+    steps: int = 16
+    centre: float = 0.5
+    radius: float = 0.2
+    width: float = 0.35
+    scatter: float = 0.03
+    jitter: float = 0.005
+    reach: float = 0.15
+
+    def starts(self, number: int, rng: np.random.Generator) -> Array:
+        """Places about (0, 0), shape (number, 2) [m]."""
+        return 0.02 * rng.standard_normal((count("number", number, 1), 2))
+
+    def step(self, states: Array, actions: Array, rng: np.random.Generator) -> Array:
+        """The places a step later [m]."""
+        disturbed = self.noise * rng.standard_normal(states.shape) if self.noise else 0.0
+        return states + actions + disturbed
+
+    def demonstrate(
+        self, number: int, seed: int, *, left: float = 0.5, pause: int = 0, injected: float = 0.0
+    ) -> Runs:
+        """People who pass left or right, and may stop for a look a quarter of the way.
+
+        Args:
+            left: chance that one passes left, at positive y.
+            pause: steps without motion, after a quarter of the others.
+            injected: deviation of noise that pushes the point off its way at each step [m]; the
+                label is what brings it back.
+        """
+        rng = np.random.default_rng((count("seed", seed), 91))
+        start = self.starts(number, rng)
+        side = np.where(rng.random(number) < finite("left", left, 0.0, 1.0), 1.0, -1.0)
+        width = side * (self.width + self.scatter * rng.standard_normal(number))
+        part = np.linspace(0.0, 1.0, self.steps + 1)
+        way = start[:, None] * (1.0 - part)[:, None]
+        way[..., 0] += part
+        way[..., 1] += width[:, None] * np.sin(np.pi * part)
+        way[:, 1:] += self.jitter * rng.standard_normal(way[:, 1:].shape)
+        way = np.insert(way, [self.steps // 4] * count("pause", pause), 0.0, axis=1)
+        if pause:
+            first = self.steps // 4
+            way[:, first : first + pause] = way[:, [first + pause]]
+        pushed = way.copy()
+        pushed[:, 1:] += finite("injected", injected, 0.0) * rng.standard_normal(way[:, 1:].shape)
+        return Runs(pushed, way[:, 1:] - pushed[:, :-1])
+
+    def sides(self, states: ArrayLike) -> NDArray[np.int64]:
+        """+1 for each run (N, T + 1, 2) that passed left, -1 right, 0 if it hit or did not arrive.
+
+        A way is the line through its points.
+        """
+        way = vector("states", states, (None, None, 2))
+        a, d = way[:, :-1] - [self.centre, 0.0], np.diff(way, axis=1)
+        along = -np.sum(a * d, axis=2) / np.maximum(np.sum(d * d, axis=2), 1e-12)
+        near = a + np.clip(along, 0.0, 1.0)[..., None] * d
+        clear = np.all(np.hypot(near[..., 0], near[..., 1]) >= self.radius, axis=1)
+        there = np.hypot(way[:, -1, 0] - 1.0, way[:, -1, 1]) <= self.reach
+        beside = way[np.arange(len(way)), np.argmin(np.abs(way[..., 0] - self.centre), axis=1), 1]
+        return np.where(clear & there, np.sign(beside), 0.0).astype(np.int64)
+
+
+# --- contexts: one right action a step ------------------------------------------------------------
+
+
+def context_costs(
+    wrong: ArrayLike, steps: int, number: int, rng: np.random.Generator, *, recovers: bool
+) -> Array:
+    """Steps that a copied table spends wrong in each of some episodes.
+
+    Every step shows one of K contexts, drawn evenly. Without recovery the first wrong action is a
+    fall: no demonstration shows what to do then, all later steps are wrong too.
+
+    Args:
+        wrong: whether the table's action is wrong in each context, shape (K,).
+
+    Returns:
+        Cost of each episode, shape (number,).
+    """
+    table = np.asarray(wrong, dtype=bool)
+    shape = (count("number", number, 1), count("steps", steps, 1))
+    missed = table[rng.integers(len(table), size=shape)]
+    if not recovers:
+        missed = np.logical_or.accumulate(missed, axis=1)
+    return missed.sum(axis=1).astype(float)
+
+
+def expected_cost(share: ArrayLike, steps: ArrayLike, *, recovers: bool) -> Array:
+    """Mean of `context_costs` for a share of wrong contexts.
+
+    eps T with recovery; without it the sum of 1 - (1 - eps)^t for t = 1 ... T, about eps T^2 / 2
+    as long as eps T is small (Ross and Bagnell, Efficient reductions for imitation learning, 2010),
+    and never more than T.
+    """
+    eps, T = np.asarray(share, dtype=float), np.asarray(steps, dtype=float)
+    if recovers:
+        return eps * T
+    kept = 1.0 - eps
+    with np.errstate(divide="ignore", invalid="ignore"):
+        summed = T - kept * (1.0 - kept**T) / eps
+    return np.where(eps == 0.0, 0.0, summed)
+
+
+def accumulated(a: float, error: float, steps: int) -> Array:
+    """Sum of |x| up to each step of x' = a x + error from x = 0, shape (steps,)."""
+    x, path = 0.0, np.empty(count("steps", steps, 1))
+    for k in range(steps):
+        x = a * x + error
+        path[k] = abs(x)
+    return np.cumsum(path)
+
+
+# --- a regulator with a perfect expert ------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Regulator:
+    """An inverted pendulum near the top, x = (angle, rate), and a linear expert u = -K x.
+
+    x'' = stiffness x + u in steps of dt, by the exact solution with u held. The expert's closed
+    loop has the real eigenvalues exp(-slow dt) and exp(-fast dt).
+
+    Attributes:
+        stiffness: gravity over length [1/s^2].
+        dt: step [s].
+        slow, fast: rates of decay [1/s].
+        A, B, K: of the step x' = A x + B u (2, 2), (2,), and of the expert (2,).
+    """
+
+    stiffness: float = 4.0
+    dt: float = 0.05
+    slow: float = 1.0
+    fast: float = 4.0
+    A: Array = field(init=False)
+    B: Array = field(init=False)
+    K: Array = field(init=False)
+
+    def __post_init__(self) -> None:
+        w, h = np.sqrt(positive("stiffness", self.stiffness)), positive("dt", self.dt)
+        c, s = np.cosh(w * h), np.sinh(w * h)
+        A, B = np.array([[c, s / w], [w * s, c]]), np.array([(c - 1.0) / w**2, s / w])
+        poles = np.exp(-h * np.array([self.slow, self.fast]))
+        wanted = A @ A - poles.sum() * A + poles.prod() * np.eye(2)  # Ackermann's formula
+        K = np.linalg.solve(np.stack((B, A @ B)), np.array([0.0, 1.0])) @ wanted
+        for name, value in (("A", A), ("B", B), ("K", K)):
+            object.__setattr__(self, name, value)
+
+    def closed(self, gain: ArrayLike) -> Array:
+        """The loop A - B gain, shape (2, 2)."""
+        return self.A - np.outer(self.B, vector("gain", gain, (2,)))
+
+    def radius(self, gain: ArrayLike) -> float:
+        """Spectral radius of the loop; unstable above 1."""
+        return float(np.abs(np.linalg.eigvals(self.closed(gain))).max())
+
+    def slow_mode(self) -> Array:
+        """The direction in which the expert's loop decays most slowly, of length 1, shape (2,)."""
+        values, vectors = np.linalg.eig(self.closed(self.K))
+        return vectors[:, np.argmax(np.abs(values))].real
+
+    def starts(self, number: int, rng: np.random.Generator) -> Array:
+        """States on the slow mode, as a loop is that has run for a while, shape (number, 2)."""
+        return rng.uniform(0.5, 1.5, (count("number", number, 1), 1)) * self.slow_mode()
+
+    def step(self, states: Array, actions: Array, rng: np.random.Generator) -> Array:
+        """The states a step later."""
+        return states @ self.A.T + actions * self.B
+
+    def expert(self, states: Array, rng: np.random.Generator) -> Array:
+        """-K x of each row, shape (N, 1)."""
+        return -(states @ self.K)[:, None]
+
+
+# --- circling, which is stable by itself ----------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A cart of speed 1 keeps to a circle of radius 1; the action is its rate of turning [rad/s].
+
+    States are (x, y, cos, sin) of place and heading. The expert's loop, linear in the distance
+    from the circle and the heading against its tangent, has a double root at -2 / s.
+    """
+
+    dt: float = 0.1
+
+    def starts(self, number: int, rng: np.random.Generator) -> Array:
+        """On the circle and along it, a little off, shape (number, 4)."""
+        place, turn, far = rng.standard_normal((3, count("number", number, 1)))
+        place *= np.pi
+        heading, r = place + 0.5 * np.pi + 0.05 * turn, 1.0 + 0.05 * far
+        both = r * np.cos(place), r * np.sin(place), np.cos(heading), np.sin(heading)
+        return np.stack(both, axis=1)
+
+    def step(self, states: Array, actions: Array, rng: np.random.Generator) -> Array:
+        """The states a step later: an arc with the rate held, exact."""
+        x, y, c, s = states.T
+        half = 0.5 * self.dt * actions[:, 0]
+        chord = self.dt * np.sinc(half / np.pi)  # of the arc
+        ch, sh = np.cos(half), np.sin(half)
+        mc, ms = c * ch - s * sh, s * ch + c * sh  # the heading half way
+        new = x + chord * mc, y + chord * ms, mc * ch - ms * sh, ms * ch + mc * sh
+        return np.stack(new, axis=1)
+
+    def expert(self, states: Array, rng: np.random.Generator) -> Array:
+        """The rate of turning, shape (N, 1)."""
+        x, y, c, s = states.T
+        r = np.maximum(np.hypot(x, y), 1e-3)
+        inward = np.arctan2(-(x * c + y * s) / r, (x * s - y * c) / r)  # heading from the tangent
+        return (np.cos(inward) / r + 4.0 * (r - 1.0) - 4.0 * inward)[:, None]
+
+    def cost(self, states: Array) -> Array:
+        """Distance from the circle, of states (..., 4)."""
+        return np.abs(np.hypot(states[..., 0], states[..., 1]) - 1.0)

@@ -1,0 +1,138 @@
+"""Many runs of one function, here or anywhere: seeds, ablations, maps of success.
+
+Where jobs run is whoever calls' choice, any `concurrent.futures.Executor`: processes of this
+machine, or a cluster by one line (Dask: `distributed.Client(address).get_executor()`). The results
+are the same at any number of workers, as long as each job has its own seed among its arguments.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor, as_completed
+from pathlib import Path
+from typing import Any, TypeVar
+
+from course.check import refused
+
+Result = TypeVar("Result")
+Job = Mapping[str, Any]
+
+
+class JobsFailed(RuntimeError):
+    """Some jobs of a sweep failed, and all the others are done.
+
+    Attributes:
+        results: of each job, in their order; None where it failed.
+        errors: number of a job -> what it raised.
+    """
+
+    def __init__(self, text: str, results: list[Any], errors: dict[int, BaseException]) -> None:
+        super().__init__(text)
+        self.results, self.errors = results, errors
+
+
+def sweep(
+    function: Callable[..., Result],
+    jobs: Sequence[Job],
+    executor: Executor | None = None,
+    *,
+    saved: str | Path | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[Result]:
+    """Call a function with each job's arguments.
+
+    Args:
+        function: at the top level of a module where another process is to find it.
+        jobs: keyword arguments of each call; no two alike. Compared by their text, so arguments are
+            numbers, words and dataclasses of them rather than arrays.
+        executor: who runs them; None for this process, one after the other.
+        saved: a file for the results that are there, written whole after each job and read first:
+            a sweep that was interrupted goes on where it was. Delete it when the function changes.
+        progress: called with the jobs that are done and all; None for a line on standard error at
+            each tenth, unless COURSE_QUIET is 1.
+
+    Returns:
+        The results in the order of the jobs.
+
+    Raises:
+        ValueError: for two jobs alike, and a file of another function.
+        JobsFailed: once all others are done, with the arguments of those that failed.
+    """
+    names = [_text(job) for job in jobs]
+    if len(set(names)) < len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise refused(
+            "jobs", f"two of {{{twice}}}", "jobs that differ, by a seed if by nothing else"
+        )
+    whose = f"{function.__module__}.{function.__qualname__}"
+    done = _read(saved, whose) if saved else {}
+    left = [i for i, name in enumerate(names) if name not in done]
+    errors: dict[int, BaseException] = {}
+    for over, (i, result, error) in enumerate(_run(function, jobs, left, executor), 1):
+        if error is None:
+            done[names[i]] = result
+            if saved:
+                _write(saved, whose, done)
+        else:
+            errors[i] = error
+        (progress or _tell)(len(names) - len(left) + over, len(names))
+    results: list[Any] = [done.get(name) for name in names]
+    if errors:
+        told = [f"({names[i]}): {type(e).__name__}: {e}" for i, e in sorted(errors.items())]
+        more = [f"and {len(told) - 5} more"] if len(told) > 5 else []
+        text = f"{len(errors)} of {len(names)} jobs failed: " + "; ".join(told[:5] + more)
+        if any(isinstance(e, BrokenExecutor) for e in errors.values()) and saved:
+            text += f". The executor broke; what is done is in {saved}: sweep again with a new one"
+        raise JobsFailed(text, results, errors) from next(iter(errors.values()))
+    return results
+
+
+def _run(
+    function: Any, jobs: Sequence[Job], left: list[int], executor: Executor | None
+) -> Iterator[tuple[int, Any, BaseException | None]]:
+    """Each job as it finishes: its number, and its result or what it raised."""
+    if executor is None:
+        for i in left:
+            try:
+                yield i, function(**jobs[i]), None
+            except Exception as error:
+                yield i, None, error
+        return
+    futures: dict[Any, int] = {}
+    for i in left:
+        try:
+            futures[executor.submit(function, **jobs[i])] = i
+        except BrokenExecutor as error:  # a worker died while we were still handing out
+            yield i, None, error
+    for future in as_completed(futures):
+        raised = future.exception()
+        yield futures[future], None if raised else future.result(), raised
+
+
+def _text(job: Job) -> str:
+    return ", ".join(f"{name}={job[name]!r}" for name in sorted(job))
+
+
+def _read(path: str | Path, whose: str) -> dict[str, Any]:
+    if not Path(path).exists():
+        return {}
+    with open(path, "rb") as file:
+        found, results = pickle.load(file)
+    if found != whose:
+        raise refused("saved", f"a file of {found}", f"one of {whose}, or a new one")
+    return results
+
+
+def _write(path: str | Path, whose: str, done: Mapping[str, Any]) -> None:
+    """The whole file at once: whoever is interrupted here leaves the one that was there."""
+    beside = Path(f"{path}.{os.getpid()}")
+    beside.write_bytes(pickle.dumps((whose, done)))
+    os.replace(beside, path)
+
+
+def _tell(done: int, jobs: int) -> None:
+    if os.environ.get("COURSE_QUIET") != "1" and 10 * done // jobs > 10 * (done - 1) // jobs:
+        print(f"{done} of {jobs} jobs", file=sys.stderr)

@@ -1,0 +1,31 @@
+"""Chapter 10: middleware and real time. What reaches whom, how old it is, and what is in time.
+
+The front door:
+
+    QoS(reliability, depth, ...), compatible(offered, requested)    who is heard by whom
+    Bus(seed), Bus.node(name), Link(delay, loss, ...)    nodes, topics, services, actions
+    Executor(bus, threads, order), respond(works), bounds(works)    who waits for whom, how long
+    run_chain(stages, phases)    chapter 0's chain on the bus
+    response_times(C, T), breakdown(C, T), schedule.run(C, T)    fixed priorities on one core
+"""
+
+from course.middleware.bus import ActionClient, Bus, Event, Future, Group, Link, Node, Sample
+from course.middleware.executor import Executor, Work, bounds, deadlocks, respond, run_chain
+from course.middleware.qos import PROFILES, QoS, compatible
+from course.middleware.schedule import (
+    blocking,
+    breakdown,
+    hyperbolic,
+    liu_layland,
+    random_sets,
+    response_times,
+    utilization,
+    warm,
+)
+
+__all__ = [
+    "PROFILES", "ActionClient", "Bus", "Event", "Executor", "Future", "Group", "Link", "Node",
+    "QoS", "Sample", "Work", "blocking", "bounds", "breakdown", "compatible", "deadlocks",
+    "hyperbolic", "liu_layland", "random_sets", "respond", "response_times", "run_chain",
+    "utilization", "warm",
+]  # fmt: skip

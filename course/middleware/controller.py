@@ -1,0 +1,117 @@
+"""The controller in C++: compiled with all warnings as errors and with sanitizers, and driven.
+
+`cpp/arm_controller.cpp` has ros2_control's shape, `cpp/callback_controller.cpp` the common form.
+`torques` is the same law here.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import vector
+
+Array = NDArray[np.float64]
+SOURCE = Path(__file__).parent / "cpp" / "drive.cpp"
+# No fused multiply-add: each operation is rounded by itself, as NumPy's is.
+FLAGS = (
+    "-std=c++17 -O1 -g -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Werror -ffp-contract=off"
+    " -fsanitize=address,undefined -fno-sanitize-recover=all"
+).split()
+
+
+def torques(
+    position: ArrayLike, velocity: ArrayLike, target: ArrayLike, stiffness: ArrayLike,
+    damping: ArrayLike, limit: ArrayLike,
+) -> Array:  # fmt: skip
+    """stiffness (target - position) - damping velocity, cut off at +-limit; all shape (n,).
+
+    Units: [rad], [rad/s], [rad], [N m/rad], [N m s/rad], [N m]; returns [N m].
+    """
+    q = vector("position", position, (None,))
+    v, goal, k, d = (
+        vector(name, value, q.shape)
+        for name, value in (("velocity", velocity), ("target", target),
+                            ("stiffness", stiffness), ("damping", damping))
+    )  # fmt: skip
+    most = vector("limit", limit, q.shape, low=0.0)
+    return np.clip(k * (goal - q) - d * v, -most, most)
+
+
+def compiler() -> str | None:
+    """The C++ compiler of this machine (CXX, g++ or clang++), or None."""
+    names = (os.environ.get("CXX", ""), "g++", "clang++")
+    return next((found for name in names if name and (found := shutil.which(name))), None)
+
+
+def build(folder: Path) -> Path:
+    """Compile the driver with both controllers into `folder`.
+
+    Raises:
+        FileNotFoundError: there is no compiler.
+        RuntimeError: it did not compile; the text is the compiler's.
+    """
+    if (name := compiler()) is None:
+        raise FileNotFoundError("this needs a C++ compiler: g++ or clang++")
+    made = folder / "drive"
+    done = subprocess.run(
+        [name, *FLAGS, str(SOURCE), "-o", str(made)], capture_output=True, text=True, timeout=300
+    )
+    if done.returncode:
+        raise RuntimeError(done.stderr)
+    return made
+
+
+@dataclass(frozen=True)
+class Driven:
+    """What came of the rows.
+
+    Attributes:
+        code: of the process: 0, or what the sanitizer or a refusal made of it.
+        good: of each row, whether the controller was content.
+        allocations: in each row, inside update or the callback.
+        torque: of each row [N m].
+        report: what the sanitizer said, its first line that names the fault, or "".
+    """
+
+    code: int
+    good: list[bool]
+    allocations: list[int]
+    torque: list[list[float]]
+    report: str
+
+
+def drive(
+    program: Path, mode: str, first: Sequence[Sequence[float]] | Array,
+    rows: Sequence[Sequence[float]] | Array,
+) -> Driven:  # fmt: skip
+    """Run one of the controllers.
+
+    Args:
+        program: what `build` made.
+        mode: "update", where `first` is target, stiffness, damping, limit and a row positions and
+            velocities; or "callback", where `first` is the targets and a row the number of
+            positions, those, the number of velocities, those.
+        first, rows: as above.
+    """
+    text = "\n".join(" ".join(f"{value:.17g}" for value in row) for row in (*first, *rows))
+    done = subprocess.run(
+        [str(program), mode, str(len(first[0])), str(len(rows))],
+        input=text, capture_output=True, text=True, timeout=60,
+    )  # fmt: skip
+    found = [line.split() for line in done.stdout.splitlines()]
+    faults = [line for line in done.stderr.splitlines() if "ERROR: " in line or "error: " in line]
+    return Driven(
+        done.returncode,
+        [line[0] == "1" for line in found],
+        [int(line[1]) for line in found],
+        [[float(value) for value in line[2:]] for line in found],
+        faults[0].split("ror: ")[-1].split("ERROR: ")[-1] if faults else "",
+    )

@@ -1,0 +1,134 @@
+"""Priority inversion on the running system: three processes, one core, one lock.
+
+The low one holds the lock, the high one wants it, the middle one wants nothing but the core. With
+an ordinary lock the high one waits for both; if the lock hands its waiter's priority to its holder,
+for the holder only. Source: Sha, Rajkumar and Lehoczky, Priority inheritance protocols, 1990; POSIX
+pthread_mutexattr_setprotocol.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import time
+from dataclasses import dataclass
+from multiprocessing.shared_memory import SharedMemory
+from typing import Any
+
+from course.check import finite, positive
+from course.middleware.loop import become, compute
+from course.middleware.transport import elsewhere
+
+PRIORITIES = {"low": 10, "middle": 20, "high": 30}
+_PROCESS_SHARED, _INHERIT, _PATIENCE = 1, 1, 10.0  # pthread.h, pthread.h, s
+
+
+@dataclass(frozen=True)
+class Inversion:
+    """What was measured.
+
+    Attributes:
+        wait: of the high process for the lock [s]; NaN where the system refused.
+        theory: the same, if nobody else had the core [s].
+        order: who was done when, first to last.
+        refused: why nothing was measured, or "".
+    """
+
+    wait: float
+    theory: float
+    order: tuple[str, ...]
+    refused: str = ""
+
+
+def measure(
+    inherit: bool, holds: float = 0.02, middle: float = 0.1, core: int | None = None
+) -> Inversion:
+    """Let them run once.
+
+    Args:
+        inherit: whether the holder of the lock runs at the priority of who waits for it.
+        holds: processor time for which the low one holds the lock [s].
+        middle: processor time of the middle one [s], at most a second: nobody ordinary runs on that
+            core meanwhile.
+        core: that all three share; by default the last that this process may use.
+
+    Returns:
+        The wait; where SCHED_FIFO is not permitted, the reason.
+    """
+    positive("holds", holds, unit="s")
+    finite("middle", middle, 0.0, 1.0, unit="s")
+    theory = holds + (0.0 if inherit else middle)
+    if not hasattr(os, "sched_setaffinity"):
+        return Inversion(float("nan"), theory, (), "this system has no SCHED_FIFO")
+    core = max(os.sched_getaffinity(0)) if core is None else core
+    processes = elsewhere()
+    shared = SharedMemory(create=True, size=256)
+    told: Any = processes.SimpleQueue()
+    gates = {name: processes.Semaphore(0) for name in PRIORITIES}
+    children = [
+        processes.Process(
+            target=_part, args=(name, shared.name, gates, told, core, work, inherit), daemon=True
+        )
+        for name, work in (("low", holds), ("middle", middle), ("high", 0.0))
+    ]
+    try:
+        _make_lock(shared, inherit)
+        for child in children:
+            child.start()
+        ready = [told.get() for _ in children]  # each says what it was refused
+        refused = next((text for text in ready if text), "")
+        if refused:
+            return Inversion(float("nan"), theory, (), refused)
+        gates["low"].release()
+        done = sorted(told.get() for _ in children)
+        (wait,) = (waited for _, name, waited in done if name == "high")
+        return Inversion(wait, theory, tuple(name for _, name, _ in done))
+    finally:
+        for child in children:
+            if child.pid:
+                child.kill()
+                child.join()
+        shared.close()
+        shared.unlink()
+
+
+def _make_lock(shared: SharedMemory, inherit: bool) -> None:
+    """A pthread mutex in shared memory; its size is 40 bytes on 64-bit Linux."""
+    libc, attributes = ctypes.CDLL(None), ctypes.create_string_buffer(64)
+    libc.pthread_mutexattr_init(attributes)
+    libc.pthread_mutexattr_setpshared(attributes, _PROCESS_SHARED)
+    libc.pthread_mutexattr_setprotocol(attributes, _INHERIT if inherit else 0)
+    lock = ctypes.c_char.from_buffer(shared.buf)  # type: ignore[arg-type]
+    libc.pthread_mutex_init(ctypes.byref(lock), attributes)
+
+
+def _part(
+    name: str, memory: str, gates: dict[str, Any], told: Any, core: int, work: float, inherit: bool
+) -> None:
+    """One of the three. The gates open in the order low, high, middle."""
+    libc = ctypes.CDLL(None)
+    shared = SharedMemory(memory)
+    lock = ctypes.c_char.from_buffer(shared.buf)  # type: ignore[arg-type]
+    limit = (ctypes.c_long * 2)(int(time.time() + _PATIENCE), 0)
+    try:
+        os.sched_setaffinity(0, {core})
+        become(PRIORITIES[name])
+    except OSError as error:
+        told.put(f"SCHED_FIFO was refused: {error}")
+        return
+    told.put("")
+    if not gates[name].acquire(timeout=_PATIENCE):
+        return
+    start = time.monotonic()
+    if name == "middle":
+        compute(work)
+    else:
+        libc.pthread_mutex_timedlock(ctypes.byref(lock), limit)
+        waited = time.monotonic() - start
+        if name == "low":
+            gates["high"].release()  # which runs at once, until it waits for the lock
+            gates["middle"].release()
+            compute(work)
+        libc.pthread_mutex_unlock(ctypes.byref(lock))
+    told.put((time.monotonic(), name, waited if name == "high" else 0.0))
+    time.sleep(_PATIENCE)  # until it is ended: leaving takes time on the core, too

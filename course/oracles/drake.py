@@ -1,0 +1,317 @@
+"""Drake asked for the scenes of chapter 3.
+
+A discrete plant is stepped by `Simulator.AdvanceTo`, one call for all steps, in Drake's own loop;
+so is a continuous one, with the integrator of the scheme at a fixed step. Scenes of joints are
+parsed by Drake from their URDF text; bodies are boxes with a free joint, or on a rail.
+
+Free bodies have their origin at their centre. The ground is a box of 1 m below z = 0, as is
+recommended for contact by patches: a half space gives the same motion and a warning.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from course.check import positive
+from course.platforms.contract import (
+    FAIR,
+    NO_CONTACTS,
+    Array,
+    Change,
+    ContactReport,
+    Engine,
+    Run,
+    Settings,
+    State,
+    slip_of,
+)
+from course.platforms.scenes import Scene
+from course.rigid_body import quaternion
+
+MODULUS = 1e6  # of the boxes [Pa]; one on the ground sinks by its pressure over this, of its half
+_GROUND = 100.0  # side of the ground [m]
+OPTIONS = (
+    "contact", "approximation", "stiction", "modulus", "stiffness", "relaxation", "accuracy",
+)  # fmt: skip
+
+
+def library() -> ModuleType:
+    """The parts of Drake that are needed, as one module.
+
+    Raises:
+        ImportError: it is not installed; the text says what to install.
+    """
+    try:
+        import pydrake.multibody.plant
+    except ImportError as error:
+        raise ImportError(Drake().missing() or str(error)) from error
+    import pydrake.geometry
+    import pydrake.math
+    import pydrake.multibody.math
+    import pydrake.multibody.parsing
+    import pydrake.multibody.tree
+    import pydrake.systems.analysis
+    import pydrake.systems.framework
+
+    return pydrake
+
+
+class Drake(Engine):
+    """Drake, of the Toyota Research Institute; https://drake.mit.edu.
+
+    Its discrete plant is shipped with the contact approximation `lagged`, and stays so: with `sap`
+    and `similar` a box that slides glides above the ground and hops (Castro et al. 2022, An
+    unconstrained convex formulation of compliant contact, on the gliding of convex approximations).
+
+    Options: `contact` ("point", "hydroelastic_with_fallback"), `approximation` ("lagged", "sap",
+    "similar"), `stiction` (its `stiction_tolerance` [m/s]), `modulus` of the boxes [Pa],
+    `stiffness` of points [N/m], `relaxation` (of `sap` [s]), `accuracy` (of a continuous scheme,
+    whose step is then chosen, at most dt).
+    """
+
+    name = "Drake"
+    schemes = ("discrete", "runge_kutta2", "runge_kutta3", "runge_kutta5", "implicit_euler")
+    changes = (
+        Change(
+            "hydroelastic", "proximity properties", "none, so contact by points",
+            f"compliant boxes of {MODULUS:.0e} Pa on a rigid ground",
+            "Between two boxes a contact by points is one point, on which a box tips.",
+            "Drake 1.51 (2026), Hydroelastic Contact User Guide", "bodies",
+        ),
+    )  # fmt: skip
+
+    def missing(self) -> str:
+        if importlib.util.find_spec("pydrake"):
+            return ""
+        return "this needs Drake: make platforms, or pip install 'drake>=1.45'"
+
+    def version(self) -> str:
+        return "" if self.missing() else importlib.metadata.version("drake")
+
+    def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> DrakeRun:
+        return DrakeRun(self, scene, dt, settings)
+
+
+class DrakeRun(Run):
+    """A diagram of plant and geometry with its simulator.
+
+    Attributes:
+        plant, simulator, context: Drake's own; the context is the plant's.
+    """
+
+    def __init__(self, engine: Drake, scene: Scene, dt: float, settings: Settings) -> None:
+        drake = library()
+        self.scene, self.dt = scene, positive("dt", dt, unit="s")
+        self._drake, self._settings = drake, settings
+        scheme, options = settings.checked(engine, OPTIONS), settings.options
+        discrete = scheme == "discrete"
+        config = drake.multibody.plant.MultibodyPlantConfig(time_step=dt if discrete else 0.0)
+        approximation = options.get("approximation", config.discrete_contact_approximation)
+        config.discrete_contact_approximation = approximation
+        config.contact_model = options.get("contact", config.contact_model)
+        config.stiction_tolerance = options.get("stiction", config.stiction_tolerance)
+        builder = drake.systems.framework.DiagramBuilder()
+        plant, self._graph = drake.multibody.plant.AddMultibodyPlant(config, builder)
+        self.plant = plant
+        self._bodies: list[Any] = []
+        if scene.urdf:
+            drake.multibody.parsing.Parser(plant).AddModelsFromString(scene.urdf, "urdf")
+            plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+        self._add_bodies()
+        plant.mutable_gravity_field().set_gravity_vector(np.array(scene.gravity))
+        plant.Finalize()
+        joints = [plant.GetJointByName(name) for name in scene.joints]
+        self._at = np.array([joint.position_start() for joint in joints], dtype=int)
+        simulator = drake.systems.analysis.Simulator(builder.Build())
+        if not discrete:
+            wanted = drake.systems.analysis.SimulatorConfig(
+                integration_scheme=scheme, max_step_size=dt,
+                use_error_control="accuracy" in options,
+                accuracy=options.get("accuracy", 1e-4),
+            )  # fmt: skip
+            drake.systems.analysis.ApplySimulatorConfig(wanted, simulator)
+        self.simulator = simulator
+        self.context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
+        self._steps = 0
+        self._push()
+        self._start()
+        self._first = simulator.get_context().Clone()
+
+    # --- building -----------------------------------------------------------------------------
+
+    def _properties(self, rigid: bool) -> Any:
+        geometry, options = self._drake.geometry, self._settings.options
+        friction = self._drake.multibody.plant.CoulombFriction(*[self.scene.friction] * 2)
+        found = geometry.ProximityProperties()
+        geometry.AddContactMaterial(
+            dissipation=None, point_stiffness=options.get("stiffness"), friction=friction,
+            properties=found,
+        )  # fmt: skip
+        if "relaxation" in options:
+            found.AddProperty("material", "relaxation_time", options["relaxation"])
+        if self._settings.applies("hydroelastic"):
+            if rigid:
+                geometry.AddRigidHydroelasticProperties(resolution_hint=_GROUND, properties=found)
+            else:
+                geometry.AddCompliantHydroelasticProperties(
+                    resolution_hint=1.0, properties=found,
+                    hydroelastic_modulus=options.get("modulus", MODULUS),
+                )  # fmt: skip
+        return found
+
+    def _add_bodies(self) -> None:
+        drake, plant, scene = self._drake, self.plant, self.scene
+        tree, geometry = drake.multibody.tree, drake.geometry
+        self._numbers: dict[Any, int] = {}
+        if scene.ground:
+            place = drake.math.RigidTransform([0.0, 0.0, -0.5])
+            ground = plant.RegisterCollisionGeometry(
+                plant.world_body(), place, geometry.Box(_GROUND, _GROUND, 1.0), "ground",
+                self._properties(rigid=True),
+            )  # fmt: skip
+            self._numbers[ground] = -1
+        for i, body in enumerate(scene.bodies):
+            unit = tree.UnitInertia(*(np.array(body.moments) / body.mass))
+            part = plant.AddRigidBody(body.name, tree.SpatialInertia(body.mass, np.zeros(3), unit))
+            self._bodies.append(part)
+            if body.half:
+                shape = geometry.Box(*(2.0 * np.array(body.half)))
+                here = drake.math.RigidTransform()
+                properties = self._properties(rigid=False)
+                found = plant.RegisterCollisionGeometry(part, here, shape, body.name, properties)
+                self._numbers[found] = i
+            if body.guide:
+                pose = np.array(body.pose)
+                place, world = self._transform(pose), plant.world_frame()
+                rail = plant.AddFrame(tree.FixedOffsetFrame(f"{body.name} rail", world, place))
+                axis = quaternion.rotate(quaternion.conjugate(pose[3:]), np.array(body.guide))
+                slide = tree.PrismaticJoint(f"{body.name} slide", rail, part.body_frame(), axis)
+                plant.AddJoint(slide)
+
+    def _transform(self, pose: Array) -> Any:
+        turn = self._drake.math.RotationMatrix(quaternion.to_matrix(pose[3:]))
+        return self._drake.math.RigidTransform(turn, pose[:3])
+
+    def _push(self) -> None:
+        """The constant forces of the scene, at the centres."""
+        drake, pushes = self._drake, []
+        for body, part in zip(self.scene.bodies, self._bodies, strict=True):
+            if any(body.force):
+                push = drake.multibody.plant.ExternallyAppliedSpatialForce()
+                push.body_index, push.p_BoBq_B = part.index(), np.zeros(3)
+                push.F_Bq_W = drake.multibody.math.SpatialForce(np.zeros(3), np.array(body.force))
+                pushes.append(push)
+        if pushes:
+            port = self.plant.get_applied_spatial_force_input_port()
+            port.FixValue(self.context, drake.common.value.AbstractValue.Make(pushes))
+
+    def _start(self) -> None:
+        start, plant, context = self.scene.start, self.plant, self.context
+        if self.scene.urdf:
+            q = np.zeros(plant.num_positions())
+            q[self._at] = start.q
+            plant.SetPositions(context, q)
+        for body, part, pose in zip(self.scene.bodies, self._bodies, start.q.T, strict=False):
+            if not body.guide:
+                plant.SetFreeBodyPose(context, part, self._transform(pose))
+        self.set_velocity(start.v)
+        self.simulator.Initialize()
+
+    # --- running ------------------------------------------------------------------------------
+
+    def run(self, steps: int) -> None:
+        self._steps += steps
+        self.simulator.AdvanceTo(self._steps * self.dt)
+
+    def state(self) -> State:
+        plant, context = self.plant, self.context
+        time = context.get_time()
+        if self.scene.urdf:
+            q, v = plant.GetPositions(context), plant.GetVelocities(context)
+            return State(time, q[self._at], v[self._at])
+        q, v = np.empty((7, len(self._bodies))), np.empty((6, len(self._bodies)))
+        for i, part in enumerate(self._bodies):
+            pose = plant.EvalBodyPoseInWorld(context, part)
+            speed = plant.EvalBodySpatialVelocityInWorld(context, part)
+            q[:3, i], q[3:, i] = pose.translation(), pose.rotation().ToQuaternion().wxyz()
+            v[:3, i] = speed.translational()
+            v[3:, i] = pose.rotation().matrix().T @ speed.rotational()
+        return State(time, q, v)
+
+    def energy(self) -> float:
+        plant, context = self.plant, self.context
+        found = plant.CalcKineticEnergy(context) + plant.CalcPotentialEnergy(context)
+        for body, part in zip(self.scene.bodies, self._bodies, strict=True):
+            place = plant.EvalBodyPoseInWorld(context, part).translation()
+            found -= float(np.dot(body.force, place))
+        return float(found)
+
+    def contacts(self) -> ContactReport:
+        if not self._steps or not self._numbers:
+            return NO_CONTACTS
+        plant, rows = self.plant, []
+        results = plant.get_contact_results_output_port().Eval(self.context)
+        for i in range(results.num_point_pair_contacts()):
+            info = results.point_pair_contact_info(i)
+            pair = info.point_pair()
+            rows.append((pair.id_A, pair.id_B, info.contact_point(), info.contact_force()))
+        for i in range(results.num_hydroelastic_contacts()):
+            info = results.hydroelastic_contact_info(i)
+            patch = info.contact_surface()
+            # The force on A, the body of M, at the patch's centroid.
+            force = -info.F_Ac_W().translational()
+            rows.append((patch.id_M(), patch.id_N(), patch.centroid(), force))
+        if not rows:
+            return NO_CONTACTS
+        query = plant.get_geometry_query_input_port().Eval(self.context)
+        bodies = np.empty((2, len(rows)), dtype=np.int64)
+        point, normal, force, gap = *np.empty((3, 3, len(rows))), np.empty(len(rows))
+        for k, (first, second, place, push) in enumerate(rows):
+            if self._numbers[second] < self._numbers[first]:
+                first, second, push = second, first, -push
+            bodies[:, k] = self._numbers[first], self._numbers[second]
+            near = query.ComputeSignedDistancePairClosestPoints(first, second)
+            point[:, k], force[:, k], gap[k] = place, push, near.distance
+            # Drake's gradient points from B into A.
+            side = 1.0 if near.id_B == first else -1.0
+            normal[:, k] = side * near.nhat_BA_W
+        now = self.state()
+        return ContactReport(
+            bodies, point, normal, gap, force, slip_of(now.q, now.v, bodies, point, normal)
+        )
+
+    def set_velocity(self, v: Array) -> None:
+        plant, context = self.plant, self.context
+        if self.scene.urdf:
+            rates = np.zeros(plant.num_velocities())
+            rates[self._at] = v
+            plant.SetVelocities(context, rates)
+        for body, part, w in zip(self.scene.bodies, self._bodies, v.T, strict=False):
+            if body.guide:
+                joint = plant.GetJointByName(f"{body.name} slide")
+                joint.set_translation_rate(context, float(np.dot(body.guide, w[:3])))
+            else:
+                turn = plant.EvalBodyPoseInWorld(context, part).rotation().matrix()
+                speed = self._drake.multibody.math.SpatialVelocity(turn @ w[3:], w[:3])
+                plant.SetFreeBodySpatialVelocity(context, part, speed)
+
+    def set_torque(self, torque: Array) -> None:
+        found = np.zeros(self.plant.num_velocities())
+        found[self._at] = torque
+        self.plant.get_applied_generalized_force_input_port().FixValue(self.context, found)
+
+    def reset(self) -> None:
+        self.restore((self._first, 0))
+
+    def save(self) -> Any:
+        return self.simulator.get_context().Clone(), self._steps
+
+    def restore(self, saved: Any) -> None:
+        context, self._steps = saved
+        self.simulator.get_mutable_context().SetTimeStateAndParametersFrom(context)
+        self.simulator.Initialize()

@@ -1,0 +1,255 @@
+"""MuJoCo as an engine of chapter 3: scenes as MJCF or URDF, as shipped and fair.
+
+`run(steps)` is one call of `mj_step` with nstep. MuJoCo puts a contact's normal from its first geom
+to the second, tells forces in the contact's frame, and keeps contacts and forces of a step in its
+data until the next one: what the contract asks for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from course.check import count, positive, vector
+from course.oracles.mujoco.kit import ALWAYS_OFF, CONTACT_OFF, MUJOCO_INTEGRATORS, library
+from course.platforms.contract import (
+    FAIR,
+    NO_CONTACTS,
+    Array,
+    Change,
+    ContactReport,
+    Engine,
+    Run,
+    Settings,
+    State,
+    slip_of,
+)
+from course.platforms.scenes import Body, Scene
+
+_TUNING = "MuJoCo 4.0 manual (2026), Modeling, Tuning and default values"
+CHANGES = (
+    Change(
+        "cone", "option/cone", "pyramidal", "elliptic",
+        "The scenes ask for Coulomb's round cone; a pyramid inside it brakes less off its axes.",
+        _TUNING, "bodies",
+    ),
+    Change(
+        "impratio", "option/impratio", "1", "10",
+        "Friction ten times as hard as the normal: a part that should stick creeps less.",
+        _TUNING, "bodies",
+    ),
+    Change(
+        "solref", "geom/solref", "0.02 1", "0.005 1, or 2 dt",
+        "The scenes ask for rigid contact. A shorter one throws a block that slides off its slope.",
+        _TUNING, "bodies",
+    ),
+    Change(
+        "solimp", "geom/solimp", "0.9 0.95 0.001", "0.95 0.99 0.001",
+        "Less of a load is left to softness: half the sag at rest and half the creep.",
+        _TUNING, "bodies",
+    ),
+    Change(
+        "autoreset", "option/flag/autoreset", "enable", "disable",
+        "A state that diverges is put back to the start, and the run would look stable.",
+        "MuJoCo 4.0 manual (2026), XML reference, option/flag",
+    ),
+    Change(
+        "constraint", "option/flag/constraint, contact", "enable", "disable",
+        "Nothing touches and no limit acts: the solver is not asked. The motion stays the same.",
+        "MuJoCo 4.0 manual (2026), XML reference, option/flag", "joints",
+    ),
+)  # fmt: skip
+OPTIONS = ("cone", "impratio", "solref", "solimp", "noslip_iterations", "iterations", "solver")
+
+
+class MuJoCo(Engine):
+    """MuJoCo.
+
+    Options: `cone` ("pyramidal", "elliptic"), `impratio`, `solref` (2 numbers), `solimp` (3 or 5),
+    `noslip_iterations`, `iterations`, `solver` ("PGS", "CG", "Newton").
+    """
+
+    name = "MuJoCo"
+    schemes = MUJOCO_INTEGRATORS
+    changes = CHANGES
+
+    def missing(self) -> str:
+        try:
+            library()
+        except ImportError as error:
+            return str(error)
+        return ""
+
+    def version(self) -> str:
+        return "" if self.missing() else str(library().__version__)
+
+    def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> Run:
+        positive("dt", dt, unit="s")
+        return _Run(scene, dt, settings, settings.checked(self, OPTIONS))
+
+
+def _text(values: ArrayLike) -> str:
+    return " ".join(f"{float(x):.17g}" for x in np.ravel(np.asarray(values)))
+
+
+def _body(body: Body, contact: str) -> str:
+    joint = "<freejoint/>"
+    if body.guide is not None:
+        joint = f'<joint type="slide" axis="{_text(body.guide)}"/>'
+    geom = ""
+    if body.half is not None:
+        geom = f'<geom type="box" size="{_text(body.half)}" {contact}/>'
+    return (
+        f'<body name="{body.name}" pos="{_text(body.pose[:3])}" quat="{_text(body.pose[3:])}">'
+        f'{joint}<inertial pos="0 0 0" mass="{body.mass:.17g}" '
+        f'diaginertia="{_text(body.moments)}"/>{geom}</body>'
+    )
+
+
+def mjcf(scene: Scene, dt: float, settings: Settings = FAIR) -> str:
+    """The MJCF text of a scene of bodies: geom 0 is the ground, where there is one."""
+    options = settings.options
+    solref: Sequence[float] | None = options.get("solref")
+    solimp: Sequence[float] | None = options.get("solimp")
+    if solref is None and settings.applies("solref"):
+        solref = (max(0.005, 2.0 * dt), 1.0)
+    if solimp is None and settings.applies("solimp"):
+        solimp = (0.95, 0.99, 0.001)
+    # Sliding friction of both geoms is the scene's; MuJoCo takes the larger of the two.
+    contact = f'friction="{scene.friction:.17g}"'
+    contact += f' solref="{_text(solref)}"' if solref is not None else ""
+    contact += f' solimp="{_text(solimp)}"' if solimp is not None else ""
+    ground = f'<geom type="plane" size="0 0 1" {contact}/>' if scene.ground else ""
+    bodies = "".join(_body(body, contact) for body in scene.bodies)
+    return f"<mujoco><worldbody>{ground}{bodies}</worldbody></mujoco>"
+
+
+class _Run(Run):
+    """A model and its data."""
+
+    def __init__(self, scene: Scene, dt: float, settings: Settings, scheme: str) -> None:
+        mujoco = self.lib = library()
+        self.scene, self.dt = scene, dt
+        text = scene.urdf or mjcf(scene, dt, settings)
+        self.model = mujoco.MjModel.from_xml_string(text)
+        option, options = self.model.opt, settings.options
+        option.timestep, option.gravity[:] = dt, scene.gravity
+        option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{scheme.upper()}")
+        cone = "elliptic" if settings.applies("cone") else "pyramidal"
+        cone = options.get("cone", cone)
+        option.cone = getattr(mujoco.mjtCone, f"mjCONE_{str(cone).upper()}")
+        option.impratio = options.get("impratio", 10.0 if settings.applies("impratio") else 1.0)
+        for name in ("noslip_iterations", "iterations"):
+            if name in options:
+                setattr(option, name, options[name])
+        if "solver" in options:
+            option.solver = getattr(mujoco.mjtSolver, f"mjSOL_{str(options['solver']).upper()}")
+        if settings.applies("autoreset"):
+            self._disable("autoreset")
+        smooth = all(body.half is None for body in scene.bodies)
+        if smooth and settings.applies("constraint"):
+            self._disable(*CONTACT_OFF, *ALWAYS_OFF)
+        self.data = mujoco.MjData(self.model)
+        self.taken = 0
+        self.reset()
+
+    def _disable(self, *flags: str) -> None:
+        for flag in flags:
+            bit = getattr(self.lib.mjtDisableBit, f"mjDSBL_{flag.upper()}")
+            self.model.opt.disableflags |= int(bit)
+
+    def run(self, steps: int) -> None:
+        if count("steps", steps):
+            self.lib.mj_step(self.model, self.data, steps)
+            self.taken += steps
+
+    def _columns(self) -> list[tuple[slice, slice]]:
+        """Places of each body's numbers in qpos and qvel."""
+        found, q, v = [], 0, 0
+        for body in self.scene.bodies:
+            nq, nv = (1, 1) if body.guide else (7, 6)
+            found.append((slice(q, q + nq), slice(v, v + nv)))
+            q, v = q + nq, v + nv
+        return found
+
+    def state(self) -> State:
+        data, scene = self.data, self.scene
+        if scene.chain:
+            return State(data.time, data.qpos.copy(), data.qvel.copy())
+        start = scene.start
+        q, v = start.q, np.zeros_like(start.v)
+        for i, (body, (at, moves)) in enumerate(zip(scene.bodies, self._columns(), strict=True)):
+            if body.guide is None:
+                q[:, i], v[:, i] = data.qpos[at], data.qvel[moves]
+            else:
+                q[:3, i] += np.array(body.guide) * data.qpos[at]
+                v[:3, i] = np.array(body.guide) * data.qvel[moves]
+        return State(data.time, q, v)
+
+    def energy(self) -> float:
+        """MuJoCo's own, after the places of the present state; constant forces are added."""
+        scratch = self.lib.MjData(self.model)
+        scratch.qpos[:], scratch.qvel[:] = self.data.qpos, self.data.qvel
+        self.lib.mj_forward(self.model, scratch)
+        self.lib.mj_energyPos(self.model, scratch)
+        self.lib.mj_energyVel(self.model, scratch)
+        pairs = zip(self.scene.bodies, self.state().q.T, strict=True)
+        work = sum(float(np.dot(b.force, q[:3])) for b, q in pairs) if self.scene.bodies else 0.0
+        return float(scratch.energy.sum()) - work
+
+    def contacts(self) -> ContactReport:
+        data, first = self.data, int(self.scene.ground)
+        live = [i for i in range(data.ncon) if data.contact.efc_address[i] >= 0]
+        if self.scene.chain or not self.taken or not live:
+            return NO_CONTACTS
+        bodies = data.contact.geom[live].T.astype(np.int64) - first
+        frame = data.contact.frame[live].reshape(-1, 3, 3)
+        local, force = np.zeros(6), np.empty((3, len(live)))
+        for k, i in enumerate(live):
+            self.lib.mj_contactForce(self.model, data, i, local)
+            force[:, k] = local[:3] @ frame[k]
+        point, normal = data.contact.pos[live].T.copy(), frame[:, 0].T.copy()
+        turned = bodies[0] > bodies[1]
+        bodies[:, turned] = bodies[::-1, turned]
+        normal[:, turned], force[:, turned] = -normal[:, turned], -force[:, turned]
+        state = self.state()
+        slip = slip_of(state.q, state.v, bodies, point, normal)
+        return ContactReport(bodies, point, normal, data.contact.dist[live].copy(), force, slip)
+
+    def set_velocity(self, v: Array) -> None:
+        if self.scene.chain:
+            self.data.qvel[:] = vector("v", v, (self.model.nv,))
+            return
+        v = vector("v", v, (6, len(self.scene.bodies)))
+        for i, (body, (_, moves)) in enumerate(
+            zip(self.scene.bodies, self._columns(), strict=True)
+        ):
+            self.data.qvel[moves] = v[:, i] if body.guide is None else v[:3, i] @ body.guide
+
+    def set_torque(self, torque: Array) -> None:
+        if not self.scene.chain:
+            super().set_torque(torque)
+        self.data.qfrc_applied[:] = vector("torque", torque, (self.model.nv,))
+
+    def reset(self) -> None:
+        """`mj_resetData`, then the start of the scene."""
+        self.lib.mj_resetData(self.model, self.data)
+        start = self.scene.start
+        if self.scene.chain:
+            self.data.qpos[:] = start.q
+        for i, body in enumerate(self.scene.bodies):
+            self.data.xfrc_applied[i + 1, :3] = body.force
+        self.set_velocity(start.v)
+        self.taken = 0
+
+    def save(self) -> Any:
+        kind = self.lib.mjtState.mjSTATE_INTEGRATION
+        saved = np.empty(self.lib.mj_stateSize(self.model, kind))
+        self.lib.mj_getState(self.model, self.data, saved, kind)
+        return saved
+
+    def restore(self, saved: Any) -> None:
+        self.lib.mj_setState(self.model, self.data, saved, self.lib.mjtState.mjSTATE_INTEGRATION)

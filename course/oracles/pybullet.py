@@ -1,0 +1,310 @@
+"""PyBullet asked for the scenes of chapter 3.
+
+PyBullet has no loop of its own: Python pays for one call a step, and for another one for every
+constant force or torque, which it forgets after each. It prints while it is imported and while it
+reads a model, and keeps its worlds in the library: every run has a client of its own, whose number
+goes with each call, and what is printed is caught (`quiet`).
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import importlib.util
+import sys
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+
+from course.check import positive, refused
+from course.oracles.quiet import quiet
+from course.platforms.contract import (
+    FAIR,
+    NO_CONTACTS,
+    Array,
+    Change,
+    ContactReport,
+    Engine,
+    Run,
+    Settings,
+    State,
+    slip_of,
+)
+from course.platforms.scenes import Scene
+from course.rigid_body import quaternion
+
+# What `setPhysicsEngineParameter` knows and a scene may ask for.
+OPTIONS = (
+    "numSolverIterations", "solverResidualThreshold", "enableConeFriction", "numSubSteps",
+    "contactERP", "erp", "frictionERP", "globalCFM", "contactSlop", "useSplitImpulse",
+    "restitutionVelocityThreshold", "deterministicOverlappingPairs", "warmStartingFactor",
+)  # fmt: skip
+_MANUAL = "PyBullet Quickstart Guide (2023), "
+_GROUND = 50.0  # half side of the ground [m]
+
+
+def library() -> ModuleType:
+    """PyBullet.
+
+    Raises:
+        ImportError: it is not installed; the text says what to install.
+    """
+    if missing := PyBullet().missing():
+        raise ImportError(missing)
+    with quiet():
+        import pybullet
+    return pybullet
+
+
+class PyBullet(Engine):
+    """PyBullet, Bullet's multibody dynamics from Python (Coumans and Bai)."""
+
+    name = "PyBullet"
+    schemes = ("semi-implicit Euler",)
+    loop = False
+    changes = (
+        Change(
+            "friction", "lateralFriction", "mu on both bodies, which it multiplies",
+            "the square root of mu on both",
+            "So the coefficient of the pair is the one of the scene.",
+            _MANUAL + "changeDynamics", "bodies",
+        ),
+        Change(
+            "damping", "linearDamping, angularDamping", "0.04", "0",
+            "No scene has air: what moves freely keeps its energy.",
+            _MANUAL + "changeDynamics",
+        ),
+        Change(
+            "motors", "velocity motors of joints", "on", "force 0",
+            "No scene has motors: a joint is free unless a torque is asked for.",
+            _MANUAL + "setJointMotorControl2", "joints",
+        ),
+        Change(
+            "inertia", "URDF_USE_INERTIA_FROM_FILE", "off", "on",
+            "Else it computes inertias from collision shapes, which a text need not have.",
+            _MANUAL + "loadURDF", "joints",
+        ),
+    )  # fmt: skip
+
+    def missing(self) -> str:
+        if importlib.util.find_spec("pybullet"):
+            return ""
+        if sys.version_info >= (3, 12):
+            return f"no wheel for Python 3.{sys.version_info.minor}"
+        return "this needs PyBullet: make platforms, or pip install 'pybullet>=3.2.7'"
+
+    def version(self) -> str:
+        return "" if self.missing() else importlib.metadata.version("pybullet")
+
+    def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> PyBulletRun:
+        return PyBulletRun(self, scene, dt, settings)
+
+
+class PyBulletRun(Run):
+    """A client with its world.
+
+    Attributes:
+        client: its number.
+        bodies: PyBullet's numbers of the scene's bodies, or of the arm.
+    """
+
+    def __init__(self, engine: PyBullet, scene: Scene, dt: float, settings: Settings) -> None:
+        self._lib = library()
+        settings.checked(engine, OPTIONS)
+        self.scene, self.dt, self._settings = scene, positive("dt", dt, unit="s"), settings
+        self.bodies: list[int] = []
+        self._ground, self._steps = -2, 0
+        self._links: list[int] = []
+        self._torque = np.zeros(len(scene.joints))
+        self._forces: list[tuple[int, list[float]]] = []
+        with quiet():
+            self.client = self._lib.connect(self._lib.DIRECT)
+            self._ask("setGravity", *scene.gravity)
+            self._ask("setTimeStep", dt)
+            if settings.options:
+                self._ask("setPhysicsEngineParameter", **settings.options)
+            if scene.urdf:
+                self._load()
+            else:
+                self._add_bodies()
+        self.reset()
+
+    def _ask(self, name: str, *arguments: Any, **named: Any) -> Any:
+        return getattr(self._lib, name)(*arguments, physicsClientId=self.client, **named)
+
+    # --- building -----------------------------------------------------------------------------
+
+    def _load(self) -> None:
+        lib = self._lib
+        flags = lib.URDF_USE_INERTIA_FROM_FILE if self._settings.applies("inertia") else 0
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, "model.urdf")
+            path.write_text(self.scene.urdf, encoding="utf-8")
+            arm = self._ask("loadURDF", str(path), useFixedBase=True, flags=flags)
+        self.bodies.append(arm)
+        count = self._ask("getNumJoints", arm)
+        found = [self._ask("getJointInfo", arm, i) for i in range(count)]
+        names = {info[1].decode(): info[0] for info in found}
+        self._links = [names[name] for name in self.scene.joints]
+        self._free(arm, range(-1, count))
+
+    def _free(self, body: int, links: Iterable[int]) -> None:
+        """The changes that act on links and joints."""
+        for link in links:
+            if self._settings.applies("damping"):
+                self._ask("changeDynamics", body, link, linearDamping=0.0, angularDamping=0.0)
+            if link >= 0 and self._settings.applies("motors"):
+                mode = self._lib.VELOCITY_CONTROL
+                self._ask("setJointMotorControl2", body, link, mode, force=0.0)
+
+    def _add_bodies(self) -> None:
+        scene, lib = self.scene, self._lib
+        mu = np.sqrt(scene.friction) if self._settings.applies("friction") else scene.friction
+        if scene.ground:
+            size = (_GROUND, _GROUND, 0.5)
+            shape = self._ask("createCollisionShape", lib.GEOM_BOX, halfExtents=size)
+            self._ground = self._ask("createMultiBody", 0.0, shape, basePosition=(0, 0, -0.5))
+            self._ask("changeDynamics", self._ground, -1, lateralFriction=mu)
+        for body in scene.bodies:
+            shape, pose = -1, np.array(body.pose)
+            if body.half:
+                shape = self._ask("createCollisionShape", lib.GEOM_BOX, halfExtents=body.half)
+            place, turn = pose[:3].tolist(), _xyzw(pose[3:]).tolist()
+            if any(body.force) and not body.guide:
+                raise refused(f"force of {body.name}", body.force, "none: it isn't on a rail")
+            if body.guide:
+                # A link on a base that stands where the body starts and touches nothing.
+                back = quaternion.conjugate(pose[3:])
+                axis, force = (
+                    quaternion.rotate(back, np.array(x)) for x in (body.guide, body.force)
+                )
+                here, upright = [[0, 0, 0]], [[0, 0, 0, 1]]
+                number = self._ask(
+                    "createMultiBody", 0.0, -1, -1, place, turn, linkMasses=[body.mass],
+                    linkCollisionShapeIndices=[shape], linkVisualShapeIndices=[-1],
+                    linkPositions=here, linkOrientations=upright, linkInertialFramePositions=here,
+                    linkInertialFrameOrientations=upright, linkParentIndices=[0],
+                    linkJointTypes=[lib.JOINT_PRISMATIC], linkJointAxis=[axis.tolist()],
+                )  # fmt: skip
+            else:
+                number = self._ask("createMultiBody", body.mass, shape, -1, place, turn)
+            link = 0 if body.guide else -1
+            self._ask(
+                "changeDynamics", number, link, lateralFriction=mu,
+                localInertiaDiagonal=body.moments,
+            )  # fmt: skip
+            self._free(number, [link])
+            self.bodies.append(number)
+            if any(body.force):
+                self._forces.append((number, force.tolist()))
+
+    # --- running ------------------------------------------------------------------------------
+
+    def run(self, steps: int) -> None:
+        step, client, lib = self._lib.stepSimulation, self.client, self._lib
+        turn, mode, turning = lib.setJointMotorControlArray, lib.TORQUE_CONTROL, self._torque.any()
+        for _ in range(steps):
+            for number, force in self._forces:
+                lib.applyExternalForce(number, 0, force, (0, 0, 0), lib.LINK_FRAME, client)
+            if turning:
+                turn(self.bodies[0], self._links, mode, forces=self._torque, physicsClientId=client)
+            step(client)
+        self._steps += steps
+
+    def state(self) -> State:
+        time = self._steps * self.dt
+        if self.scene.urdf:
+            found = self._ask("getJointStates", self.bodies[0], self._links)
+            return State(time, *(np.array([row[k] for row in found]) for k in (0, 1)))
+        q, v = np.empty((7, len(self.bodies))), np.empty((6, len(self.bodies)))
+        for i, (body, number) in enumerate(zip(self.scene.bodies, self.bodies, strict=True)):
+            if body.guide:
+                link = self._ask("getLinkState", number, 0, computeLinkVelocity=1)
+                place, turn, speed, spin = (link[k] for k in (0, 1, 6, 7))
+            else:
+                place, turn = self._ask("getBasePositionAndOrientation", number)
+                speed, spin = self._ask("getBaseVelocity", number)
+            q[:3, i], q[3:, i], v[:3, i] = place, (turn[3], *turn[:3]), speed
+            v[3:, i] = quaternion.rotate(quaternion.conjugate(q[3:, i]), np.array(spin))
+        return State(time, q, v)
+
+    def energy(self) -> float:
+        """PyBullet has none of its own."""
+        return self.scene.energy(self.state())
+
+    def contacts(self) -> ContactReport:
+        rows = self._ask("getContactPoints") if self._steps and not self.scene.urdf else ()
+        if not rows:
+            return NO_CONTACTS
+        number = {body: i for i, body in enumerate(self.bodies)} | {self._ground: -1}
+        bodies = np.array([(number[row[1]], number[row[2]]) for row in rows]).T
+        point, gap = np.array([row[6] for row in rows]).T, np.array([row[8] for row in rows])
+        # The normal points to the first body, and so do the forces, which act on it.
+        normal = -np.array([row[7] for row in rows]).T
+        force = np.array([
+            row[9] * np.array(row[7]) + row[10] * np.array(row[11]) + row[12] * np.array(row[13])
+            for row in rows
+        ]).T  # fmt: skip
+        force = -force
+        turned = bodies[0] > bodies[1]
+        bodies[:, turned] = bodies[::-1, turned]
+        normal[:, turned], force[:, turned] = -normal[:, turned], -force[:, turned]
+        now = self.state()
+        return ContactReport(
+            bodies, point, normal, gap, force, slip_of(now.q, now.v, bodies, point, normal)
+        )
+
+    def set_velocity(self, v: Array) -> None:
+        if self.scene.urdf:
+            self._set_joints(self.state().q, v)
+            return
+        q = self.state().q
+        for i, (body, number) in enumerate(zip(self.scene.bodies, self.bodies, strict=True)):
+            if body.guide:
+                along = [float(np.dot(body.guide, x)) for x in (q[:3, i] - body.pose[:3], v[:3, i])]
+                self._ask("resetJointState", number, 0, *along)
+            else:
+                spin = quaternion.rotate(q[3:, i], v[3:, i])
+                self._ask("resetBaseVelocity", number, v[:3, i].tolist(), spin.tolist())
+
+    def _set_joints(self, q: Array, v: Array) -> None:
+        for link, angle, rate in zip(self._links, q.tolist(), v.tolist(), strict=True):
+            self._ask("resetJointState", self.bodies[0], link, angle, rate)
+
+    def set_torque(self, torque: Array) -> None:
+        self._torque = np.array(torque)
+
+    def reset(self) -> None:
+        start = self.scene.start
+        if self.scene.urdf:
+            self._set_joints(start.q, start.v)
+        pairs = zip(self.scene.bodies, self.bodies, strict=False)
+        for (body, number), q in zip(pairs, start.q.T, strict=False):
+            if body.guide:
+                self._ask("resetJointState", number, 0, 0.0, 0.0)
+            else:
+                turn = _xyzw(q[3:]).tolist()
+                self._ask("resetBasePositionAndOrientation", number, q[:3].tolist(), turn)
+        if not self.scene.urdf:
+            self.set_velocity(start.v)
+        self._steps = 0
+
+    def save(self) -> Any:
+        return self._ask("saveState"), self._steps
+
+    def restore(self, saved: Any) -> None:
+        number, self._steps = saved
+        self._ask("restoreState", stateId=number)
+
+    def close(self) -> None:
+        if self.client >= 0:
+            with quiet():
+                self._ask("disconnect")
+            self.client = -1
+
+
+def _xyzw(q: Array) -> Array:
+    return np.roll(q, -1)

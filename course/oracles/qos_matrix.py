@@ -1,0 +1,284 @@
+"""The matrix of quality of service: each row run on Cyclone DDS, beside it what we say.
+
+`matrix()` is all of it, 90 rows in 3 s, most of which is waiting: `pair_rows` who hears whom,
+`kept_rows` what is kept, `event_rows` what comes of time, strength and order. One process, so a
+sample is with its readers as soon as it is written. Nothing here depends on how fast the machine is
+but the count of missed deadlines, which is compared with the gaps that there really were.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, replace
+from itertools import pairwise, product
+from typing import Any
+
+from course.check import count
+from course.middleware.qos import ORDERS, SAME, QoS, compatible
+from course.oracles.cyclonedds import Topic, participant, take, until, verdicts
+
+RELIABLE, LATE = QoS(), QoS(durability="transient_local")
+SHORT, LONG = 0.05, 30.0  # s: runs out in a test, and does not
+_TIMES = (0.05, 0.1, math.inf)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One row.
+
+    Attributes:
+        policy: what is varied.
+        offered, requested: the writer's and the reader's value, or what was done.
+        cyclone, ours: what came of it on Cyclone DDS, and what the course's functions say.
+        named: the policy that Cyclone's events name at both ends; "" where nothing fails.
+        agree: whether the two say the same.
+    """
+
+    policy: str
+    offered: str
+    requested: str
+    cyclone: str
+    ours: str
+    named: str = ""
+
+    @property
+    def agree(self) -> bool:
+        return self.cyclone == self.ours
+
+
+def pairs() -> list[tuple[str, QoS, QoS]]:
+    """Every pair of values of every policy with a request, and three in which several fail."""
+    values: dict[str, tuple[Any, ...]] = {
+        **ORDERS, **SAME, "deadline": _TIMES, "liveliness_lease_duration": _TIMES,
+    }  # fmt: skip
+    found = [
+        (name, replace(RELIABLE, **{name: a}), replace(RELIABLE, **{name: b}))
+        for name, kinds in values.items()
+        for a, b in product(kinds, repeat=2)
+    ]
+    sensor, command = QoS("best_effort", depth=5), replace(LATE, deadline=0.1)
+    found.append(("several", sensor, command))
+    found.append(("several", command, sensor))
+    found.append(("several", RELIABLE, replace(command, liveliness="manual_by_topic")))
+    return found
+
+
+def pair_rows() -> list[Row]:
+    """Who hears whom: both verdicts, and the policy that Cyclone names.
+
+    Cyclone's event names one policy only, the first that it found. Where several fail, ours names
+    all; the row agrees if Cyclone's is among them, and both ends say the same.
+    """
+    rows = []
+    listed = pairs()
+    for (name, offered, requested), found in zip(
+        listed, verdicts([pair[1:] for pair in listed]), strict=True
+    ):
+        failing = compatible(offered, requested)
+        one = found.writer == found.reader and found.matched == (found.delivered == 1)
+        told = found.writer if one else f"{found.writer} / {found.reader}"
+        cyclone = "heard" if found.matched and one and not told else f"silent: {told}"
+        ours = "heard" if not failing else f"silent: {', '.join(failing)}"
+        if told in failing:
+            cyclone = ours
+        shown = _said(name, offered), _said(name, requested)
+        rows.append(Row(name, *shown, cyclone, ours, told))
+    return rows
+
+
+def _said(name: str, qos: QoS) -> str:
+    if name != "several":
+        value = getattr(qos, name)
+        return f"{value:g} s" if isinstance(value, float) else value
+    units = {"depth": "depth {}", "deadline": "deadline {:g} s"}
+    return ", ".join(
+        units.get(field, "{}").format(value)
+        for field, value in vars(qos).items()
+        if value != getattr(RELIABLE, field)
+    ) or "default"  # fmt: skip
+
+
+# --- What is kept ---------------------------------------------------------------------------------
+
+
+def history(
+    offered: QoS, requested: QoS, samples: int, *, late: bool = False,
+    kept_for_late: int | None = None,
+) -> list[int]:  # fmt: skip
+    """The numbers that a reader finds when it looks for the first time after so many were written.
+
+    Args:
+        offered, requested: of writer and reader.
+        samples: written at once, numbered from 0.
+        late: whether the reader comes after them.
+        kept_for_late: depth of the durability service, see `cyclonedds.policies`.
+    """
+    with participant() as member:
+        topic = Topic(member)
+        writer = topic.writer(offered, kept_for_late)
+        reader = None if late else topic.reader(requested)
+        topic.write(writer, *range(count("samples", samples, 1)))
+        return take(reader or topic.reader(requested))
+
+
+def expected(offered: QoS, requested: QoS, samples: int, late: bool, kept: float) -> list[int]:
+    """What is left of 0, 1, ...: the last of them, as many as the least of the depths allows.
+
+    A reader that was there is bound by its own depth. One that comes late gets something only if
+    both ends are reliable and transient-local, and no more than the writer kept for late ones.
+    """
+    if compatible(offered, requested):
+        return []
+    ends = (offered, requested)
+    past = all(q.reliability == "reliable" and q.durability != "volatile" for q in ends)
+    most = requested.kept if not late else min(requested.kept, kept) if past else 0
+    return list(range(samples))[int(samples - min(samples, most)) :]
+
+
+def kept_rows(samples: int = 8) -> list[Row]:
+    """Depths, and late joiners."""
+    rows = []
+    for reliability, depth in product(ORDERS["reliability"], (1, 3, 5)):
+        for writer, reader in ((10, depth), (depth, 10)):
+            ends = QoS(reliability, depth=writer), QoS(reliability, depth=reader)
+            rows.append(_kept_row("depth", *ends, samples, late=False))
+    whole = replace(LATE, history="keep_all")
+    for offered, requested in (
+        (replace(LATE, depth=3), LATE), (LATE, replace(LATE, depth=2)), (whole, whole),
+        (LATE, RELIABLE), (RELIABLE, RELIABLE), (RELIABLE, LATE),
+        (LATE, replace(LATE, reliability="best_effort")),
+        (replace(LATE, reliability="best_effort"), replace(LATE, reliability="best_effort")),
+    ):  # fmt: skip
+        rows.append(_kept_row("late joiner", offered, requested, samples, late=True))
+    for offered, kept in ((replace(LATE, depth=3), 0), (whole, 0), (replace(LATE, depth=1), 5)):
+        rows.append(_kept_row("late joiner", offered, LATE, samples, late=True, kept=kept))
+    return rows
+
+
+def _kept_row(
+    policy: str, offered: QoS, requested: QoS, samples: int, late: bool, kept: int | None = None
+) -> Row:
+    found = history(offered, requested, samples, late=late, kept_for_late=kept)
+    # Cyclone's own default of the durability service is to keep the last one.
+    depth = offered.kept if kept is None else kept or 1
+    service = "" if kept is None else f", service {depth}" if kept else ", service as by default"
+    said = [_said("several", qos) for qos in (offered, requested)]
+    ours = expected(offered, requested, samples, late, depth)
+    return Row(policy, said[0] + service, said[1], f"{found}", f"{ours}")
+
+
+# --- What time does -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Missed:
+    """Events of missed deadlines: at the writer, at the reader, and how many there have to be.
+
+    The gaps between samples are known from before and after each write, so `least` and `most`
+    differ where the machine was busy just then.
+    """
+
+    offered: int
+    requested: int
+    least: int
+    most: int
+
+
+def missed(deadline: float = SHORT, gap: float = 0.12, gaps: int = 5) -> Missed:
+    """Write with gaps longer than the deadline that both ends have agreed on [s]."""
+    qos = QoS(deadline=deadline)
+    with participant() as member:
+        topic = Topic(member)
+        writer, reader = topic.writer(qos), topic.reader(qos)
+        times = []
+        for number in range(count("gaps", gaps, 1) + 1):
+            if number:
+                time.sleep(gap)
+            before = time.monotonic()
+            topic.write(writer, number)
+            times.append((before, time.monotonic()))
+        ends = (
+            writer.get_offered_deadline_missed_status().total_count,
+            reader.get_requested_deadline_missed_status().total_count,
+        )
+    least = sum(math.floor((b[0] - a[1]) / deadline) for a, b in pairwise(times))
+    most = sum(math.floor((b[1] - a[0]) / deadline) for a, b in pairwise(times))
+    return Missed(*ends, least, most)
+
+
+def silence(qos: QoS, seconds: float = 4 * SHORT) -> tuple[int, int, int]:
+    """A writer writes once and is silent; then once more.
+
+    Args:
+        qos: of both ends, with a lease.
+        seconds: of silence at least; a writer that has to speak for itself is waited for longer,
+            until it is lost.
+
+    Returns:
+        How often the writer was told that it lost its liveliness, and how many writers its reader
+        took to be alive after the silence and after the second sample.
+    """
+    with participant() as member:
+        topic = Topic(member)
+        writer, reader = topic.writer(qos), topic.reader(qos)
+        topic.write(writer, 0)
+        time.sleep(seconds)
+        if qos.liveliness != "automatic":
+            until(lambda: reader.get_liveliness_changed_status().alive_count == 0)
+        lost = writer.get_liveliness_lost_status().total_count
+        alive = reader.get_liveliness_changed_status().alive_count
+        topic.write(writer, 1)
+        return lost, alive, reader.get_liveliness_changed_status().alive_count
+
+
+def event_rows() -> list[Row]:
+    """Lifespan, deadline, liveliness, ownership by strength, and order by source time."""
+    rows = []
+    for lifespan, left in ((SHORT, 0), (LONG, 3), (math.inf, 3)):
+        with participant() as member:
+            topic = Topic(member)
+            writer = topic.writer(replace(RELIABLE, lifespan=lifespan))
+            reader = topic.reader(RELIABLE)
+            topic.write(writer, 0, 1, 2)
+            time.sleep(3 * SHORT)
+            found = len(take(reader))
+        looked = f"looked after {3 * SHORT:g} s"
+        rows.append(Row("lifespan", f"{lifespan:g} s", looked, f"{found} of 3", f"{left} of 3"))
+    for deadline in (SHORT, LONG):
+        told = missed(deadline)
+        counts = (told.offered, told.requested)
+        cyclone = f"{counts[0]} events at the writer, {counts[1]} at the reader"
+        right = all(told.least <= n <= told.most for n in counts)
+        ours = cyclone if right else f"{told.least} to {told.most} at each"
+        rows.append(Row("deadline missed", f"{deadline:g} s", "five gaps of 0.12 s", cyclone, ours))
+    for kind in ORDERS["liveliness"]:
+        known = (0, 1, 1) if kind == "automatic" else (1, 0, 1)
+        both = silence(QoS(liveliness=kind, liveliness_lease_duration=SHORT)), known
+        cyclone, ours = (f"lost {a}, alive {b}, then {c}" for a, b, c in both)
+        rows.append(Row("liveliness lost", kind, "silent, then a sample", cyclone, ours))
+    for kind, heard in (("shared", [1, 2, 3]), ("exclusive", [1, 2])):
+        got = _two_writers(QoS(ownership=kind), (1, 2, 1), (0.0, 0.0, 0.0))
+        shown = "1 weak, 2 strong, 3 weak"
+        rows.append(Row("ownership strength", kind, shown, f"{got}", f"{heard}"))
+    for kind, heard in zip(ORDERS["destination_order"], ([1, 2, 3], [1, 3]), strict=True):
+        got = _two_writers(QoS(destination_order=kind), (1, 2, 1), (0.0, -1.0, 1.0))
+        rows.append(Row("order", kind, "stamps 0, -1, 1 s", f"{got}", f"{heard}"))
+    return rows
+
+
+def _two_writers(qos: QoS, strengths: tuple[int, ...], stamps: tuple[float, ...]) -> list[int]:
+    """What is left of samples 1, 2, ... of the writers of these strengths, stamped now + stamp."""
+    exclusive = qos.ownership == "exclusive"
+    with participant() as member:
+        topic, now = Topic(member), time.time()
+        writers = {s: topic.writer(qos, strength=s * exclusive) for s in sorted(set(strengths))}
+        reader = topic.reader(qos)
+        for number, (strength, stamp) in enumerate(zip(strengths, stamps, strict=True), 1):
+            topic.write(writers[strength], number, stamp=now + stamp)
+        return take(reader)
+
+
+def matrix() -> list[Row]:
+    """All rows, run now."""
+    return pair_rows() + kept_rows() + event_rows()

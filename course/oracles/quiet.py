@@ -1,0 +1,31 @@
+"""What C code prints, caught: libraries that talk on standard output and on standard error."""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+
+
+@contextlib.contextmanager
+def quiet() -> Iterator[list[str]]:
+    """Catch what C code prints; the list holds it once this is left."""
+    said: list[str] = []
+    flush = ctypes.CDLL(None).fflush
+    sys.stdout.flush(), sys.stderr.flush()
+    flush(None)
+    with tempfile.TemporaryFile() as file:
+        kept = os.dup(1), os.dup(2)
+        os.dup2(file.fileno(), 1), os.dup2(file.fileno(), 2)
+        try:
+            yield said
+        finally:
+            flush(None)
+            for copy, number in zip(kept, (1, 2), strict=True):
+                os.dup2(copy, number)
+                os.close(copy)
+            file.seek(0)
+            said.append(file.read().decode(errors="replace"))

@@ -1,0 +1,49 @@
+"""Chapter 7: perception. From a depth picture to the pose of a part, with an honest covariance.
+
+A picture is an array (H, W) of depths along z [m], 0 where there is no measurement; the camera
+looks along z, y is down. Points are columns, shape (3, N) [m]. A pose is
+(x, y, z, qw, qx, qy, qz), components along axis 0. Each name lives in the file of its section.
+"""
+
+from course.perception.calibrate import Calibration, HandEye, camera_to_base, hand_eye, target_error
+from course.perception.camera import (
+    STEREO,
+    Camera,
+    Sensor,
+    Shapes,
+    render,
+    sense,
+    shape,
+    together,
+)
+from course.perception.cloud import (
+    back_project,
+    components,
+    dbscan,
+    draws_needed,
+    fit_plane,
+    inverse_depth_plane,
+    radius_search,
+    ransac_plane,
+    voxel_mean,
+)
+from course.perception.pose import Estimate, apart, locate, see_through, stand_in
+from course.perception.registration import Cloud, Fit, icp, known, rigid_fit
+from course.perception.track import Tracker, averaged_error, steady_gains
+
+__all__ = [
+    "STEREO", "Calibration", "Camera", "Cloud", "Estimate", "Fit", "HandEye", "Sensor", "Shapes",
+    "Tracker", "apart", "averaged_error", "back_project", "camera_to_base", "components", "dbscan",
+    "draws_needed", "fit_plane", "hand_eye", "icp", "inverse_depth_plane", "known", "locate",
+    "radius_search", "ransac_plane", "render", "rigid_fit", "see_through", "sense", "shape",
+    "stand_in", "steady_gains", "target_error", "together", "voxel_mean", "warm",
+]  # fmt: skip
+
+
+def warm() -> None:
+    """Compile, or load from the cache, everything in this chapter that is compiled."""
+    from course.perception import camera, cloud, registration
+
+    camera.warm()
+    cloud.warm()
+    registration.warm()

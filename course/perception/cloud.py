@@ -1,0 +1,558 @@
+"""From a depth picture to points, a plane and clusters.
+
+Points are columns, shape (3, N) [m]. Space is cut into cubic cells, and a cell's three indices make
+one key. Where only sums are wanted (the voxel mean) a hash table finds the cell of a key; where
+neighbours are (DBSCAN, radius search) the points are sorted by key, as then the cells of a row
+follow each other. The k-d tree of the registration is for the nearest point at any distance.
+
+A plane is (nx, ny, nz, d): n . p + d is the height of a point above it, towards the camera.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numba import boolean, float64, int64, types, void
+from numba.extending import register_jitable
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import POSITIVE, count, finite, refused, vector
+from course.compiled import MATRIX, VECTOR, compiled
+from course.perception.camera import Array, Camera, Ids
+
+_INDICES = types.Array(int64, 1, "C")
+_WHOLE = types.Array(int64, 2, "C")
+_FLAGS = types.Array(boolean, 1, "C")
+_BITS = 21  # of a key for each index of a cell
+
+
+def _checked(points: ArrayLike, least: int = 1) -> tuple[Array, Array, Array]:
+    """Points from outside as contiguous floats (3, N), their least and largest coordinates."""
+    given = np.ascontiguousarray(points, dtype=float)
+    if given.ndim == 2 and given.shape[0] == 3 and given.shape[1] >= least:
+        low, high = given.min(axis=1), given.max(axis=1)
+        if np.isfinite(low).all() and np.isfinite(high).all():
+            return given, low, high
+    vector("points", points, (3, None), unit="m")
+    raise refused("points.shape", given.shape, f"(3, N) with N at least {least}")
+
+
+def _length(name: str, value: float, low: Array, high: Array) -> float:
+    """A length that is positive and not below the rounding of coordinates from low to high."""
+    most = float(np.maximum(np.abs(low), np.abs(high)).max())
+    return finite(name, value, max(4.0 * np.finfo(float).eps * most, POSITIVE), unit="m")
+
+
+def back_project(depth: ArrayLike, camera: Camera) -> tuple[Array, Ids]:
+    """The points of all pixels that have a measurement, row by row.
+
+    Args:
+        depth: along z, shape (H, W), 0 where there is none [m].
+        camera: whose picture it is.
+
+    Returns:
+        Points, shape (3, N) [m], and their pixels as numbers v W + u, shape (N,).
+
+    Raises:
+        ValueError: as for `Camera.picture`.
+    """
+    z = camera.picture(depth)
+    n = np.count_nonzero(z)
+    points, pixels = np.empty((3, n)), np.empty(n, np.int64)
+    _kernel(_back_project)(z, *camera.rays(), points, pixels)
+    return points, pixels
+
+
+def _back_project(z, x, y, points, pixels):
+    n = 0
+    for v in range(z.shape[0]):
+        for u in range(z.shape[1]):
+            far = z[v, u]
+            if far > 0.0:
+                points[0, n], points[1, n], points[2, n] = x[u] * far, y[v] * far, far
+                pixels[n] = v * z.shape[1] + u
+                n += 1
+
+
+# --- Cells ----------------------------------------------------------------------------------------
+
+
+def _keys(name: str, points: Array, cell: float, origin: Array, high: Array) -> Ids:
+    """The key of each point's cell; indices that it has no room for are refused."""
+    if not ((high - origin) / cell).max() < 2**_BITS - 4:
+        told = f"a larger length: of this one the points span more than {2**_BITS - 8}"
+        raise refused(name, cell, told)
+    keys = np.empty(points.shape[1], np.int64)
+    _kernel(_cells)(points, origin, cell, keys)
+    return keys
+
+
+def _cells(points, origin, cell, keys):
+    for p in range(keys.size):
+        i = int((points[0, p] - origin[0]) / cell)
+        j = int((points[1, p] - origin[1]) / cell)
+        k = int((points[2, p] - origin[2]) / cell)
+        keys[p] = (i << 2 * _BITS) | (j << _BITS) | k
+
+
+def voxel_mean(
+    points: ArrayLike, voxel: float, origin: ArrayLike | None = None
+) -> tuple[Array, Ids]:
+    """One point for each cell of a grid that holds any: their mean.
+
+    Args:
+        points: shape (3, N) [m].
+        voxel: edge of a cell [m].
+        origin: a corner of the grid, shape (3,), below all points [m]; None for half a voxel below
+            the least coordinates, as in Open3D.
+
+    Returns:
+        Means, shape (3, M) [m], in the order in which the cells are met, and of how many points
+        each is, shape (M,).
+
+    Raises:
+        ValueError: for no point, a NaN, a voxel that is not positive, below the rounding of the
+            points, or so small that a cell has no number.
+    """
+    given, low, high = _checked(points)
+    edge = _length("voxel", voxel, low, high)
+    base = low - 0.5 * edge if origin is None else vector("origin", origin, (3,), unit="m")
+    if not np.all(base <= low):
+        raise refused("origin", base, "a corner below all points")
+    keys = _keys("voxel", given, edge, base, high)
+    table = np.full((2, 1 << (2 * keys.size).bit_length()), -1)
+    sums, counts = np.zeros((keys.size, 3)), np.zeros(keys.size, np.int64)
+    cells = _kernel(_sums)(given, keys, table, sums, counts)
+    return np.ascontiguousarray((sums[:cells] / counts[:cells, None]).T), counts[:cells].copy()
+
+
+def _sums(points, keys, table, sums, counts):
+    cells, last, cell = 0, -1, 0
+    for p in range(keys.size):
+        key = keys[p]
+        if key != last:  # neighbouring pixels often share a cell
+            last = key
+            # The hash of Teschner et al. (2003); full places are passed over.
+            i, j, k = key >> 2 * _BITS, (key >> _BITS) & (2**_BITS - 1), key & (2**_BITS - 1)
+            slot = ((i * 73856093) ^ (j * 19349663) ^ (k * 83492791)) & (table.shape[1] - 1)
+            while table[0, slot] != key and table[0, slot] >= 0:
+                slot = (slot + 1) & (table.shape[1] - 1)
+            if table[0, slot] < 0:
+                table[0, slot], table[1, slot] = key, cells
+                cells += 1
+            cell = table[1, slot]
+        counts[cell] += 1
+        for axis in range(3):
+            sums[cell, axis] += points[axis, p]
+    return cells
+
+
+def _sorted(name: str, points: Array, cell: float, low: Array, high: Array) -> tuple[Any, ...]:
+    """Points sorted by cell, where each cell begins, its key, and the order."""
+    keys = _keys(name, points, cell, low - 2.0 * cell, high)  # no neighbour has a key below 0
+    order = np.argsort(keys, kind="stable")
+    first = np.flatnonzero(np.diff(keys[order], prepend=-1))
+    inner = np.ascontiguousarray(points[:, order])
+    return inner, np.append(first, keys.size), keys[order[first]], order
+
+
+def _rows(reach: int) -> Ids:
+    """What to add to a key for the rows of cells around it, the nearest first."""
+    near = sorted(
+        np.ndindex(2 * reach + 1, 2 * reach + 1), key=lambda c: sum((i - reach) ** 2 for i in c)
+    )
+    return np.array([(i - reach << 2 * _BITS) + (j - reach << _BITS) for i, j in near])
+
+
+@register_jitable
+def _square(points, p, x, y, z):
+    a, b, c = points[0, p] - x, points[1, p] - y, points[2, p] - z
+    return a * a + b * b + c * c
+
+
+def radius_search(points: ArrayLike, queries: ArrayLike, radius: float) -> tuple[Ids, Ids]:
+    """The points within a radius of each query, the border included.
+
+    Args:
+        points, queries: shape (3, N) and (3, M) [m].
+        radius: [m].
+
+    Returns:
+        Where those of each query begin, shape (M + 1,), and the numbers of the points.
+
+    Raises:
+        ValueError: as for `voxel_mean`.
+    """
+    given, low, high = _checked(points)
+    reach = _length("radius", radius, low, high)
+    asked, _, _ = _checked(queries)
+    inner, start, keys, order = _sorted("radius", given, reach, low, high)
+    base, top = low - 2.0 * reach, high + 2.0 * reach
+    near = ((asked > base[:, None]) & (asked < top[:, None])).all(axis=0)
+    own = np.full(asked.shape[1], -1)
+    own[near] = _keys("radius", np.ascontiguousarray(asked[:, near]), reach, base, high)
+    rows = own[:, None] + _rows(1)
+    begin = start[np.searchsorted(keys, rows - 1)]
+    end = start[np.searchsorted(keys, rows + 1, side="right")]
+    end[~near] = begin[~near]
+    first, found = np.zeros(own.size + 1, np.int64), np.empty(0, np.int64)
+    _kernel(_within)(inner, asked, reach * reach, begin, end, first, found)  # counts
+    first = np.cumsum(first)
+    found = np.empty(first[-1], np.int64)
+    if found.size:
+        _kernel(_within)(inner, asked, reach * reach, begin, end, first, found)
+    return first, order[found]
+
+
+def _within(points, queries, square, begin, end, first, found):
+    for q in range(queries.shape[1]):
+        n = 0
+        for row in range(begin.shape[1]):
+            for p in range(begin[q, row], end[q, row]):
+                if _square(points, p, queries[0, q], queries[1, q], queries[2, q]) <= square:
+                    if found.size:
+                        found[first[q] + n] = p
+                    n += 1
+        if not found.size:
+            first[q + 1] = n
+
+
+# --- Clusters -------------------------------------------------------------------------------------
+
+
+@register_jitable
+def _root(parent, i):
+    """The set that i is in, with its path halved (Tarjan and van Leeuwen, 1984)."""
+    while parent[i] != i:
+        parent[i] = parent[parent[i]]
+        i = parent[i]
+    return i
+
+
+def dbscan(points: ArrayLike, eps: float, least: int) -> tuple[Ids, NDArray[np.bool_]]:
+    """Clusters of dense points (Ester, Kriegel, Sander and Xu, 1996), exactly, in O(N) memory.
+
+    Points in a cell of edge eps / sqrt(3) are all within eps of each other, so core points are
+    joined cell by cell (Gunawan, 2013), and no neighbourhood is stored. A border point goes to the
+    nearest core point; the original leaves it to the order of the points.
+
+    Args:
+        points: shape (3, N) [m].
+        eps: distance of neighbours, the border included [m].
+        least: neighbours of a core point, itself among them.
+
+    Returns:
+        The cluster of each point, shape (N,), -1 for noise, in the order of their first core
+        points; which are core points, shape (N,).
+
+    Raises:
+        ValueError: as for `voxel_mean`, and for a `least` below 1.
+    """
+    given, low, high = _checked(points)
+    reach, needed = _length("eps", eps, low, high), count("least", least, 1)
+    # A hair less, so that rounding puts no two points in a cell that are farther apart.
+    cell = reach / math.sqrt(3.0) * (1.0 - 1e-9)
+    inner, start, keys, order = _sorted("eps", given, cell, low, high)
+    labels, core = np.full(order.size, -1), np.zeros(order.size, np.bool_)
+    _kernel(_dbscan)(inner, start, keys, order, _rows(2), reach * reach, needed, labels, core)
+    return labels, core
+
+
+@register_jitable
+def _near(keys, rows, fingers, c, near):
+    """The cells about cell c, itself among them; how many.
+
+    One finger a row of cells: the cells are asked in order, so that it only moves on.
+    """
+    found = 0
+    for o in range(rows.size):
+        f = fingers[o]
+        while f < keys.size and keys[f] < keys[c] + rows[o] - 2:
+            f += 1
+        fingers[o] = f
+        while f < keys.size and keys[f] <= keys[c] + rows[o] + 2:
+            near[found] = f
+            found += 1
+            f += 1
+    return found
+
+
+def _dbscan(points, start, keys, order, rows, square, least, labels, core):
+    cells, n = keys.size, order.size
+    near, parent = np.empty(5 * rows.size, np.int64), np.arange(cells)
+    # Core points, in the order of cells: all of a full cell, of others those that count enough.
+    dense = np.zeros(n, np.bool_)
+    fingers = np.zeros(rows.size, np.int64)
+    for c in range(cells):
+        if start[c + 1] - start[c] >= least:
+            dense[start[c] : start[c + 1]] = True
+            continue
+        m = _near(keys, rows, fingers, c, near)
+        for p in range(start[c], start[c + 1]):
+            found = 0
+            for b in near[:m]:
+                for q in range(start[b], start[b + 1]):
+                    found += _square(points, q, points[0, p], points[1, p], points[2, p]) <= square
+                if found >= least:
+                    dense[p] = True
+                    break
+    # Cells are joined with those before them, by the first pair of core points in reach.
+    fingers[:] = 0
+    before = rows[rows <= 0]
+    for c in range(cells):
+        m = _near(keys, before, fingers, c, near)
+        for b in near[:m]:
+            if b < c and _root(parent, b) != _root(parent, c):
+                for p in range(start[c], start[c + 1]):
+                    if dense[p] and _touches(points, p, start[b], start[b + 1], dense, square):
+                        parent[_root(parent, b)] = _root(parent, c)
+                        break
+    # Clusters are numbered by their first core point.
+    home = np.empty(n, np.int64)
+    for c in range(cells):
+        for p in range(start[c], start[c + 1]):
+            core[order[p]], home[order[p]] = dense[p], _root(parent, c)
+    names, clusters = np.full(cells, -1), 0
+    for i in range(n):
+        if core[i]:
+            if names[home[i]] < 0:
+                names[home[i]] = clusters
+                clusters += 1
+            labels[i] = names[home[i]]
+    # Border points.
+    fingers[:] = 0
+    for c in range(cells):
+        if dense[start[c] : start[c + 1]].all():
+            continue
+        m = _near(keys, rows, fingers, c, near)
+        for p in range(start[c], start[c + 1]):
+            best = -1.0 if dense[p] else square
+            for b in near[:m]:
+                for q in range(start[b], start[b + 1]):
+                    far = _square(points, q, points[0, p], points[1, p], points[2, p])
+                    if dense[q] and far <= best:
+                        best = far
+                        labels[order[p]] = labels[order[q]]
+
+
+@register_jitable
+def _touches(points, p, begin, end, dense, square):
+    """Whether a core point from begin to end is a neighbour of p."""
+    for q in range(begin, end):
+        near = _square(points, q, points[0, p], points[1, p], points[2, p]) <= square
+        if near and dense[q]:
+            return True
+    return False
+
+
+def components(depth: ArrayLike, camera: Camera, step: float) -> Ids:
+    """Clusters on the grid of pixels: neighbours whose depths differ by no more than a step.
+
+    Args:
+        depth: shape (H, W), 0 where a pixel takes no part, such as on the plane [m].
+        camera: whose picture it is.
+        step: largest difference of neighbours [m].
+
+    Returns:
+        The cluster of each pixel, shape (H, W), in the order of rows; -1 where it takes no part.
+
+    Raises:
+        ValueError: as for `Camera.picture`, and for a step that is not positive.
+    """
+    z = camera.picture(depth)
+    labels = np.empty(z.shape, np.int64)
+    _kernel(_components)(z, finite("step", step, POSITIVE, unit="m"), labels)
+    return labels
+
+
+def _components(z, step, labels):
+    rows, columns = z.shape
+    parent = np.arange(rows * columns)
+    for v in range(rows):
+        for u in range(columns):
+            if z[v, u] > 0.0:
+                here = v * columns + u
+                if u and z[v, u - 1] > 0.0 and abs(z[v, u] - z[v, u - 1]) <= step:
+                    parent[here] = _root(parent, here - 1)
+                if v and z[v - 1, u] > 0.0 and abs(z[v, u] - z[v - 1, u]) <= step:
+                    a, b = _root(parent, here), _root(parent, here - columns)
+                    parent[max(a, b)] = min(a, b)  # the first pixel stands for all
+    clusters = 0
+    for v in range(rows):
+        for u in range(columns):
+            root = _root(parent, v * columns + u)
+            labels[v, u] = -1
+            if z[v, u] > 0.0:
+                if root == v * columns + u:
+                    labels[v, u] = clusters
+                    clusters += 1
+                else:
+                    labels[v, u] = labels[root // columns, root % columns]
+
+
+# --- Planes ---------------------------------------------------------------------------------------
+
+
+def fit_plane(points: ArrayLike) -> Array:
+    """The plane with the least sum of squared distances (Pearson, 1901), shape (4,).
+
+    Raises:
+        ValueError: for fewer than 3 points, a NaN, or points in one line (within a millionth).
+    """
+    given, _, _ = _checked(points, 3)
+    middle = given.mean(axis=1)
+    apart = given - middle[:, None]
+    values, axes = np.linalg.eigh(apart @ apart.T)
+    if values[1] <= 1e-12 * values[2]:
+        raise refused("points", given, "points that are not all in one line")
+    return _facing(np.append(axes[:, 0], -axes[:, 0] @ middle))
+
+
+def _facing(plane: Array) -> Array:
+    """The plane with its normal towards the camera."""
+    return -plane if plane[3] < 0.0 else plane
+
+
+def inverse_depth_plane(
+    depth: ArrayLike, camera: Camera, mask: NDArray[np.bool_] | None = None
+) -> Array:
+    """The plane of a picture by one linear fit, shape (4,).
+
+    Along a plane 1 / z = a x + b y + c over the normalised pixels. A stereo sensor's noise is even
+    in 1 / z, so that the fit is the best there is and has no bias to first order.
+
+    Args:
+        depth: shape (H, W) [m].
+        camera: whose picture it is.
+        mask: the pixels that count, shape (H, W); None for all that have a measurement.
+
+    Raises:
+        ValueError: as for `Camera.picture`, and for fewer than 3 pixels or pixels in one line.
+    """
+    z = camera.picture(depth)
+    used = z > 0.0 if mask is None else (z > 0.0) & np.asarray(mask, bool)
+    inverse = np.divide(1.0, z, out=np.zeros_like(z), where=used)
+    x, y = camera.rays()
+    # Sums over the pixels, by columns and rows.
+    down, across, n = used.sum(axis=0), used.sum(axis=1), np.count_nonzero(used)
+    xx, yy, xy, sx, sy = x * x @ down, y * y @ across, y @ (used @ x), x @ down, y @ across
+    normal = np.array([[xx, xy, sx], [xy, yy, sy], [sx, sy, n]])
+    if n < 3 or np.linalg.cond(normal) > 1e12:
+        raise refused("mask", f"{n} pixels", "3 or more that are not all in one line")
+    right = np.array([x @ inverse.sum(axis=0), y @ inverse.sum(axis=1), inverse.sum()])
+    slope = np.linalg.solve(normal, right)
+    return _facing(np.append(-slope, 1.0) / np.linalg.norm(slope))
+
+
+def draws_needed(share: float, confidence: float, sample: int = 3) -> float:
+    """How many draws of `sample` points hold one of inliers only, with so much confidence.
+
+    log(1 - P) / log(1 - w^n) (Fischler and Bolles, 1981). Three inliers are not yet the plane: with
+    noise near the tolerance many such triples miss most of it.
+    """
+    good = finite("share", share, 0.0, 1.0) ** count("sample", sample, 1)
+    missed = math.log1p(-finite("confidence", confidence, 0.0, 1.0 - 1e-15))
+    if missed == 0.0 or good == 1.0:
+        return 1.0 if missed else 0.0
+    return missed / math.log1p(-good) if good > 0.0 else math.inf
+
+
+def ransac_plane(
+    points: ArrayLike,
+    tolerance: float,
+    rng: np.random.Generator,
+    *,
+    confidence: float = 0.99,
+    most: int = 1000,
+    refits: int = 1,
+) -> tuple[Array, NDArray[np.bool_], int]:
+    """The plane that most points lie near (Fischler and Bolles, 1981).
+
+    Planes through three drawn points are tried until `draws_needed` for the best share so far;
+    then the plane is fitted to the points near it, `refits` times.
+
+    Args:
+        points: shape (3, N) [m].
+        tolerance: largest distance of a point that counts [m].
+        rng: where the triples are drawn from.
+        confidence: of having drawn three inliers; 1 for `most` draws always.
+        most: draws, at least 1.
+        refits: by least squares.
+
+    Returns:
+        The plane, shape (4,); which points are near it, shape (N,); how many planes were tried.
+
+    Raises:
+        ValueError: for fewer than 3 points, a NaN, a tolerance that is not positive or below the
+            rounding of the points, numbers out of range, or no three points that are not in line.
+    """
+    given, low, high = _checked(points, 3)
+    near = _length("tolerance", tolerance, low, high)
+    triples = rng.integers(0, given.shape[1], (count("most", most, 1), 3))
+    sure = finite("confidence", confidence, 0.0, 1.0)
+    missed = math.log1p(-sure) if sure < 1.0 else -math.inf
+    plane = np.empty(4)
+    tried = _kernel(_ransac)(given, near, triples, missed, plane)
+    if not plane.any():
+        raise refused("points", given, "points that are not all in one line")
+    for _ in range(count("refits", refits)):
+        inner = given[:, np.abs(plane[:3] @ given + plane[3]) <= near]
+        plane = fit_plane(inner)
+    return _facing(plane), np.abs(plane[:3] @ given + plane[3]) <= near, tried
+
+
+def _ransac(points, tolerance, triples, missed, plane):
+    plane[:] = 0.0
+    best, n = 2, points.shape[1]
+    for draw in range(triples.shape[0]):
+        i, j, k = triples[draw, 0], triples[draw, 1], triples[draw, 2]
+        p, q, r = points[:, i], points[:, j], points[:, k]
+        a, b, c = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+        d, e, f = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+        x, y, z = b * f - c * e, c * d - a * f, a * e - b * d
+        length = math.sqrt(x * x + y * y + z * z)
+        size = (a * a + b * b + c * c) + (d * d + e * e + f * f)
+        if length > 1e-12 * size:
+            x, y, z = x / length, y / length, z / length
+            offset = -(x * p[0] + y * p[1] + z * p[2])
+            found = 0
+            for i in range(n):
+                height = x * points[0, i] + y * points[1, i] + z * points[2, i] + offset
+                found += abs(height) <= tolerance
+            if found > best:
+                best = found
+                plane[0], plane[1], plane[2], plane[3] = x, y, z, offset
+        share = best / n
+        if missed > -math.inf and (
+            best == n or (draw + 1) * math.log1p(-share * share * share) <= missed
+        ):
+            return draw + 1
+    return triples.shape[0]
+
+
+_KERNELS: dict[Callable[..., Any], Any] = {
+    _back_project: void(MATRIX, VECTOR, VECTOR, MATRIX, _INDICES),
+    _cells: void(MATRIX, VECTOR, float64, _INDICES),
+    _sums: int64(MATRIX, _INDICES, _WHOLE, MATRIX, _INDICES),
+    _within: void(MATRIX, MATRIX, float64, _WHOLE, _WHOLE, _INDICES, _INDICES),
+    _dbscan: void(
+        MATRIX, _INDICES, _INDICES, _INDICES, _INDICES, float64, int64, _INDICES, _FLAGS
+    ),
+    _components: void(MATRIX, float64, _WHOLE),
+    _ransac: int64(MATRIX, float64, _WHOLE, float64, VECTOR),
+}  # fmt: skip
+
+
+@functools.cache
+def _kernel(function: Callable[..., Any]) -> Callable[..., Any]:
+    return compiled(function, _KERNELS[function])
+
+
+def warm() -> None:
+    """Compile every loop of this file."""
+    for function in _KERNELS:
+        _kernel(function)

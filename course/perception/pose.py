@@ -1,0 +1,439 @@
+"""Where is the part? From a picture to poses, each with a covariance and a word on its trust.
+
+The chain: table, what stands above it, clusters on the grid of pixels, some starts for each, the
+closest points, the choice by what the picture shows, and a last fit along the rays. A residual does
+not tell a right pose from a wrong one, since a wrong one also lies on the points. What tells is the
+picture itself: it looks through a part that is not there. The covariance, of the six directions in
+the part's frame, is that of the fit plus the table that the part stands on, times w^2 where
+neighbours share their noise over a window of w pixels: so many measurements count as one.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import count, refused, vector
+from course.kinematics.chain import turn_to
+from course.perception.camera import Array, Camera, Sensor, Shapes, render, sense
+from course.perception.cloud import back_project, components, inverse_depth_plane, ransac_plane
+from course.perception.registration import DIRECTIONS, Fit, icp, known
+from course.rigid_body.quaternion import (
+    conjugate,
+    exp,
+    from_matrix,
+    log,
+    product,
+    rotate,
+    to_matrix,
+)
+
+STATUS = ("found", "ambiguous", "cut", "refuted")
+STANDING = ("x", "y", "turn z")
+
+_SIGMAS = 4.0  # of a depth: what is farther off is another thing
+_SEES_THROUGH = 0.1  # share of pixels that may look past a pose, or be left over: right ones 0.03
+_AGREES = 0.5  # share of a pose's visible pixels that the picture must show where it says
+_RIVAL = 0.02  # by how much less another pose may agree, and still be as good an answer
+_DISTINCT = math.radians(5.0)
+_SAMPLE = 400  # points of a cluster that the starts are tried with
+
+
+@dataclass(frozen=True, eq=False)
+class Estimate:
+    """One answer of `locate`; `pose` is R and p as (7,), in the camera's frame.
+
+    Attributes:
+        R, p: (3, 3) and (3,) [m].
+        covariance: of the directions `DIRECTIONS` in the part's frame, (6, 6) [m, rad].
+        matched: share of the cluster's points that lie on the part.
+        residual: root mean square distance of its points along the normals [m].
+        see_through: share of the pixels of this pose where the picture looks past it.
+        agrees: share of the pixels, of pose or cluster, where both say the same.
+        unobserved: names of the directions of which the picture says nothing.
+        status: one of `STATUS`. Cut: it reaches the picture's edge, so what is missing is not seen;
+            ambiguous: another pose, not the same by symmetry, agrees as well, or a shift is
+            unobserved, or a tenth of what is seen agrees with it not: there is more than the part.
+    """
+
+    R: Array
+    p: Array
+    covariance: Array
+    matched: float
+    residual: float
+    see_through: float
+    agrees: float
+    unobserved: tuple[str, ...]
+    status: str
+
+    @property
+    def pose(self) -> Array:
+        return np.concatenate((self.p, from_matrix(self.R)))
+
+
+# --- Symmetry -------------------------------------------------------------------------------------
+
+# The 24 rotations of a cube, and as quaternions (4, 24).
+_CUBE = np.array(
+    [
+        R
+        for order in itertools.permutations(range(3))
+        for signs in itertools.product((1.0, -1.0), repeat=3)
+        if np.linalg.det(R := np.eye(3)[list(order)] * np.array(signs)[:, None]) > 0.0
+    ]
+)
+_TURNS = from_matrix(np.moveaxis(_CUBE, 0, 2))
+
+
+def apart(part: Shapes, a: ArrayLike, b: ArrayLike) -> tuple[float, float]:
+    """How far two poses of a part are from each other, the least over its symmetries.
+
+    A box looks the same after half turns, or quarter turns where two sides are equal; a cylinder
+    after any turn about its axis, and upside down; a sphere after any. Of several shapes together
+    no symmetry is assumed.
+
+    Args:
+        part: about its own origin.
+        a, b: poses, shape (7,).
+
+    Returns:
+        Distance of the origins [m] and least angle [rad].
+    """
+    a, b = vector("a", a, (7,)), vector("b", b, (7,))
+    shift, turn = float(np.linalg.norm(a[:3] - b[:3])), product(conjugate(a[3:]), b[3:])
+    kind = part.kinds[0] if len(part.kinds) == 1 else "several"
+    if kind == "sphere":
+        return shift, 0.0
+    if kind == "cylinder":
+        axis = rotate(turn, np.array([0.0, 0.0, 1.0]))
+        return shift, math.atan2(math.hypot(axis[0], axis[1]), abs(axis[2]))
+    if kind == "box":
+        half = part.sizes[:, 0]
+        same = np.abs(np.abs(_CUBE) @ half - half).max(axis=1) < 1e-9 * half.max()
+        turn = product(_TURNS[:, same], turn)  # as far as the turn followed by it
+    return shift, float(2.0 * np.arctan2(np.linalg.norm(turn[1:], axis=0), np.abs(turn[0])).min())
+
+
+# --- What the picture says to a pose --------------------------------------------------------------
+
+
+def verdict(
+    z: Array, camera: Camera, sensor: Sensor, shapes: Shapes, cluster: NDArray[np.bool_]
+) -> tuple[float, float, float, NDArray[np.bool_]]:
+    """Share looked through, share of visible pixels that agree, the same of both, and the mask."""
+    exact, _ = render(shapes, camera)
+    mask = exact > 0.0
+    here = mask & (z > 0.0)
+    off = z[here] - exact[here]
+    allowed = _SIGMAS * sensor.sigma(exact[here], camera) + 1e-3
+    through, hidden = np.count_nonzero(off > allowed), np.count_nonzero(off < -allowed)
+    agree, both = off.size - through - hidden, np.count_nonzero(cluster & ~mask)
+    shown, visible = float(off.size or 1), float(off.size - hidden + both or 1)
+    return through / shown, agree / shown, agree / visible, mask
+
+
+def see_through(depth: ArrayLike, camera: Camera, sensor: Sensor, shapes: Shapes) -> float:
+    """Share of the measured pixels of posed shapes where the picture sees something behind them.
+
+    Behind means by more than 4 standard deviations of the depth and a millimetre. Pixels where
+    something else is in front say nothing. 1 where the shapes are not in the picture.
+    """
+    z = camera.picture(depth)
+    through, agree, _, _ = verdict(z, camera, sensor, shapes, np.zeros(z.shape, bool))
+    return float(through) if through + agree > 0.0 else 1.0
+
+
+def _at_edge(mask: NDArray[np.bool_]) -> bool:
+    return bool(mask[[0, -1]].any() or mask[:, [0, -1]].any())
+
+
+# --- The chain ------------------------------------------------------------------------------------
+
+
+def _extent(part: Shapes) -> tuple[Array, Array]:
+    """Least and greatest coordinates of a part in its own frame [m]."""
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    for i, kind in enumerate(part.kinds):
+        size, pose = part.sizes[:, i], part.poses[:, i]
+        if kind == "plane":
+            raise refused("part.kinds", part.kinds, "a thing with an end: no plane")
+        half = {"box": size, "cylinder": size[[0, 0, 1]], "sphere": size[[0, 0, 0]]}[kind]
+        reach = np.abs(to_matrix(pose[3:])) @ half
+        low, high = np.minimum(low, pose[:3] - reach), np.maximum(high, pose[:3] + reach)
+    return low, high
+
+
+def _yaws(part: Shapes, starts: int) -> Array:
+    """Turns about z to start from: evenly over what is not the same by symmetry [rad]."""
+    period = 2.0 * math.pi
+    still = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    for n in (360, 4, 2):
+        turned = np.concatenate((still[:3], exp(np.array([0.0, 0.0, 2.0 * math.pi / n]))))
+        if apart(part, still, turned)[1] < 1e-9:
+            period = 2.0 * math.pi / n
+            break
+    return period / starts * np.arange(1.0 if period < 0.1 else starts)
+
+
+def standing_starts(part: Shapes, points: Array, table: Array, starts: int) -> list[Array]:
+    """Poses on the table at turns evenly over what is not the same by symmetry."""
+    return standing_at(part, points, table, _yaws(part, starts))
+
+
+def standing_at(part: Shapes, points: Array, table: Array, yaws: Array) -> list[Array]:
+    """Poses on the table: for each turn the middle of the box around the points."""
+    low, high = _extent(part)
+    up = turn_to(table[:3])
+    foot = -table[3] * table[:3]
+    flat = rotate(conjugate(up), points - foot[:, None])
+    poses = []
+    for yaw in yaws:
+        q = exp(np.array([0.0, 0.0, yaw]))
+        inside = rotate(conjugate(q), flat)
+        middle = np.percentile(inside, (2.0, 98.0), axis=1).mean(axis=0) - 0.5 * (low + high)
+        middle[2] = -low[2]
+        turn = product(up, q)
+        poses.append(np.concatenate((foot + rotate(up, rotate(q, middle)), turn)))
+    return poses
+
+
+def floating_starts(part: Shapes, points: Array, starts: int) -> list[Array]:
+    """Poses anywhere: the principal axes in all their orders, and turned by an eighth."""
+    low, high = _extent(part)
+    middle = points.mean(axis=1)
+    away = middle / np.linalg.norm(middle) * 0.25 * float((high - low).min())
+    axes = np.linalg.svd(points - middle[:, None])[0]
+    axes[:, 2] *= np.linalg.det(axes)
+    poses: list[Array] = []
+    for k, R in itertools.product(range(max(1, starts // 4)), _CUBE):
+        turn = exp(np.array([0.0, 0.0, 0.25 * math.pi * k]))
+        q = product(from_matrix(axes @ R), turn)
+        pose = np.concatenate((middle + away - to_matrix(q) @ (0.5 * (low + high)), q))
+        if all(apart(part, pose, other)[1] > _DISTINCT for other in poses):
+            poses.append(pose)
+    return poses
+
+
+def _of_table(points: Array, sigma: Array, table: Array, pose: Array) -> Array:
+    """What the table tells about a part that stands on it: height and two tilts, (6, 6)."""
+    x, y, _ = rotate(conjugate(pose[3:]), points - pose[:3, None])
+    slope = np.abs(table[:3] @ points) / points[2]
+    J = np.stack((0.0 * x, 0.0 * x, np.ones_like(x), y, -x, 0.0 * x)) / (sigma * slope)
+    return J @ J.T
+
+
+def locate(
+    depth: ArrayLike,
+    camera: Camera,
+    sensor: Sensor,
+    part: Shapes,
+    *,
+    table: ArrayLike | None = None,
+    standing: bool = True,
+    starts: int = 4,
+    least: int = 40,
+    seed: int = 0,
+) -> list[Estimate]:
+    """Every cluster above the table that may be the part, the one that agrees best first.
+
+    Args:
+        depth: shape (H, W) [m], 0 where there is no measurement.
+        camera, sensor: whose picture it is.
+        part: one shape, or several posed in the part's frame.
+        table: (nx, ny, nz, d), towards the camera [m]; None to find the largest plane.
+        standing: whether the part stands on the table with its z up, so that only place and turn
+            are free; else it may lie anyhow.
+        starts: turns to start from, evenly over the period of the part.
+        least: pixels that a cluster needs.
+        seed: of the draws that find the table.
+
+    Returns:
+        The estimates; none where nothing stands on the table. One that is refuted, by what the
+        picture sees through it or in front of it, says so in its status.
+
+    Raises:
+        ValueError: as for `Camera.picture`; for a plane as a part, or a table that is no plane.
+    """
+    z = camera.picture(depth)
+    _extent(part)
+    count("starts", starts, 1)
+    points, pixels = back_project(z, camera)
+    sigma = np.maximum(sensor.sigma(points[2], camera), 1e-7)
+    if table is None:
+        rng = np.random.default_rng(seed)
+        some = points[:, rng.integers(0, points.shape[1], min(2000, points.shape[1]))]
+        plane, _, _ = ransac_plane(some, _SIGMAS * float(np.median(sigma)) + 1e-3, rng, most=200)
+    else:
+        plane = vector("table", table, (4,))
+        if abs(np.linalg.norm(plane[:3]) - 1.0) > 1e-6:
+            raise refused("table", plane, "a normal of unit length, and a distance")
+    for _ in range(2 if table is None else 1):
+        slope = np.abs(plane[:3] @ points) / points[2]
+        height = (plane[:3] @ points + plane[3]) / (sigma * slope + 1e-3 / _SIGMAS)
+        on = np.abs(height) < _SIGMAS
+        if table is None:
+            mask = np.zeros(z.size, bool)
+            mask[pixels[on]] = True
+            plane = inverse_depth_plane(z, camera, mask.reshape(z.shape))
+    above = np.zeros(z.size)
+    above[pixels[height > _SIGMAS]] = points[2, height > _SIGMAS]
+    if not above.any():
+        return []
+    step = 0.01 + 6.0 * float(np.median(sigma))
+    labels = components(above.reshape(z.shape), camera, step)
+    on_table = some_of(points[:, on], sigma[on])
+    found = []
+    for label in np.flatnonzero(np.bincount(labels[labels >= 0]) >= least):
+        cluster = labels == label
+        best = pose_of(
+            z, camera, sensor, part, cluster, plane, on_table, standing=standing, starts=starts
+        )
+        if best is not None:
+            found.append(best)
+    return sorted(found, key=lambda one: (one.status == "refuted", -one.agrees))
+
+
+def some_of(points: Array, sigma: Array, most: int = 2000) -> tuple[Array, Array]:
+    """Every n-th point, and deviations with which these tell as much as all do [m]."""
+    n = max(1, sigma.size // most)
+    return points[:, ::n], sigma[::n] * math.sqrt(sigma[::n].size / max(1, sigma.size))
+
+
+def pose_of(
+    z: Array,
+    camera: Camera,
+    sensor: Sensor,
+    part: Shapes,
+    cluster: NDArray[np.bool_],
+    table: Array,
+    on_table: tuple[Array, Array],
+    *,
+    standing: bool = True,
+    starts: int = 4,
+) -> Estimate | None:
+    """The pose of one cluster that the picture agrees with most; None where no start gets hold.
+
+    Args:
+        z: the picture, shape (H, W) [m].
+        camera, sensor, part, standing, starts: as for `locate`.
+        cluster: its pixels, shape (H, W).
+        table: the plane, shape (4,).
+        on_table: points of it, (3, N), and the deviations of their depths, (N,) [m].
+    """
+    points, _ = back_project(np.where(cluster, z, 0.0), camera)
+    sigma = np.maximum(sensor.sigma(points[2], camera), 1e-7)
+    low, high = _extent(part)
+    last = _SIGMAS * float(np.median(sigma)) + 1e-3
+    gate = (max(last, 0.25 * float(np.linalg.norm(high - low))), last)
+    some = slice(None, None, max(1, points.shape[1] // _SAMPLE))
+    free = STANDING if standing else DIRECTIONS
+    if standing:
+        poses = standing_starts(part, points, table, starts)
+    else:
+        poses = floating_starts(part, points, starts)
+    tried: list[tuple[tuple[float, float, float, NDArray[np.bool_]], Fit]] = []
+
+    def lay(poses: list[Array]) -> None:
+        for pose in poses:
+            try:
+                fit = icp(
+                    points[:, some], part, pose, gate=gate, sigma=sigma[some], free=free,
+                    rays=False, iterations=40, tolerance=1e-5,
+                )  # fmt: skip
+            except ValueError:  # nothing within the gate
+                continue
+            tried.append((verdict(z, camera, sensor, part.moved(fit.pose), cluster), fit))
+        tried.sort(key=lambda one: -one[0][2])
+
+    lay(poses)
+    if not tried:
+        return None
+    # A part that is nearly the same after a quarter turn: that too has to be worse.
+    best = tried[0][1].pose
+    turns = [exp(np.array([0.0, 0.0, 0.5 * math.pi * k])) for k in (1, 2, 3)]
+    turned = [np.append(best[:3], product(best[3:], turn)) for turn in turns]
+    lay([q for q in turned if all(apart(part, q, f.pose)[1] > 0.2 * _DISTINCT for _, f in tried)])
+    (_, _, score, mask), first = tried[0]
+    # All that the pose covers, also what is too near the table to be told from it.
+    covered, _ = back_project(np.where(mask | cluster, z, 0.0), camera)
+    spread = np.maximum(sensor.sigma(covered[2], camera), 1e-7)
+    fit = icp(covered, part, first.pose, gate=last, sigma=spread, free=free)
+    if not np.isfinite(fit.residual):
+        return None
+    through, agree, score, mask = verdict(z, camera, sensor, part.moved(fit.pose), cluster)
+    rival = any(
+        other[2] > tried[0][0][2] - _RIVAL
+        and other[0] <= _SEES_THROUGH
+        and max(np.divide(apart(part, fit.pose, one.pose), (2.0 * last, _DISTINCT))) > 1.0
+        for other, one in tried[1:]
+    )
+    also = _of_table(*on_table, table, fit.pose) if standing else np.zeros((6, 6))
+    if set(part.kinds) == {"sphere"}:  # it touches the table in a point, whatever its turn
+        also[3:], also[:, 3:] = 0.0, 0.0
+    covariance, unobserved = known((fit.information + also) / sensor.window**2)
+    left_over, blind = score < 1.0 - _SEES_THROUGH, {"x", "y", "z"} & set(unobserved)
+    status = "ambiguous" if rival or left_over or blind else "found"
+    if _at_edge(mask) or _at_edge(cluster):
+        status = "cut"
+    if through > _SEES_THROUGH or agree < _AGREES:
+        status = "refuted"
+    return Estimate(
+        R=fit.R,
+        p=fit.p,
+        covariance=covariance,
+        matched=float(first.matched.mean()),
+        residual=fit.residual,
+        see_through=float(through),
+        agrees=float(score),
+        unobserved=unobserved,
+        status=status,
+    )
+
+
+def stand_in(
+    camera: Camera, sensor: Sensor, part: Shapes, places: ArrayLike, *, standing: bool = True
+) -> tuple[Array, Array]:
+    """What `locate` will be off by, on the average and in its spread, without its pictures' noise.
+
+    The spread is that of the exact picture's information. What averaging does not remove are the
+    sensor's steps: of the error that they make without noise exp(-2 pi^2 (noise / step)^2) is
+    left (Widrow and Kollar, Quantization Noise, 2008, ch. 4). A part that is alone in the picture.
+
+    Args:
+        camera, sensor, part: as for `locate`.
+        places: poses in the camera's frame, shape (7, N).
+        standing: whether the table is known, and with it height and tilts.
+
+    Returns:
+        Bias (6, N) and covariance (6, 6, N) of `DIRECTIONS` in the part's frame [m, rad]; infinite
+        variance where nothing is seen.
+    """
+    poses = vector("places", places, (7, None))
+    free = STANDING if standing else DIRECTIONS
+    moving = np.array([name in free for name in DIRECTIONS])
+    bias, covariance = np.zeros((6, poses.shape[1])), np.zeros((6, 6, poses.shape[1]))
+    for i, pose in enumerate(poses.T):
+        exact, _ = render(part.moved(pose), camera)
+        if np.count_nonzero(exact) < 3:
+            covariance[:, :, i] = np.diag(np.where(moving, np.inf, 0.0))
+            continue
+        coarse = replace(sensor, noise=0.0, dropout=0.0)
+        depth = float(np.median(exact[exact > 0.0]))
+        steps = max(sensor.step * depth**2 / (camera.fx * sensor.baseline), sensor.unit)
+        noise = sensor.noise * depth**2 / (camera.fx * sensor.baseline)
+        left = math.exp(-2.0 * (math.pi * noise / steps) ** 2) if steps else 0.0
+        for picture in (sense(exact, camera, coarse, np.random.default_rng(0)), exact):
+            points, _ = back_project(picture, camera)
+            sigma = np.maximum(sensor.sigma(points[2], camera), 1e-7)
+            gate = _SIGMAS * float(np.median(sigma)) + 1e-3
+            fit = icp(points, part, pose, gate=gate, sigma=sigma, free=free)
+            if picture is not exact:
+                back = conjugate(pose[3:])
+                turned = log(product(back, fit.pose[3:]))
+                bias[:, i] = left * np.append(rotate(back, fit.p - pose[:3]), turned)
+        covariance[:, :, i], _ = known(fit.information / sensor.window**2, free)
+    return bias, covariance

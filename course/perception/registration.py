@@ -1,0 +1,700 @@
+"""Where is the known thing? Measured points laid onto a cloud or onto a shape, with what is known.
+
+A pose is (R, p): a point m of the target's frame stands at R m + p in the frame of the measured
+points, which is the camera's. The six ways to move it are those of the target's own frame: shifts
+along its axes, then turns about them, p' = p + R d, R' = R exp(t). A measured point with the
+closest point c and the normal n there is off by r = n (m - c), which a motion changes by
+-n d - (m x n) t. So J = (n, m x n), the information is the sum of J J^T / variance, and its null
+space is what the picture does not show: a cylinder's turn about its axis, a sphere's three turns,
+two shifts and a turn of a face (Besl and McKay, 1992; Chen and Medioni, 1991; Censi, 2007).
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Any
+
+import numba
+import numpy as np
+from numba import float64, int64, types
+from numba.extending import register_jitable
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import count, finite, one_of, refused, vector
+from course.compiled import MATRIX, VECTOR, compiled
+from course.contact.shapes import poses as checked_poses
+from course.kinematics.inverse import decompose
+from course.perception import camera
+from course.perception.camera import CYLINDER, KINDS, PLANE, SPHERE, STILL, Shapes
+from course.rigid_body.quaternion import exp, from_matrix, to_matrix
+
+Array = NDArray[np.float64]
+
+DIRECTIONS = ("x", "y", "z", "turn x", "turn y", "turn z")
+METHODS = ("point", "plane")
+
+_LEAF = 16  # points in a leaf of the tree
+_LEAST_COSINE = 0.1  # of ray and normal, for a weight: what grazes is not known ever better
+_EDGE = 0.5  # standard deviations of depth: a ray that passes an edge nearer counts for no face
+_BLIND = 1e-6  # an eigenvalue below this, where each direction alone has 1, is not observed
+_ROUNDING = 1e-15  # a direction with less than this share of the largest information has none
+_DAMPING = 1e-9  # share of the largest diagonal: a direction without information does not move
+_INDICES = types.Array(int64, 1, "C")
+_FLAGS = types.Array(numba.boolean, 1, "C")
+_CUBE = types.Array(float64, 3, "C")
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Points in a k-d tree (Bentley, 1975): cut at the median across the widest side.
+
+    Made by `Cloud.of`. In the order of the tree: `points` (N, 3) [m], `normals` (N, 3) or (0, 3),
+    `order` (N,) each point's number; `axes`, `cuts` (2^k - 1,) of inner nodes, breadth first.
+    """
+
+    points: Array
+    normals: Array
+    order: NDArray[np.int64]
+    axes: NDArray[np.int64]
+    cuts: Array
+
+    @classmethod
+    def of(cls, points: ArrayLike, normals: ArrayLike | None = None) -> Cloud:
+        """A cloud to register to, or to ask for nearest points.
+
+        Args:
+            points: shape (3, N), at least one [m].
+            normals: shape (3, N), of unit length; needed for point-to-plane only.
+
+        Raises:
+            ValueError: for no point, a NaN, or normals of another shape or length.
+        """
+        rows = vector("points", points, (3, None), unit="m").T.copy()
+        if not len(rows):
+            raise refused("points.shape", (3, 0), "at least one point")
+        levels = max(0, int(np.ceil(np.log2(len(rows) / _LEAF))))
+        order = np.arange(len(rows))
+        axes, cuts = np.zeros(2**levels - 1, dtype=np.int64), np.zeros(2**levels - 1)
+        _kernels()[0](rows, order, axes, cuts)
+        turned = np.zeros((0, 3))
+        if normals is not None:
+            given = vector("normals", normals, (3, len(rows)))
+            length = np.linalg.norm(given, axis=0)
+            if np.abs(length - 1.0).max() > 1e-6:
+                raise refused("normals", length, "vectors of unit length")
+            turned = np.ascontiguousarray(given.T[order])
+        return cls(rows, turned, order, axes, cuts)
+
+    def nearest(self, queries: ArrayLike, within: float = np.inf) -> tuple[Array, Any]:
+        """The nearest point to each query, shape (3, n) [m].
+
+        Returns:
+            Distances (n,) [m] and numbers of the points (n,); infinite and -1 where none is nearer
+            than `within`.
+        """
+        q = np.ascontiguousarray(vector("queries", queries, (3, None), unit="m").T)
+        distance, index = np.empty(len(q)), np.empty(len(q), dtype=np.int64)
+        _kernels()[1](q, self.points, self.axes, self.cuts, float(within), distance, index)
+        return distance, np.where(index < 0, -1, self.order[index])
+
+
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """What a registration found.
+
+    Attributes:
+        R, p: of the target in the frame of the points, (3, 3) and (3,) [m]; `pose` as (7,).
+        matched: which points have a match within the last gate, (N,).
+        residual: root mean square of the matched distances, along the normals for "plane" [m].
+        iterations: steps made.
+        converged: whether the last step was below the tolerance, at the narrowest gate.
+        information: of the six directions, (6, 6) [1/m^2, 1/(m rad), 1/rad^2]; 0 without normals.
+        free: the directions that could change; of the others the covariance is zero.
+    """
+
+    R: Array
+    p: Array
+    matched: NDArray[np.bool_]
+    residual: float
+    iterations: int
+    converged: bool
+    information: Array
+    free: tuple[str, ...] = DIRECTIONS
+
+    @property
+    def pose(self) -> Array:
+        return np.concatenate((self.p, from_matrix(self.R)))
+
+    @property
+    def covariance(self) -> Array:
+        """Of the six directions, (6, 6); infinite on the diagonal where nothing is known."""
+        return known(self.information, self.free)[0]
+
+    @property
+    def unobserved(self) -> tuple[str, ...]:
+        """The directions that the points do not tell, by name."""
+        return known(self.information, self.free)[1]
+
+
+def known(
+    information: ArrayLike, free: tuple[str, ...] = DIRECTIONS
+) -> tuple[Array, tuple[str, ...]]:
+    """Covariance and blind directions of an information matrix.
+
+    Each direction is scaled to an information of 1, so that neither the unit of a turn nor how well
+    something else is known decides; eigenvalues are then small only where a motion is not seen
+    (van der Sluis, 1969). A direction with a part in a blind motion has an infinite variance, and
+    no covariance with the others.
+
+    Args:
+        information: shape (6, 6), of shifts [1/m^2] and turns [1/rad^2].
+        free: the directions that are not known beforehand; the others have no variance.
+
+    Returns:
+        Covariance (6, 6) and the names of the directions of infinite variance.
+    """
+    kept = np.isin(DIRECTIONS, free)
+    H = vector("information", information, (6, 6)) * np.outer(kept, kept)
+    alone = np.diag(H)
+    scale = np.sqrt(np.where(alone > _ROUNDING * alone.max(), alone, np.inf))
+    values, vectors = np.linalg.eigh(H / np.outer(scale, scale))
+    seen = values > _BLIND
+    blind = kept & (np.sum(vectors[:, ~seen] ** 2, axis=1) > _BLIND)
+    part = vectors[:, seen] / scale[:, None]
+    result = (part / values[seen]) @ part.T
+    result[blind] = 0.0
+    result[:, blind] = 0.0
+    result[blind, blind] = np.inf
+    return result, tuple(str(name) for name in np.array(DIRECTIONS)[blind])
+
+
+def rigid_fit(
+    source: ArrayLike, target: ArrayLike, weights: ArrayLike | None = None
+) -> tuple[Array, Array]:
+    """R, p that minimise sum w |R source + p - target|^2 among proper rotations.
+
+    From the singular vectors of the weighted covariance U S V^T: R = V diag(1, 1, d) U^T, where d,
+    the determinant of V U^T, keeps a mirror image out (Kabsch, 1978; Umeyama, 1991).
+
+    Args:
+        source, target: shape (3, N), N at least 3 [m].
+        weights: shape (N,), not negative; None for equal ones.
+
+    Returns:
+        R (3, 3) and p (3,) [m].
+
+    Raises:
+        ValueError: for fewer than three points, points on one line (the turn about it is free), a
+            NaN or a negative weight.
+    """
+    a = vector("source", source, (3, None), unit="m")
+    b = vector("target", target, a.shape, unit="m")
+    w = np.ones(a.shape[1]) if weights is None else vector("weights", weights, a[0].shape, low=0.0)
+    if np.count_nonzero(w) < 3:
+        raise refused("source.shape", a.shape, "at least three points that have a weight")
+    R, p = np.empty((3, 3)), np.empty(3)
+    rows = (np.ascontiguousarray(x.T) for x in (a, b))
+    if not _kernels()[2](*rows, np.ascontiguousarray(w), R, p):
+        raise refused("source", a, "points off one line, here and in target")
+    return R, p
+
+
+def icp(
+    points: ArrayLike,
+    target: Cloud | Shapes,
+    start: ArrayLike = STILL,
+    *,
+    method: str = "plane",
+    gate: float | tuple[float, float] = np.inf,
+    sigma: ArrayLike | float | None = None,
+    free: tuple[str, ...] = DIRECTIONS,
+    rays: bool = True,
+    iterations: int = 50,
+    tolerance: float = 1e-8,
+) -> Fit:
+    """Iterative closest points: match to the target, best motion for these matches, repeat.
+
+    "point" takes the best rigid motion onto the closest points, "plane" a Gauss-Newton step on the
+    distances along their normals. On a shape the closest point is exact. A gate drops what is
+    farther from the target than a part of this scene can be off; given as (first, last) it narrows
+    by a third a step, so that it catches at first and shuts out a neighbour in the end.
+
+    With `sigma` a point's weight is 1 / (sigma |n ray| / z)^2: the error lies along the ray, and
+    only its part along the normal counts. Without, all weights are equal and the scale of the noise
+    is that of the residual.
+
+    A noisy point near an edge is closest to a face that its ray never met. That biases the pose and
+    makes a covariance out of nothing where a face is not seen. So the last steps of "plane" on a
+    shape compare each point with the point of the shape on its own ray, as a picture does (Blais
+    and Levine, 1995), without the pixels that graze the shape or pass near its edge.
+
+    Args:
+        points: measured, in the camera's frame if `sigma` is given, shape (3, N) [m].
+        target: a cloud (with normals for "plane"), or shapes posed in the part's frame.
+        start: pose of the target in the frame of the points, shape (7,).
+        method: one of `METHODS`.
+        gate: greatest distance of a match, or the first and the last [m].
+        sigma: standard deviation of the depth z of each point, a number or (N,) [m].
+        free: the directions that may change, of `DIRECTIONS`; the others stay as they start.
+        rays: whether the last steps follow the rays, on a shape with `sigma`.
+        iterations: most steps.
+        tolerance: a step that moves the part by less is the last [m].
+
+    Raises:
+        ValueError: for bad input, and where fewer than 3 points are within the first gate.
+    """
+    source = np.ascontiguousarray(vector("points", points, (3, None), unit="m").T)
+    plane = METHODS.index(one_of("method", method, METHODS))
+    first, last = gate if isinstance(gate, tuple) else (gate, gate)
+    if not 0.0 < last <= first:
+        raise refused("gate", gate, "a positive distance, or a first and a smaller last [m]")
+    spread = np.zeros(len(source))
+    if sigma is not None:
+        spread[:] = vector("sigma", sigma, (), (len(source),), low=1e-12, unit="m")
+        if source[:, 2].min(initial=1.0) <= 0.0:
+            raise refused("points[2]", source[:, 2], "points before the camera, where sigma is")
+    allowed = [one_of("free", name, DIRECTIONS) for name in free]
+    mobile = np.isin(DIRECTIONS, allowed)
+    if not plane and not mobile.all():
+        raise refused("free", free, "all six directions for point-to-point")
+    begin = checked_poses("start", vector("start", start, (7,)), 3)[:, 0]
+    R, p = to_matrix(begin[3:]), begin[:3].copy()
+    steps = count("iterations", iterations, 1)
+    gates = np.array([max(last, first * (2 / 3) ** k) for k in range(steps + 1)])
+    tree = target if isinstance(target, Cloud) else _NO_CLOUD
+    if plane and tree is target and not len(tree.normals):
+        raise refused("target.normals", None, "normals, for point-to-plane")
+    parts = solids(target) if isinstance(target, Shapes) else _NO_PARTS
+    limits = np.array([finite("tolerance", tolerance, 0.0, unit="m"), _EDGE if rays else -1.0])
+    H, out, flags = np.zeros((6, 6)), np.zeros(6), np.zeros(len(source), np.int64)
+    room = (np.zeros(source.shape), np.zeros(len(source)), flags)
+    where = (tree.points, tree.normals, tree.axes, tree.cuts, *parts)
+    _kernels()[3](source, spread, *where, R, p, gates, limits, mobile, plane, *room, H, out)
+    H += np.tril(H, -1).T
+    found, weighted, squares, made, converged = out[:5].tolist()
+    if found < 3 and made == 0:
+        raise refused("start", begin, f"a pose with 3 points within the gate (here {found:.0f})")
+    if sigma is None:
+        H *= max(found - mobile.sum(), 1.0) / max(weighted, 1e-300)
+    lost = found < 3
+    return Fit(
+        R, p,
+        matched=flags > 0,
+        residual=np.inf if lost else float(np.sqrt(squares / found)),
+        iterations=int(made),
+        converged=bool(converged) and not lost,
+        information=H,
+        free=free,
+    )  # fmt: skip
+
+
+def solids(shapes: Shapes) -> tuple[NDArray[Any], ...]:
+    """Kinds (n,), sizes (n, 3), rotations (n, 3, 3) and places (n, 3) for the loop."""
+    kinds = np.array([tuple(KINDS).index(kind) for kind in shapes.kinds], np.int64)
+    turns = np.ascontiguousarray(np.moveaxis(to_matrix(shapes.poses[3:]), 2, 0))
+    rows = (np.ascontiguousarray(x.T) for x in (shapes.sizes, shapes.poses[:3]))
+    return kinds, next(rows), turns, next(rows)
+
+
+_NONE = np.zeros((0, 3)), np.zeros(0, np.int64)
+_NO_CLOUD = Cloud(_NONE[0], _NONE[0], _NONE[1], _NONE[1], np.zeros(0))
+_NO_PARTS = _NONE[1], _NONE[0], np.zeros((0, 3, 3)), _NONE[0]
+
+
+# --- compiled -------------------------------------------------------------------------------------
+
+
+def _build(points, order, axes, cuts):
+    """Put the rows of points into the order of the tree; ranges of nodes are halved by rule."""
+    inner = len(axes)
+    ranges = np.empty((2 * inner + 1, 2), dtype=np.int64)
+    ranges[0, 0], ranges[0, 1] = 0, len(points)
+    for node in range(inner):
+        low, high = ranges[node]
+        axis, widest = 0, -1.0
+        for x in range(3):
+            wide = points[low:high, x].max() - points[low:high, x].min()
+            if wide > widest:
+                axis, widest = x, wide
+        middle = (low + high) // 2
+        i, j = low, high - 1
+        while i < j:  # Hoare's selection of the median
+            pivot = points[(i + j) // 2, axis]
+            a, b = i, j
+            while a <= b:
+                while points[a, axis] < pivot:
+                    a += 1
+                while points[b, axis] > pivot:
+                    b -= 1
+                if a <= b:
+                    for x in range(3):
+                        points[a, x], points[b, x] = points[b, x], points[a, x]
+                    order[a], order[b] = order[b], order[a]
+                    a += 1
+                    b -= 1
+            if middle <= b:
+                j = b
+            elif middle >= a:
+                i = a
+            else:
+                break
+        axes[node], cuts[node] = axis, points[middle, axis]
+        ranges[2 * node + 1, 0], ranges[2 * node + 1, 1] = low, middle
+        ranges[2 * node + 2, 0], ranges[2 * node + 2, 1] = middle, high
+
+
+@register_jitable
+def _nearest(q, points, axes, cuts, best, index, nodes, offsets):
+    """Row of the nearest point within sqrt(best) of q, else `index`; and the squared distance.
+
+    A branch is left aside when its cuts alone are farther off than the best (Arya and Mount, 1993).
+    """
+    inner, top = len(axes), 1
+    nodes[0, 0], nodes[0, 1], nodes[0, 2] = 0, 0, len(points)
+    offsets[0] = 0.0
+    while top > 0:
+        top -= 1
+        s = offsets[top, 3]
+        if s >= best:
+            continue
+        node, low, high = nodes[top, 0], nodes[top, 1], nodes[top, 2]
+        o0, o1, o2 = offsets[top, 0], offsets[top, 1], offsets[top, 2]
+        while node < inner:
+            axis = axes[node]
+            off, middle = q[axis] - cuts[node], (low + high) // 2
+            old = o0 if axis == 0 else (o1 if axis == 1 else o2)
+            far = s - old + off * off
+            if off < 0.0:
+                other, other_low, other_high = 2 * node + 2, middle, high
+                node, high = 2 * node + 1, middle
+            else:
+                other, other_low, other_high = 2 * node + 1, low, middle
+                node, low = 2 * node + 2, middle
+            if far < best:
+                nodes[top, 0], nodes[top, 1], nodes[top, 2] = other, other_low, other_high
+                offsets[top, 0], offsets[top, 1], offsets[top, 2] = o0, o1, o2
+                offsets[top, axis], offsets[top, 3] = off * off, far
+                top += 1
+        for i in range(low, high):
+            x, y, z = points[i, 0] - q[0], points[i, 1] - q[1], points[i, 2] - q[2]
+            square = x * x + y * y + z * z
+            if square < best:
+                best, index = square, i
+    return index, best
+
+
+def _query(queries, points, axes, cuts, within, distance, index):
+    """The nearest point of each query."""
+    nodes, offsets = np.empty((64, 3), dtype=np.int64), np.empty((64, 4))
+    for k in range(len(queries)):
+        index[k], square = _nearest(
+            queries[k], points, axes, cuts, within * within, -1, nodes, offsets
+        )
+        distance[k] = np.sqrt(square) if index[k] >= 0 else np.inf
+
+
+@register_jitable
+def _onto(kind, s0, s1, s2, x, y, z):
+    """Closest point of a solid's surface to (x, y, z), outward normal, how far it is from an edge.
+
+    Beyond an edge the normal points from the edge to (x, y, z), and the last number is zero.
+    """
+    if kind == PLANE:
+        return x, y, 0.0, 0.0, 0.0, 1.0, np.inf
+    if kind == SPHERE:
+        length = np.sqrt(x * x + y * y + z * z)
+        if length == 0.0:
+            return 0.0, 0.0, s0, 0.0, 0.0, 1.0, np.inf
+        a, b, c = x / length, y / length, z / length
+        return s0 * a, s0 * b, s0 * c, a, b, c, np.inf
+    if kind == CYLINDER:
+        radial, up = np.sqrt(x * x + y * y), 1.0 if z > 0.0 else -1.0
+        a, b = (x / radial, y / radial) if radial > 0.0 else (1.0, 0.0)
+        side, end = radial - s0, abs(z) - s1
+        if side > 0.0 and end > 0.0:
+            gap = np.sqrt(side * side + end * end)
+            c, d = side / gap, end / gap
+            return s0 * a, s0 * b, s1 * up, a * c, b * c, up * d, 0.0
+        if side > end:
+            return s0 * a, s0 * b, z, a, b, 0.0, -end
+        return x, y, s1 * up, 0.0, 0.0, up, -side
+    # A box. How far beyond each pair of faces, and on which side.
+    q0, q1, q2 = abs(x) - s0, abs(y) - s1, abs(z) - s2
+    a, b, c = 1.0 if x > 0.0 else -1.0, 1.0 if y > 0.0 else -1.0, 1.0 if z > 0.0 else -1.0
+    outside = (1 if q0 > 0.0 else 0) + (1 if q1 > 0.0 else 0) + (1 if q2 > 0.0 else 0)
+    if outside > 1:
+        d0, d1, d2 = max(q0, 0.0), max(q1, 0.0), max(q2, 0.0)
+        gap = np.sqrt(d0 * d0 + d1 * d1 + d2 * d2)
+        x, y, z = x - a * d0, y - b * d1, z - c * d2
+        return x, y, z, a * d0 / gap, b * d1 / gap, c * d2 / gap, 0.0
+    if q0 >= q1 and q0 >= q2:
+        return s0 * a, y, z, a, 0.0, 0.0, -max(q1, q2)
+    if q1 >= q2:
+        return x, s1 * b, z, 0.0, b, 0.0, -max(q0, q2)
+    return x, y, s2 * c, 0.0, 0.0, c, -max(q0, q1)
+
+
+@register_jitable
+def _meets(kind, size, o, d):
+    """Where the ray o + t d goes into a solid and out of it."""
+    if kind == PLANE:
+        return camera.through_plane(size, o, d)
+    if kind == SPHERE:
+        return camera.through_sphere(size, o, d)
+    if kind == CYLINDER:
+        return camera.through_cylinder(size, o, d)
+    return camera.through_box(size, o, d)
+
+
+@register_jitable
+def _rotation(a, b, w, R, p):
+    """Kabsch's rotation and shift from rows a to rows b; False where they lie on a line."""
+    total, ca, cb = 0.0, np.zeros(3), np.zeros(3)
+    for i in range(len(a)):
+        total += w[i]
+        for x in range(3):
+            ca[x] += w[i] * a[i, x]
+            cb[x] += w[i] * b[i, x]
+    for x in range(3):
+        ca[x] /= total
+        cb[x] /= total
+    S = np.zeros((3, 3))
+    for i in range(len(a)):
+        if w[i] > 0.0:
+            for x in range(3):
+                for y in range(3):
+                    S[x, y] += w[i] * (b[i, x] - cb[x]) * (a[i, y] - ca[y])
+    A, U = np.empty((3, 3)), np.empty((3, 3))
+    decompose(S, A, U)
+    s, k, i = np.empty(3), 0, 0
+    for r in range(3):
+        s[r] = np.sqrt(A[r, 0] ** 2 + A[r, 1] ** 2 + A[r, 2] ** 2)
+        k, i = (r if s[r] < s[k] else k), (r if s[r] >= s[i] else i)
+    j = 3 - i - k
+    if s[j] <= 1e-9 * s[i] or s[i] <= 0.0:
+        return False
+    for x in range(3):
+        A[i, x] /= s[i]
+        A[j, x] /= s[j]
+    # Two pairs of singular vectors fix a rotation. The third pair is what completes both to right
+    # hands, which is V diag(1, 1, d) U^T whatever sign the smallest singular value asks for.
+    for x in range(3):
+        y, z = (x + 1) % 3, (x + 2) % 3
+        A[k, x] = A[i, y] * A[j, z] - A[i, z] * A[j, y]
+        U[x, k] = U[y, i] * U[z, j] - U[z, i] * U[y, j]
+    for x in range(3):
+        for y in range(3):
+            R[x, y] = U[x, i] * A[i, y] + U[x, j] * A[j, y] + U[x, k] * A[k, y]
+    for x in range(3):
+        p[x] = cb[x] - R[x, 0] * ca[0] - R[x, 1] * ca[1] - R[x, 2] * ca[2]
+    return True
+
+
+@register_jitable
+def _solve(H, g, mobile, length, step):
+    """H step = g, turns in units of 1 / length, hardly damped, in the directions that may move."""
+    A, scale, damping = np.zeros((6, 6)), np.empty(6), 1e-300
+    for x in range(6):
+        scale[x] = 0.0 if not mobile[x] else (1.0 if x < 3 else 1.0 / length)
+        for y in range(x + 1):
+            A[x, y] = H[x, y] * scale[x] * scale[y]
+        damping = max(damping, _DAMPING * A[x, x])
+    for x in range(6):
+        A[x, x] += damping
+        step[x] = g[x] * scale[x]
+        for y in range(x + 1):  # Cholesky's factor, and the first substitution along the way
+            for k in range(y):
+                A[x, y] -= A[x, k] * A[y, k]
+            A[x, y] = np.sqrt(A[x, x]) if x == y else A[x, y] / A[y, y]
+        for k in range(x):
+            step[x] -= A[x, k] * step[k]
+        step[x] /= A[x, x]
+    for x in range(5, -1, -1):
+        for k in range(x + 1, 6):
+            step[x] -= A[k, x] * step[k]
+        step[x] /= A[x, x]
+    for x in range(6):
+        step[x] *= scale[x]
+
+
+def _icp(
+    source, spread, points, normals, axes, cuts, kinds, sizes, turns, places,
+    R, p, gates, limits, mobile, plane, closest, weights, flags, H, out,
+):  # fmt: skip
+    """The loop; R and p are moved. Of each point: closest, weights, flags 1 matched, 2 left out.
+
+    out: matched, sum of w r^2, sum of r^2, steps, converged, mean square of the distance |m|.
+    """
+    steps, tolerance, edge = len(gates) - 1, limits[0], limits[1]
+    nodes, offsets = np.empty((64, 3), dtype=np.int64), np.empty((64, 4))
+    last = np.full(len(source), -1)
+    m, q, J, g, step = np.empty(3), np.empty(3), np.empty(6), np.zeros(6), np.zeros(6)
+    old, before = np.empty((3, 3)), np.empty(3)
+    # Stages: 0 closest points; 1 along the rays, which settles what is left out; 2 after it.
+    stage, final = 0, 2 if edge > 0.0 and spread.max() > 0.0 and plane and len(kinds) else 0
+    for k in range(steps + 1):
+        gate = gates[k]
+        for x in range(6):
+            out[x], g[x] = 0.0, 0.0
+            for y in range(6):
+                H[x, y] = 0.0
+        for x in range(3):
+            q[x] = R[0, x] * p[0] + R[1, x] * p[1] + R[2, x] * p[2]
+        for i in range(len(source)):
+            weights[i] = 0.0
+            if stage == 2 and flags[i] == 2:
+                continue
+            flags[i] = 0
+            s0, s1, s2 = source[i, 0], source[i, 1], source[i, 2]
+            for x in range(3):
+                m[x] = R[0, x] * s0 + R[1, x] * s1 + R[2, x] * s2 - q[x]
+            square, border = gate * gate, np.inf
+            c0, c1, c2, n0, n1, n2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            if len(points):
+                if last[i] >= 0:  # the match of the step before bounds that of this one
+                    now = 0.0
+                    for x in range(3):
+                        now += (points[last[i], x] - m[x]) ** 2
+                    if now >= square:
+                        last[i] = -1
+                    else:
+                        square = now
+                last[i], square = _nearest(m, points, axes, cuts, square, last[i], nodes, offsets)
+                at = last[i]
+                if at < 0:
+                    continue
+                c0, c1, c2 = points[at, 0], points[at, 1], points[at, 2]
+                if len(normals):
+                    n0, n1, n2 = normals[at, 0], normals[at, 1], normals[at, 2]
+            else:
+                first = 10.0  # times the measured depth: where the ray meets a part first
+                for part in range(len(kinds)):
+                    T = turns[part]
+                    kind, size = kinds[part], (sizes[part, 0], sizes[part, 1], sizes[part, 2])
+                    a, b, c = m[0] - places[part, 0], m[1] - places[part, 1], m[2] - places[part, 2]
+                    u = T[0, 0] * a + T[1, 0] * b + T[2, 0] * c
+                    v = T[0, 1] * a + T[1, 1] * b + T[2, 1] * c
+                    w = T[0, 2] * a + T[1, 2] * b + T[2, 2] * c
+                    if stage:
+                        a, b, c = m[0] + q[0], m[1] + q[1], m[2] + q[2]
+                        d = T[0, 0] * a + T[1, 0] * b + T[2, 0] * c
+                        e = T[0, 1] * a + T[1, 1] * b + T[2, 1] * c
+                        f = T[0, 2] * a + T[1, 2] * b + T[2, 2] * c
+                        near, far = _meets(kind, size, (u - d, v - e, w - f), (d, e, f))
+                        if not (0.0 < near <= far and near < first):
+                            continue
+                        first, now = near, 0.0
+                        u, v, w = u + (near - 1.0) * d, v + (near - 1.0) * e, w + (near - 1.0) * f
+                    a, b, c, d, e, f, rim = _onto(kind, size[0], size[1], size[2], u, v, w)
+                    if not stage:
+                        now = (a - u) ** 2 + (b - v) ** 2 + (c - w) ** 2
+                    if stage or now < square:
+                        square, border = now, rim
+                        c0 = T[0, 0] * a + T[0, 1] * b + T[0, 2] * c + places[part, 0]
+                        c1 = T[1, 0] * a + T[1, 1] * b + T[1, 2] * c + places[part, 1]
+                        c2 = T[2, 0] * a + T[2, 1] * b + T[2, 2] * c + places[part, 2]
+                        n0 = T[0, 0] * d + T[0, 1] * e + T[0, 2] * f
+                        n1 = T[1, 0] * d + T[1, 1] * e + T[1, 2] * f
+                        n2 = T[2, 0] * d + T[2, 1] * e + T[2, 2] * f
+                if not square < gate * gate:
+                    continue
+            flags[i] = 1
+            closest[i, 0], closest[i, 1], closest[i, 2] = c0, c1, c2
+            weight, r = 1.0, n0 * (m[0] - c0) + n1 * (m[1] - c1) + n2 * (m[2] - c2)
+            if stage and r * r >= gate * gate:
+                flags[i] = 0
+                continue
+            if spread[i] > 0.0:
+                weight = 1.0 / (spread[i] * spread[i])
+                if plane:
+                    # Along the ray the surface is at t times the measured depth. The noise is even
+                    # in disparity, so that weights at the measured depth would favour what came
+                    # out too near; as residuals of disparity they are 1 / t^3 as large.
+                    ray = n0 * (m[0] + q[0]) + n1 * (m[1] + q[1]) + n2 * (m[2] + q[2])
+                    if stage == 1 and (border < edge * spread[i] or ray > -_LEAST_COSINE * s2):
+                        flags[i] = 2
+                        continue
+                    slope = max(_LEAST_COSINE, abs(ray) / s2)
+                    t = min(2.0, max(0.5, 1.0 - r / (-slope * s2 if ray < 0.0 else slope * s2)))
+                    weight /= slope * slope * t * t * t
+            weights[i] = weight
+            J[0], J[1], J[2] = n0, n1, n2
+            if not stage:
+                c0, c1, c2 = m[0], m[1], m[2]
+            J[3], J[4], J[5] = c1 * n2 - c2 * n1, c2 * n0 - c0 * n2, c0 * n1 - c1 * n0
+            for x in range(6):
+                g[x] += weight * r * J[x]
+                for y in range(x + 1):
+                    H[x, y] += weight * J[x] * J[y]
+            square = r * r if plane else square
+            out[0] += 1.0
+            out[1] += weight * square
+            out[2] += square
+            out[5] += m[0] * m[0] + m[1] * m[1] + m[2] * m[2]
+        out[3] = k
+        if out[0] < 3.0:
+            return
+        out[5] /= out[0]
+        if k == steps:
+            return
+        stage = 2 if stage == 1 else stage
+        length = max(np.sqrt(out[5]), 1e-9)
+        for x in range(3):
+            before[x] = p[x]
+            for y in range(3):
+                old[x, y] = R[x, y]
+        if plane:
+            _solve(H, g, mobile, length, step)
+            # Some points at an edge may ask for a step far beyond where they are matched.
+            most = 1e-300
+            for x in range(6):
+                most = max(most, abs(step[x]) * (1.0 if x < 3 else length))
+            for x in range(6):
+                step[x] *= min(1.0, min(gate, length) / most)
+            turn = to_matrix(exp(step[3:]))
+            for x in range(3):
+                for y in range(3):
+                    p[x] += old[x, y] * step[y]
+                    R[x, y] = 0.0
+                    for z in range(3):
+                        R[x, y] += old[x, z] * turn[z, y]
+        elif not _rotation(closest, source, weights, R, p):
+            return
+        moved = 0.0
+        for x in range(3):
+            moved += (p[x] - before[x]) ** 2
+            for y in range(3):
+                moved += 0.5 * length * length * (R[x, y] - old[x, y]) ** 2
+        out[3] = k + 1
+        if gate == gates[steps] and stage == final and np.sqrt(moved) < tolerance:
+            out[4] = 1.0
+            return
+        # What is not seen may creep for ever: at most two thirds of the steps go to closest points.
+        near = np.sqrt(moved) < 1e3 * tolerance or 3 * k >= 2 * steps
+        if gate == gates[steps] and stage < final and near:
+            stage = 1
+
+
+@functools.cache
+def _kernels() -> tuple[Any, ...]:
+    """Tree, queries, rigid fit and the loop, compiled."""
+    tree = (MATRIX, MATRIX, _INDICES, VECTOR)
+    return (
+        compiled(_build, types.void(MATRIX, _INDICES, _INDICES, VECTOR)),
+        compiled(_query, types.void(MATRIX, MATRIX, _INDICES, VECTOR, float64, VECTOR, _INDICES)),
+        compiled(_rotation, numba.boolean(MATRIX, MATRIX, VECTOR, MATRIX, VECTOR)),
+        compiled(
+            _icp,
+            types.void(
+                MATRIX, VECTOR, *tree, _INDICES, MATRIX, _CUBE, MATRIX,
+                MATRIX, VECTOR, VECTOR, VECTOR, _FLAGS, int64, MATRIX, VECTOR, _INDICES, MATRIX,
+                VECTOR,
+            ),
+        ),
+    )  # fmt: skip
+
+
+def warm() -> None:
+    """Compile the loops of this file."""
+    _kernels()

@@ -1,0 +1,40 @@
+"""Chapter 11: the whole pipeline. Which stage owns which millimetre, and which failure.
+
+The front door:
+
+    Scenario, Settings                      what is asked, and how it is done
+    run(scenario, settings, stages, seed) -> Record      once, the same on every machine
+    many(scenario, settings, seeds)         for many seeds; `errors`, `successes` of the records
+    Stages(perceive, plan, control, move)   ours, each replaceable by a library's or a learner's
+    repair(settings, "age", ...)            the same with some stages ideal
+"""
+
+from course.pipeline.run import Record, Run, errors, many, run, successes, tip_of
+from course.pipeline.scenario import STAGES, Scenario, Settings, repair, subsets
+from course.pipeline.stages import (
+    Crossing,
+    Frames,
+    Path,
+    Sight,
+    Stages,
+    control,
+    frames,
+    move,
+    perceive,
+    plan_path,
+)  # fmt: skip
+
+__all__ = [
+    "STAGES", "Crossing", "Frames", "Path", "Record", "Run", "Scenario", "Settings", "Sight",
+    "Stages", "control", "errors", "frames", "many", "move", "perceive", "plan_path", "repair",
+    "run", "subsets", "successes", "tip_of", "warm",
+]  # fmt: skip
+
+
+def warm() -> None:
+    """Compile, or load from the cache, everything in this chapter that is compiled."""
+    short, settings = Scenario(seconds=0.2), Settings(frame=0.05)
+    run(short, settings)
+    # What is compiled between two events, where one of the two is not ours.
+    run(short, settings, Stages(control=lambda *given: control(*given)))
+    run(short, settings, Stages(move=lambda *given: move(*given)))

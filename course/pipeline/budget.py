@@ -1,0 +1,194 @@
+"""Which stage owns which millimetre: all subsets of repairs, beside what theory says of each.
+
+Parts of an error are vectors and may cancel, so a part's share of the squared error depends on what
+else is mended. The signed means add up; the shares are those of Shapley (1953), which add up too.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise, permutations
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course.check import one_of, refused
+from course.kinematics import two_link_ik
+from course.pipeline import theory
+from course.pipeline.run import errors, many, successes
+from course.pipeline.scenario import STAGES, Scenario, Settings, repair
+from course.pipeline.stages import Stages
+from course.role import Stage, age
+from course.sim_to_real.transfer import Subset, attribution, subsets
+
+Array = NDArray[np.float64]
+Band = tuple[float, float, float]
+
+
+def predicted(scenario: Scenario, settings: Settings) -> tuple[Array, Array]:
+    """Mean (2,) [m] and covariance (2, 2) [m^2] of the tip's error at the end, before any run.
+
+    Bias as it is; what a filter that is not settled makes of noise and speed; age times speed; the
+    lag and the sag of the arm. A plan that is there in time, and a step that is stable, cost
+    nothing once the arm stands.
+
+    Args:
+        scenario, settings: with "pd", and pictures that overlap; what is ideal costs nothing.
+    """
+    one_of("law", settings.law, ("pd",))
+    one_of("overrun", settings.overrun, ("pipelined",))
+    u, ideal, T = np.array(scenario.velocity), settings.ideal, settings.frame
+    q = np.asarray(two_link_ik(scenario.arm.lengths, scenario.at(scenario.seconds)).q)
+    off = np.abs((q - np.array(scenario.start)[:, None] + math.pi) % (2.0 * math.pi) - math.pi)
+    q = q[:, int(np.argmin(np.hypot(*off)))]
+    late = 0.0 if "age" in ideal else settings.latency
+    slow = (settings.kd + float(np.mean(scenario.arm.damping))) / settings.kp
+    keep = 0.0 if "control" in ideal else math.exp(-T / slow)
+    mean, variance, pictures = np.zeros(2), 0.0, 1 + int((scenario.seconds - late) / T)
+    if "perceive" not in ideal:
+        mean, pull, sigma = mean + settings.bias, 0.0, settings.noise
+        if settings.filtered and sigma > 0.0:
+            drift, speed = settings.drift
+            pull, gain = theory.settling(pictures, T, speed / sigma, drift / sigma, keep)
+        else:
+            gain = theory.low_pass(T, slow) if keep else 1.0
+        mean, variance = mean + pull * u, gain * sigma**2
+    if "age" not in ideal and not (settings.carried and settings.filtered):
+        # An arm that is late takes the mean of what it was told; an ideal one has the last picture.
+        camera = Stage("camera", late or 1e-9, T, overload="pipelined")
+        # What arrives in the last step is too late for it.
+        newest = scenario.seconds - T * int((scenario.seconds - settings.physics - late) / T)
+        mean = mean - u * (age([camera]).mean if keep else newest)
+    if "control" not in ideal:
+        mean = mean + theory.lag(scenario.arm, q, settings.kp, settings.kd, u)
+        mean = mean + (theory.sag(scenario.plant, q, settings.kp) if scenario.tilt else 0.0)
+    return mean, variance * np.eye(2)
+
+
+@dataclass(frozen=True, eq=False)
+class Budget:
+    """Errors of the tip with each subset of the parts mended, on the same seeds.
+
+    Attributes:
+        parts: of `STAGES`.
+        errors: mended -> shape (2, N) [m].
+        told: mended -> mean (2,) and covariance (2, 2) as predicted.
+    """
+
+    parts: tuple[str, ...]
+    errors: dict[Subset, Array]
+    told: dict[Subset, tuple[Array, Array]]
+
+    def only(self, *parts: str) -> Subset:
+        """What is mended where only these parts are as they were."""
+        return frozenset(self.parts) - frozenset(parts)
+
+    def mean(self, mended: Subset) -> tuple[Array, Array]:
+        """Mean error and its standard error, each (2,) [m]."""
+        found = self.errors[mended]
+        return found.mean(axis=1), found.std(axis=1, ddof=1) / math.sqrt(found.shape[1])
+
+    def rms(self, mended: Subset) -> tuple[float, float]:
+        """Root of the mean squared error, measured and predicted [m]."""
+        mean, covariance = self.told[mended]
+        square = float(np.mean(np.sum(self.errors[mended] ** 2, axis=0)))
+        return math.sqrt(square), math.sqrt(float(mean @ mean + np.trace(covariance)))
+
+    def gap(self) -> tuple[Array, Array]:
+        """Sum of the parts' means, each alone, minus the mean of the whole, and its standard error
+        run by run; each (2,) [m]."""
+        rest = (len(self.parts) - 1) * self.errors[self.only()]
+        parts = sum((self.errors[self.only(part)] for part in self.parts), -rest)
+        off = parts - self.errors[frozenset()]
+        return off.mean(axis=1), off.std(axis=1, ddof=1) / math.sqrt(off.shape[1])
+
+    def squares(self, runs: NDArray[np.int64] | None = None) -> dict[Subset, float]:
+        """Mean squared error with each subset mended, of all runs or of some [m^2]."""
+        each = {some: np.sum(found**2, axis=0) for some, found in self.errors.items()}
+        return {some: float(np.mean(x if runs is None else x[runs])) for some, x in each.items()}
+
+    def shares(self, repeats: int = 200, seed: int = 0) -> dict[str, Band]:
+        """Share of the mean squared error that each part owns, and both ends of its 95 % [m^2].
+
+        Args:
+            repeats: of the bootstrap over runs.
+            seed: of the same.
+        """
+        rng, n = np.random.default_rng(seed), self.errors[frozenset()].shape[1]
+        owned = attribution(self.squares())
+        drawn = [attribution(self.squares(some)) for some in rng.integers(0, n, (repeats, n))]
+        found = {}
+        for part in self.parts:
+            low, high = np.quantile([-one[part][1] for one in drawn], [0.025, 0.975])
+            found[part] = (-owned[part][1], float(low), float(high))
+        return found
+
+    def orders(self, slack: float = 0.01) -> list[tuple[str, ...]]:
+        """Orders of repairs in which no step makes the mean squared error worse.
+
+        Args:
+            slack: share by which a step may raise it and still count as none.
+        """
+        value, found = self.squares(), []
+        for order in permutations(self.parts):
+            way = [value[frozenset(order[:k])] for k in range(len(order) + 1)]
+            if all(b <= (1.0 + slack) * a for a, b in pairwise(way)):
+                found.append(order)
+        return found
+
+
+def budget(
+    scenario: Scenario, settings: Settings, seeds: Sequence[int],
+    parts: Sequence[str] = STAGES, stages: Stages | None = None,
+) -> Budget:  # fmt: skip
+    """Run every subset of repairs on the same seeds, 2^n runs a seed.
+
+    Args:
+        scenario, settings: the case.
+        seeds: at least two.
+        parts: that are mended; the others stay as they are.
+        stages: whose functions do it.
+    """
+    measured, told = {}, {}
+    for some in subsets(parts):
+        mended = repair(settings, *sorted(some))
+        found = errors(many(scenario, mended, seeds, stages or Stages()))
+        if found.shape[1] < 2 or not np.isfinite(found).all():
+            raise refused("errors", found, "two or more runs that come to their end")
+        measured[some], told[some] = found, predicted(scenario, mended)
+    return Budget(tuple(parts), measured, told)
+
+
+NORMAL = 1.959963984540054  # quantile of a two-sided 95 %
+
+
+class Compared(NamedTuple):
+    """The second setting against the first on the same seeds.
+
+    Attributes:
+        worked: whether each run was a success, shape (2, N), as `course.measure.success.paired`
+            takes them.
+        square: difference of the mean squared errors, and its 95 % [m^2].
+        saved: how many times as many runs it takes on seeds of their own, for the squares.
+    """
+
+    worked: NDArray[np.bool_]
+    square: Band
+    saved: float
+
+
+def compare(
+    scenario: Scenario, first: Settings, second: Settings, seeds: Sequence[int],
+    stages: Stages | None = None,
+) -> Compared:  # fmt: skip
+    """Two settings on the same seeds; arguments are those of `budget`."""
+    records = [many(scenario, some, seeds, stages or Stages()) for some in (first, second)]
+    a, b = (np.sum(errors(one) ** 2, axis=0) for one in records)
+    middle, half = float(np.mean(b - a)), NORMAL * float(np.std(b - a)) / math.sqrt(a.size)
+    own = float(np.var(a) + np.var(b)) / max(float(np.var(b - a)), 1e-300)
+    return Compared(
+        np.stack([successes(one) for one in records]), (middle, middle - half, middle + half), own
+    )

@@ -1,0 +1,345 @@
+"""A run of the whole pipeline, and all that crossed it."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course.check import count, refused
+from course.compiled import compiled
+from course.kinematics import TwoLink
+from course.kinematics.two_link import TORQUES
+from course.pipeline import drive as by
+from course.pipeline.drive import GAP, GUESS, GUESS_SPREAD, PLACE, REFERENCE, SENT, SPREAD, Q, V
+from course.pipeline.scenario import LAWS, Scenario, Settings, microseconds
+from course.pipeline.stages import FRAME, OURS, Crossing, Frames, Path, Sight, Stages, frames
+from course.planning import clearance
+
+Array = NDArray[np.float64]
+Disturb = Callable[[Frames], Frames]
+
+
+@dataclass(frozen=True, eq=False)
+class Record:
+    """What a run left.
+
+    Attributes:
+        scenario, settings, seed: what was run.
+        reason: why it failed, empty for a success.
+        error: of the tip at the end, tip minus target (2,) [m]; NaN where it did not get that far.
+        clearance: the least, of links from discs [m].
+        time: from when on the tip stayed within the tolerance [s]; infinity without success.
+        log: a row each physics step, columns as in `drive`, shape (steps + 1, 11).
+        timetable: of the camera, as it was.
+        seen: a row each frame, columns as in `drive`, shape (N, 14).
+        plans: what came from the planner, in order; value a `Path`.
+        asked: when each was asked for [us].
+    """
+
+    scenario: Scenario
+    settings: Settings
+    seed: int
+    reason: str
+    error: Array
+    clearance: float
+    time: float
+    log: Array
+    timetable: Frames
+    seen: Array
+    plans: list[Crossing]
+    asked: list[int]
+
+    @property
+    def success(self) -> bool:
+        """Whether the tip was there in time, and nothing was touched."""
+        return not self.reason
+
+    @property
+    def distance(self) -> float:
+        """From tip to target at the end [m]."""
+        return float(np.hypot(*self.error))
+
+    @property
+    def step(self) -> int:
+        """Of the physics [us]."""
+        return step_of(self.settings)
+
+    @property
+    def times(self) -> Array:
+        """Of the rows of the log [s]."""
+        return np.asarray(1e-6 * self.step * np.arange(len(self.log)))
+
+    @property
+    def pictures(self) -> list[Crossing]:
+        """What perception said of each frame that arrived, in the order of arrival."""
+        return [self._crossing(k, PLACE, SPREAD) for k in self._arrived()]
+
+    @property
+    def estimates(self) -> list[Crossing]:
+        """What went on to plan and reference: after the filter, at the stamp of its picture."""
+        used = (k for k in self._arrived() if self.seen[k, by.USED] > 0.0)
+        return [self._crossing(k, GUESS, GUESS_SPREAD) for k in used]
+
+    def _arrived(self) -> list[int]:
+        order = np.argsort(self.timetable.arrived, kind="stable")
+        return [int(k) for k in order if self.seen[k, by.USED] != 0.0]
+
+    def _crossing(self, k: int, place: int, spread: int) -> Crossing:
+        row = self.seen[k]
+        xx, xy, yy = row[spread : spread + 3]
+        stamp, arrived = int(row[by.WHEN]), int(self.timetable.arrived[k])
+        return Crossing(
+            row[place : place + 2], np.array([[xx, xy], [xy, yy]]), FRAME, stamp, arrived
+        )
+
+
+def run(
+    scenario: Scenario, settings: Settings, stages: Stages = OURS, seed: int = 0,
+    disturb: Disturb | None = None,
+) -> Record:  # fmt: skip
+    """The whole pipeline, once, the same on every machine.
+
+    Args:
+        scenario, settings: what is to be done, and how.
+        stages: whose functions do it.
+        seed: of all random numbers; each stage has a stream of its own, so that two settings meet
+            the same noise.
+        disturb: what befalls the camera: its timetable before -> after. What is ideal in the
+            settings is not disturbed.
+
+    Raises:
+        ValueError: for a latency that is longer than the run.
+    """
+    process = Run(scenario, settings, stages, seed, disturb)
+    process.to(scenario.seconds)
+    return process.record()
+
+
+def many(
+    scenario: Scenario, settings: Settings, seeds: Iterable[int], stages: Stages = OURS,
+    disturb: Disturb | None = None,
+) -> list[Record]:  # fmt: skip
+    """A run for each seed; arguments are those of `run`."""
+    return [run(scenario, settings, stages, seed, disturb) for seed in seeds]
+
+
+def errors(records: Sequence[Record]) -> Array:
+    """Of the tip at the end, shape (2, N) [m]; NaN where a run did not get that far."""
+    return np.stack([record.error for record in records], axis=1)
+
+
+def successes(records: Sequence[Record]) -> NDArray[np.bool_]:
+    """Which runs were successes, shape (N,)."""
+    return np.array([record.success for record in records])
+
+
+def tip_of(arm: TwoLink, q: Array) -> Array:
+    """Place of the tip (2, ...) [m] of joint angles (2, ...)."""
+    (l1, l2), both = arm.lengths, q[0] + q[1]
+    x, y = l1 * np.cos(q[0]) + l2 * np.cos(both), l1 * np.sin(q[0]) + l2 * np.sin(both)
+    return np.stack((x, y))
+
+
+def step_of(settings: Settings) -> int:
+    """Step of the physics [us]; a quarter of a millisecond where it is ideal."""
+    return min(250, microseconds(settings.physics)) if "move" in settings.ideal else microseconds(
+        settings.physics
+    )  # fmt: skip
+
+
+class Run:
+    """A run that can be stopped on its way; arguments are those of `run`.
+
+    Attributes:
+        log, seen, timetable, plans, asked: as in a `Record`, as far as it has come.
+        wrong: what stopped it, or nothing.
+    """
+
+    def __init__(
+        self, scenario: Scenario, settings: Settings, stages: Stages = OURS, seed: int = 0,
+        disturb: Disturb | None = None,
+    ) -> None:  # fmt: skip
+        if settings.latency >= scenario.seconds:
+            allowed = f"less than the run, {scenario.seconds:g} s"
+            raise refused("latency", settings.latency, allowed)
+        self.scenario, self.settings, self.stages = scenario, settings, stages
+        self.seed, self.wrong = count("seed", seed), ""
+        self.plans: list[Crossing] = []
+        self.asked: list[int] = []
+        self._told = told(settings)
+        self.timetable = timetable = _timetable(self._told, scenario.seconds, seed, disturb)
+        self._numbers = _numbers(scenario, self._told)
+        steps = -(-microseconds(scenario.seconds) // step_of(settings))
+        self.seen, self.log = np.zeros((timetable.captured.size, 14)), np.zeros((steps + 1, 11))
+        self._ints, self._changing = np.zeros(11, dtype=np.int64), np.zeros(15)
+        self._ints[by.DUE], self._changing[by.STAMP] = by.FAR, -1.0
+        self._changing[by.WAIT : by.GOAL] = scenario.start
+        world = scenario.world()
+        self.log[0, Q:V] = self.log[0, REFERENCE:SENT] = scenario.start
+        self.log[0, GAP] = clearance(world, scenario.start)
+        self._order = np.argsort(timetable.arrived, kind="stable")
+        self._given = (
+            np.stack((timetable.captured, timetable.arrived, timetable.stamp), axis=1), self._order,
+            np.column_stack((timetable.shift, timetable.scale, timetable.draws)), self._numbers,
+            self._ints, self._changing, np.zeros(4), np.zeros((4, 4)), self.seen,
+        )  # fmt: skip
+        self._fixed = (
+            self.log, scenario.plant.column(), scenario.arm.column(), world.obstacles, world.body,
+        )  # fmt: skip
+        self._table, self._pending = np.zeros((2, 10)), Path("")
+        self._drive, self._ours = self._stages()
+
+    def _stages(self) -> tuple[Any, tuple[Any, Any]]:
+        """The driver and what it calls: compiled, or of a learner's or library's functions."""
+        drive, *ours = by.kernels()
+        stages, scenario, settings = self.stages, self.scenario, self._told
+        seen, law, moved = (
+            getattr(stages, name) is getattr(OURS, name) for name in ("perceive", "control", "move")
+        )
+        if seen and law and moved:
+            return drive, (ours[0], ours[1])
+
+        def their_law(_n, _model, log, k, wanted):
+            q, v = log[k, Q:V].copy(), log[k, V:REFERENCE].copy()
+            log[k, SENT : SENT + 2] = stages.control(q, v, wanted.copy(), scenario, settings)
+
+        def their_step(log, k, h, body):
+            q, v, tau = log[k, Q:V].copy(), log[k, V:REFERENCE].copy(), body[TORQUES, 0].copy()
+            log[k, Q:V], log[k, V:REFERENCE] = stages.move(q, v, tau, h, scenario)
+
+        between = compiled(by.between, by.BETWEEN)
+        if not (law and moved):
+            pair = by.law_loop if law else their_law, by.step_loop if moved else their_step
+            between = functools.partial(by.advance, *pair)
+        return by.drive, (compiled(by.look, by.LOOK) if seen else self._look, between)
+
+    def _look(self, k, n, times, noise, log, ints, seen) -> None:
+        when, q = int(times[k, 0]), log[ints[by.NOW], Q:V].copy()
+        target = self.scenario.at(1e-6 * when) + noise[k, :2]
+        sight = Sight(int(k), when, target, q, noise[k, 3:].copy(), float(noise[k, 2]))
+        place, covariance, frame, stamp = self.stages.perceive(sight, self.scenario, self._told)
+        spread = np.asarray(covariance, dtype=float)
+        seen[k, PLACE:SPREAD] = place
+        seen[k, SPREAD : SPREAD + 3] = spread[0, 0], spread[0, 1], spread[1, 1]
+        # What the timetable says beside the truth is the clock's error, whoever looks.
+        seen[k, by.WHEN] = stamp + times[k, 2] - times[k, 0]
+        if frame != FRAME:
+            ints[by.WRONG] = by.WRONGS.index("perceive: another frame")
+
+    def to(self, seconds: float) -> bool:
+        """On to a time of the run [s], at most to its end; whether all is well."""
+        ints = self._ints
+        self._numbers[by.END] = microseconds(min(seconds, self.scenario.seconds))
+        while not self.wrong:
+            code = self._drive(*self._ours, *self._given, self._table, *self._fixed)
+            if code == by.ENDED:
+                break
+            if code == by.FAILED:
+                self.wrong = by.WRONGS[ints[by.WRONG]]
+            elif code == by.WANTED:
+                self._ask()
+            else:
+                self._take()
+        return not self.wrong
+
+    def retarget(self, place: tuple[float, float]) -> None:
+        """From now on the target stands at a place [m]; what was seen and done stays as it was."""
+        self.scenario = replace(self.scenario, target=place, velocity=(0.0, 0.0))
+        self._numbers[by.TX : by.TX + 4] = *self.scenario.target, 0.0, 0.0
+
+    def _ask(self) -> None:
+        """A plan from where the reference is, and when it will be ready."""
+        ints, settings = self._ints, self._told
+        k = self._order[ints[by.ARRIVED] - 1]
+        now = int(self.timetable.arrived[k])
+        start = self.log[ints[by.NOW], REFERENCE:SENT].copy()
+        goal = self._changing[by.MADE : by.MADE + 2].copy()
+        rng = np.random.default_rng([self.seed, 2, len(self.plans)])
+        tries = 3 if "plan" in settings.ideal else 1  # by chance a way is three times as long
+        found = [self.stages.plan(start, goal, self.scenario, settings, rng) for _ in range(tries)]
+        path = self._pending = min(found, key=lambda p: p.motion.duration if p.motion else math.inf)
+        if path.motion is not None:
+            if not np.isfinite(path.motion.table).all():
+                self.wrong = "plan: a path that is not finite"
+            elif np.abs(path.motion.table[0, 4:6] - start).max() > 1e-9:
+                self.wrong = "plan: a path that does not begin where the arm should be"
+        ints[by.DUE] = due = now + round(1e6 * settings.check_cost * path.checks)
+        self.asked.append(now)
+        self.plans.append(Crossing(path, None, "joints", int(self.seen[k, by.WHEN]), due))
+
+    def _take(self) -> None:
+        """The plan that was waited for comes into force, if there is one."""
+        ints, changing, path = self._ints, self._changing, self._pending
+        if path.motion is not None:
+            ints[by.PLANNED], ints[by.INTERVAL], ints[by.ORIGIN] = 1, 0, ints[by.DUE]
+            changing[by.GOAL : by.SIDE], changing[by.SIDE] = path.goal, path.side
+            changing[by.FRESH] = 1.0
+            self._table = path.motion.table
+        ints[by.BUSY], ints[by.DUE] = 0, by.FAR
+
+    def record(self) -> Record:
+        """What it has left so far; a run that is not over is judged where it is."""
+        scenario, log = self.scenario, self.log[: self._ints[by.NOW] + 1]
+        when = 1e-6 * step_of(self.settings) * np.arange(len(log))
+        target = np.asarray(scenario.target)[:, None] + np.outer(scenario.velocity, when)
+        away = tip_of(scenario.arm, log[:, Q:V].T) - target
+        far = np.flatnonzero(~(np.hypot(*away) <= scenario.tolerance))
+        reason, least = self.wrong, float(np.min(log[:, GAP]))
+        error = away[:, -1] if not reason else np.full(2, np.nan)
+        if not reason and least <= 0.0:
+            reason = "touched a disc"
+        if not reason and far.size and far[-1] == len(log) - 1:
+            last = self.plans[-1].value if self.plans else Path("none was asked for")
+            reason = "beside the target" if self._ints[by.PLANNED] else "the plan is late"
+            if last.motion is None:
+                reason = f"no plan: {last.status}"
+        time = math.inf if reason else float(when[far[-1] + 1 if far.size else 0])
+        return Record(
+            scenario, self.settings, self.seed, reason, error, least, time, log, self.timetable,
+            self.seen, self.plans, self.asked,
+        )  # fmt: skip
+
+
+def told(settings: Settings) -> Settings:
+    """What the stages are told where some are ideal."""
+    if "perceive" in settings.ideal:
+        settings = replace(settings, noise=0.0, bias=(0.0, 0.0))
+    if "age" in settings.ideal:
+        settings = replace(settings, latency=0.0, lost=0.0)
+    if "plan" in settings.ideal:
+        settings = replace(settings, check_cost=0.0, margin=max(settings.margin, 0.03))
+    if "move" in settings.ideal and settings.control == settings.physics:
+        fine = 1e-6 * step_of(settings)
+        settings = replace(settings, physics=fine, control=fine)
+    return settings
+
+
+def _timetable(settings: Settings, seconds: float, seed: int, disturb: Disturb | None) -> Frames:
+    """The camera's, and what disturbs it; what disturbs an ideal stage is taken back."""
+    before = frames(settings, seconds, seed)
+    after = before if disturb is None else disturb(before)
+    if "age" in settings.ideal:
+        shift = after if after.captured.size == before.captured.size else before
+        after = replace(before, shift=shift.shift, scale=shift.scale)
+    if "perceive" in settings.ideal:
+        after = replace(after, shift=0.0 * after.shift, scale=np.ones(after.scale.size))
+    return after
+
+
+def _numbers(scenario: Scenario, settings: Settings) -> Array:
+    """Settings as the compiled loops read them, in the order of `drive`."""
+    h, ideal, actuator = step_of(settings), settings.ideal, settings.actuator
+    limits = [min(most, actuator.limit) for most in scenario.arm.torques]
+    sharp = -math.expm1(-1e-6 * h / actuator.lag) if actuator.lag > 0.0 else 1.0
+    return np.array([
+        h, microseconds(settings.control), LAWS.index(settings.law), settings.kp, settings.kd,
+        *limits, actuator.rate * settings.control, sharp, 1e6 * actuator.delay, "control" in ideal,
+        settings.noise, *settings.bias, *scenario.target, *scenario.velocity, settings.filtered,
+        settings.carried, "age" in ideal, *settings.drift, settings.replan, settings.kept, 0.0,
+    ], dtype=float)  # fmt: skip

@@ -1,0 +1,70 @@
+"""Chapter 5: motion planning. From here to there without touching anything, and a judge of paths.
+
+The front door:
+
+    plan(world, start, goal, *, method, budget, rng) -> Plan      any planner
+    build_roadmap(world, samples) -> Roadmap                      for method="roadmap"
+    check_path(world, path) -> Verdict                            the judge, of its own code
+    shortcut, smooth(path, world, ...)                            shorter, smoother, free as before
+    covariant_gradient, sequential_convex(path, world, ...)       pushed out of obstacles
+    time_parameterise(path, limits) -> Trajectory                 state, rate, acceleration at any t
+    plane, planar_arm, capsule_arm, from_function                 worlds as data
+    state_free, edge_free, clearance                              what a world answers
+    scenes                                                        ready-made questions
+
+A state is (n,), a path (n, k): one state a column. A seed gives one answer.
+
+A new world is a `World` with three plain functions over its two tables (top of `worlds.py`), and a
+judge of its edges in `check.JUDGES` under its kind, of other code (`check.prove` does the halving).
+A new method is a function (`problem.Query`) -> `Plan` in `problem.METHODS`. It takes what it needs
+from the query (world, start, the goal's box, budget, rng, `options` to pop from), hands
+`query.world.kernels` to its compiled loop, counts in `query.counts` (`samplers.SAMPLES`,
+`STATE_CHECKS`, `EDGE_CHECKS`), calls `query.tell(...)` between chunks of work, and returns
+`query.answer(status, path, nodes=..., edges=...)` with the path's states as rows. `samplers.draw`,
+`neighbours.nearest` and `within` are for any compiled loop.
+"""
+
+from course.planning import scenes
+from course.planning.capsules import Shelf, capsule_arm, shelf, with_sphere
+from course.planning.check import Verdict, check_path
+from course.planning.problem import METHODS, Budget, Plan, Region, length, plan
+from course.planning.roadmaps import Roadmap, adapted, build_roadmap, revalidated, with_paths
+from course.planning.scenes import Scene
+from course.planning.trajectory import (
+    Limits,
+    Trajectory,
+    covariant_gradient,
+    sequential_convex,
+    shortcut,
+    smooth,
+    time_parameterise,
+)
+from course.planning.trees import rrt, rrt_connect, rrt_star
+from course.planning.worlds import (
+    World,
+    clearance,
+    edge_free,
+    from_function,
+    planar_arm,
+    plane,
+    state_free,
+)
+
+__all__ = [
+    "METHODS", "Budget", "Limits", "Plan", "Region", "Roadmap", "Scene", "Shelf", "Trajectory",
+    "Verdict", "World", "adapted", "build_roadmap", "capsule_arm", "check_path", "clearance",
+    "covariant_gradient", "edge_free", "from_function", "length", "plan", "planar_arm", "plane",
+    "revalidated", "rrt", "rrt_connect", "rrt_star", "scenes", "sequential_convex", "shelf",
+    "shortcut", "smooth", "state_free", "time_parameterise", "warm", "with_paths", "with_sphere",
+]  # fmt: skip
+
+
+def warm() -> None:
+    """Compile, or load from the cache, everything in this chapter that is compiled."""
+    from course.planning import capsules, roadmaps, trajectory, trees, worlds
+
+    worlds.warm()
+    capsules.warm()
+    trees.warm()
+    roadmaps.warm()
+    trajectory.warm()

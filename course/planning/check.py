@@ -1,0 +1,300 @@
+"""The judge of paths: exact where the geometry allows it, and none of the planners' code.
+
+Every path of every planner, chart and exercise goes through `check_path`. It works all out anew and
+by other ways: a segment is cut where it meets the sides of a polygon and the middle of each piece
+is tried by its winding number; an arm's edge is halved until no point of the arm can have moved as
+far as it is free. A path that goes less than `TOLERANCE` deep passes: a planner's test may be wrong
+by rounding.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import refused
+from course.contact.narrow import measured
+from course.contact.shapes import points
+from course.kinematics import motion
+from course.kinematics.chain import PARENT, PLACE, SLIDES
+from course.planning.capsules import (
+    BOX,
+    CENTRE,
+    FRAME,
+    FROM,
+    HALF,
+    KIND,
+    RADIUS,
+    SEGMENT,
+    THICK,
+    TURN,
+)  # fmt: skip
+from course.planning.worlds import DISC, LAST_SIDE, World, asked
+
+Array = NDArray[np.float64]
+
+TOLERANCE = 1e-9  # m; deeper is a collision
+RESOLVED = 1e-8  # m; an arm that moves less between two states looked at is not halved further
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether a path is one.
+
+    Attributes:
+        free: it is, from start to goal.
+        reason: what is wrong with it; empty if nothing is.
+        edge: the first wrong edge, or state; -1 if it is about the whole path.
+        state: where it is wrong, a state (n,), or None.
+    """
+
+    free: bool
+    reason: str = ""
+    edge: int = -1
+    state: Array | None = None
+
+    def __bool__(self) -> bool:
+        return self.free
+
+
+def check_path(
+    world: World, path: ArrayLike | None, start: ArrayLike | None = None,
+    goal: ArrayLike | None = None,
+) -> Verdict:  # fmt: skip
+    """Whether a path stays in bounds and touches nothing, between its states too.
+
+    Args:
+        world: the world.
+        path: states, one a column, shape (n, k), k from 1 on; None, as a plan may have, is wrong.
+        start, goal: what it has to begin and end with, exactly, if given: a state (n,), or for the
+            goal the corners of its box as rows, shape (2, n).
+
+    Returns:
+        The verdict: true where the path is right. In a world of kind "function" only the points
+        that its resolution asks for are looked at.
+    """
+    if path is None:
+        return Verdict(False, "there is no path")
+    try:
+        states = np.asarray(path, dtype=float)
+    except (TypeError, ValueError):
+        states = np.empty(0)
+    if states.ndim != 2 or states.shape[0] != world.bounds.shape[1] or not states.shape[1]:
+        return Verdict(False, f"the shape {states.shape} is not ({world.bounds.shape[1]}, k)")
+    low, high = world.bounds
+    for k, q in enumerate(states.T):
+        if not np.isfinite(q).all():
+            return Verdict(False, "a state is not finite", k, q)
+        if (q < low).any() or (q > high).any():
+            return Verdict(False, "a state is out of bounds", k, q)
+    if start is not None and not np.array_equal(states[:, 0], np.asarray(start, float)):
+        return Verdict(False, "it does not begin at the start", 0, states[:, 0])
+    if goal is not None:
+        box = np.broadcast_to(np.asarray(goal, float), (2, len(states)))
+        if (states[:, -1] < box[0]).any() or (states[:, -1] > box[1]).any():
+            return Verdict(False, "it does not end at the goal", states.shape[1] - 1, states[:, -1])
+    if world.kind not in JUDGES:
+        raise refused("world.kind", world.kind, f"one of {', '.join(JUDGES)}")
+    for k in range(max(1, states.shape[1] - 1)):
+        hit = JUDGES[world.kind](world, states[:, k], states[:, min(k + 1, states.shape[1] - 1)])
+        if hit is not None:
+            return Verdict(False, "an edge collides", k, hit)
+    return Verdict(True)
+
+
+# --- the plane ------------------------------------------------------------------------------------
+
+
+def _obstacles(world: World) -> Iterator[tuple[Any, float]]:
+    """Discs as (centre, radius), polygons as (corners, -1); a point is a complex number."""
+    corners: list[complex] = []
+    for kind, a, b, c, _ in world.obstacles.tolist():
+        if kind == DISC:
+            yield complex(a, b), c
+            continue
+        corners.append(complex(a, b))
+        if kind == LAST_SIDE:
+            yield np.array(corners), -1.0
+            corners = []
+
+
+def _to_segments(p: Any, a: Any, b: Any) -> Any:
+    """Distance of points from segments, complex arrays that broadcast."""
+    along = b - a
+    square = np.maximum(np.abs(along) ** 2, np.finfo(float).tiny)
+    t = np.clip(((p - a) * np.conj(along)).real / square, 0.0, 1.0)
+    return np.abs(p - a - t * along)
+
+
+def _depth(p: Any, ring: Any) -> Array:
+    """How deep points are in a polygon, negative outside: by winding number, for any p (m,)."""
+    ends = np.roll(ring, -1)
+    away = _to_segments(p[:, None], ring, ends).min(axis=1)
+    with np.errstate(all="ignore"):
+        turn = np.nan_to_num(np.angle((ends - p[:, None]) / (ring - p[:, None]))).sum(axis=1)
+    return np.where(np.abs(turn) > math.pi, away, -away)
+
+
+def _pieces(a: complex, b: complex, ring: Any) -> Array:
+    """Middles of the pieces into which the lines of a polygon's sides cut a segment, in 0 to 1."""
+    along, sides = b - a, np.roll(ring, -1) - ring
+    with np.errstate(all="ignore"):
+        met = ((ring - a) * np.conj(sides)).imag / (along * np.conj(sides)).imag
+    cuts = np.unique(np.concatenate(([0.0, 1.0], met[(met > 0.0) & (met < 1.0)])))
+    return np.concatenate(([0.0, 1.0], 0.5 * (cuts[1:] + cuts[:-1])))
+
+
+def _judge_plane(world: World, a: Array, b: Array) -> Array | None:
+    p, q = complex(*a), complex(*b)
+    _, x, y, radii, _ = world.obstacles[world.obstacles[:, 0] == DISC].T
+    deep = radii - _to_segments(x + 1j * y, p, q)
+    if deep.max(initial=0.0) > TOLERANCE:
+        k, along = deep.argmax(), abs(q - p) ** 2
+        t = ((complex(x[k], y[k]) - p) * (q - p).conjugate()).real / along if along else 0.0
+        return np.asarray(a + min(max(t, 0.0), 1.0) * (b - a))
+    for ring in (ring for ring, radius in _obstacles(world) if radius < 0.0):
+        parts = _pieces(p, q, ring)
+        deep = _depth(p + parts * (q - p), ring)
+        if deep.max() > TOLERANCE:
+            return np.asarray(a + parts[deep.argmax()] * (b - a))
+    return None
+
+
+# --- arms -----------------------------------------------------------------------------------------
+
+
+def prove(a: Array, b: Array, gaps: Callable[[Array], Array], speeds: ArrayLike) -> Array | None:
+    """A state on an edge that collides, or None where there is none.
+
+    Halves the edge until, in the middle of each part, every link is freer than it can move to its
+    ends, or moves less than `RESOLVED`.
+
+    Args:
+        a, b: ends of the edge, shape (n,).
+        gaps: states (n, m) -> how free each link is, shape (links, m) [m].
+        speeds: how far a point of each link moves at most from a to b, shape (links,) [m].
+    """
+    middles, half = np.array([0.5]), 0.5
+    ends = np.array([0.0, 1.0])
+    fastest = np.asarray(speeds, dtype=float)[:, None]
+    free = gaps(a[:, None] + ends * (b - a)[:, None]).min(axis=0)
+    if free.min() < -TOLERANCE:
+        return np.asarray(a + ends[free.argmin()] * (b - a))
+    while middles.size:
+        free = gaps(a[:, None] + middles * (b - a)[:, None])
+        least = free.min(axis=0)
+        if least.min() < -TOLERANCE:
+            return np.asarray(a + middles[least.argmin()] * (b - a))
+        if fastest.max() * half < RESOLVED:
+            return None
+        open_ones = middles[(free < fastest * half).any(axis=0)]
+        half *= 0.5
+        middles = np.concatenate((open_ones - half, open_ones + half))
+    return None
+
+
+def _between(p: Any, q: Any, u: Any, v: Any) -> Array:
+    """Distance of two sets of segments in the plane, 0 where they cross; arrays that broadcast."""
+    apart = np.minimum(
+        np.minimum(_to_segments(p, u, v), _to_segments(q, u, v)),
+        np.minimum(_to_segments(u, p, q), _to_segments(v, p, q)),
+    )
+    along, side = q - p, v - u
+    with np.errstate(all="ignore"):
+        area = (along * np.conj(side)).imag
+        s = ((u - p) * np.conj(side)).imag / area
+        t = ((u - p) * np.conj(along)).imag / area
+    crossing = (s >= 0.0) & (s <= 1.0) & (t >= 0.0) & (t <= 1.0)
+    return np.where(crossing, 0.0, apart)
+
+
+def _judge_arm(world: World, a: Array, b: Array) -> Array | None:
+    lengths, thick = world.body.T
+    obstacles = list(_obstacles(world))
+
+    def gaps(q: Array) -> Array:
+        steps = lengths[:, None] * np.exp(1j * np.cumsum(q, axis=0))
+        tips = np.cumsum(steps, axis=0)
+        bases = tips - steps
+        least = np.full(tips.shape, np.inf)
+        for obstacle, radius in obstacles:
+            if radius > 0.0:
+                apart = _to_segments(obstacle, bases, tips) - radius
+            else:
+                ends = np.roll(obstacle, -1)
+                apart = _between(bases[..., None], tips[..., None], obstacle, ends).min(axis=-1)
+                deep = _depth(tips.ravel(), obstacle).reshape(tips.shape)
+                apart = np.where(deep > 0.0, -deep, apart - 2.0 * TOLERANCE * (apart == 0.0))
+            least = np.minimum(least, apart - thick[:, None])
+        return least
+
+    reach = np.cumsum(lengths[::-1])[::-1]  # from each joint to the tip
+    return prove(a, b, gaps, np.cumsum(np.abs(b - a) * reach))
+
+
+def _judge_capsules(world: World, a: Array, b: Array) -> Array | None:
+    """Distances by chapter 2's search among differences of points; speeds from the lengths of the
+    links alone, which no posture changes."""
+    n = len(a)
+    table, capsules = world.body[: n + 1], world.body[n + 1 :]
+    ends = [c[FROM:THICK].reshape(2, 3).T for c in capsules]
+    arm = [points(p, c[THICK]) for p, c in zip(ends, capsules, strict=True)]
+    blocks = []
+    for row in world.obstacles:
+        signs = np.array(list(itertools.product((-1.0, 1.0), repeat=3))).T
+        turn = row[TURN:].reshape(3, 3) if row[KIND] == BOX else np.eye(3)
+        corners = turn @ (signs * row[HALF:RADIUS, None])
+        if row[KIND] == SEGMENT:
+            corners = np.outer(row[HALF:RADIUS], [-1.0, 1.0])
+        blocks.append(points(row[CENTRE:HALF, None] + corners, row[RADIUS]))
+    reach = np.linalg.norm(table[:, PLACE : PLACE + 3], axis=1)
+    rates, fastest = np.abs(b - a), np.zeros(len(capsules))
+    for i, row in enumerate(capsules):
+        k, far = int(row[FRAME]), float(np.linalg.norm(ends[i], axis=0).max())
+        while k >= 0:
+            if k < n:
+                fastest[i] += rates[k] * (1.0 if table[k, SLIDES] else far)
+                far += abs(table[k, SLIDES]) * np.abs(world.bounds[:, k]).max()
+            far, k = far + reach[k], int(table[k, PARENT])
+
+    def gaps(q: Array) -> Array:
+        frames = motion.kernels()[0](table, np.ascontiguousarray(q))
+        here = np.zeros((7, q.shape[1]))
+        here[3] = 1.0
+        least = np.full((len(arm), q.shape[1]), np.inf)
+        for i, link in enumerate(arm):
+            at = np.ascontiguousarray(frames[:, int(capsules[i, FRAME])])
+            for block in blocks:
+                least[i] = np.minimum(least[i], measured(link, at, block, here)[0])
+        return least
+
+    return prove(a, b, gaps, fastest)
+
+
+# --- a function of the user -----------------------------------------------------------------------
+
+
+def _judge_function(world: World, a: Array, b: Array) -> Array | None:
+    function = asked(world)
+    assert function is not None
+    pieces = max(1, math.ceil(math.dist(a, b) / world.body[0, 0] - 1e-9))
+    for t in np.arange(pieces + 1) / pieces:
+        q = a + t * (b - a) if t < 1.0 else b
+        if not function.valid(q.copy()):
+            return np.asarray(q)
+    return None
+
+
+# kind of world -> (world, a, b) -> a state on the edge that collides, or None
+JUDGES: dict[str, Callable[[World, Array, Array], Array | None]] = {
+    "plane": _judge_plane,
+    "planar arm": _judge_arm,
+    "capsule arm": _judge_capsules,
+    "function": _judge_function,
+}

@@ -1,0 +1,594 @@
+"""Roadmaps: PRM, PRM*, lazy PRM, and a cached roadmap that answers while obstacles move.
+
+A roadmap is free states and the edges between neighbours; of each edge it is known that it is free,
+that it is blocked, or not yet. A search asks only the edges on the way that it is about to answer
+with (Bohlin and Kavraki, 2000), so an obstacle that has moved costs a few edges, not all of them.
+
+Sources: PRM Kavraki, Svestka, Latombe and Overmars (1996); PRM* Karaman and Frazzoli (2011).
+"""
+
+from __future__ import annotations
+
+import functools
+import heapq
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from time import perf_counter
+from typing import Any
+
+import numba
+import numpy as np
+from numba import types
+from numba.extending import register_jitable
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import POSITIVE, count, one_of, refused
+from course.compiled import MATRIX, VECTOR, compiled
+from course.planning.neighbours import WIDTH, brute_below, entered, nearest, squared
+from course.planning.problem import (
+    GOAL_BLOCKED,
+    METHODS,
+    NO_SAMPLES,
+    NO_TIME,
+    SOLVED,
+    Budget,
+    Plan,
+    Query,
+    number,
+)  # fmt: skip
+from course.planning.samplers import (
+    EDGE_CHECKS,
+    SAMPLERS,
+    SAMPLES,
+    STATE_CHECKS,
+    UNIFORM,
+    draw,
+    uniform,
+)  # fmt: skip
+from course.planning.trees import _chain
+from course.planning.worlds import DISC, EDGE, STATE, World
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+# What is known of an edge. AGAIN: it was free, and only obstacles that have come since are asked.
+BLOCKED, UNKNOWN, FREE, AGAIN = -1, 0, 1, 2
+# Further counts: nodes and edges of the roadmap; nodes of the two trees that grow onto it, and the
+# places where they hang on it.
+NODES, EDGES, TREES, HOOKS = 4, 5, 6, 8
+# Numbers that a loop is told. NEAREST neighbours of a node, 0 for as many as PRM* takes.
+NEAREST, SAMPLER, MIX, SPREAD, LAZY, STOP, STEP, NEAR = range(8)
+LIST = 10  # nodes of the roadmap that an end tries to be joined to by a straight edge
+
+
+# --- compiled -------------------------------------------------------------------------------------
+
+
+@register_jitable
+def _closest(nodes, many, q, wanted, found, gaps):
+    """The `wanted` nodes nearest to q of the first `many`, in order; how many there are."""
+    hits = 0
+    for i in range(many):
+        square = squared(nodes[i], q)
+        if hits == wanted and square >= gaps[hits - 1]:
+            continue
+        at = hits if hits < wanted else hits - 1
+        hits = min(hits + 1, wanted)
+        while at > 0 and gaps[at - 1] > square:
+            gaps[at], found[at] = gaps[at - 1], found[at - 1]
+            at -= 1
+        gaps[at], found[at] = square, i
+    return hits
+
+
+@register_jitable
+def _part(parts, i):
+    """The node that stands for all that node i is joined to."""
+    while parts[i] != i:
+        parts[i] = parts[parts[i]]
+        i = parts[i]
+    return i
+
+
+@register_jitable
+def _grow(
+    state_free, edge_free, obstacles, body, bounds, numbers, shift, nodes, parts, pairs, status,
+    counts, rng, samples,
+):  # fmt: skip
+    """Draw `samples` states and join those that are free to their neighbours. With numbers[STOP]
+    it ends, and says so, as soon as nodes 0 and 1 are joined; lazily no edge is asked."""
+    n = bounds.shape[1]
+    q, found, gaps = np.empty(n), np.empty(64, np.int64), np.empty(64)
+    for _ in range(samples):
+        i = counts[NODES]
+        counts[SAMPLES] += 1
+        kind = int(numbers[SAMPLER])
+        if numbers[MIX] < 1.0 and rng.random() >= numbers[MIX]:
+            kind = UNIFORM
+        draw(kind, state_free, obstacles, body, bounds, numbers[SPREAD], shift, counts, rng, q)
+        counts[STATE_CHECKS] += 1
+        if not state_free(obstacles, body, q):
+            continue
+        nodes[i], parts[i] = q, i
+        counts[NODES] += 1
+        wanted = int(numbers[NEAREST])
+        if wanted == 0:
+            wanted = min(64, math.ceil(math.e * (1.0 + 1.0 / n) * math.log(i + 1.0)))
+        for k in range(_closest(nodes, i, q, wanted, found, gaps)):
+            j, e = found[k], counts[EDGES]
+            pairs[e, 0], pairs[e, 1], status[e] = j, i, UNKNOWN
+            counts[EDGES] += 1
+            if numbers[LAZY] == 0.0:
+                counts[EDGE_CHECKS] += 1
+                status[e] = FREE if edge_free(obstacles, body, nodes[j], q) else BLOCKED
+                if status[e] == FREE:
+                    parts[_part(parts, i)] = _part(parts, j)
+        if numbers[STOP] > 0.0 and _part(parts, 0) == _part(parts, 1):
+            return True
+    return False
+
+
+@register_jitable
+def _resolve(edge_free, obstacles, fresh, body, nodes, pairs, status, chosen, counts):
+    """Ask about the chosen edges what is not known of them; whether all are free."""
+    free = True
+    for e in chosen:
+        if status[e] == UNKNOWN or status[e] == AGAIN:
+            counts[EDGE_CHECKS] += 1
+            rows = fresh if status[e] == AGAIN else obstacles
+            a, b = nodes[pairs[e, 0]], nodes[pairs[e, 1]]
+            status[e] = FREE if edge_free(rows, body, a, b) else BLOCKED
+        if status[e] == BLOCKED:
+            free = False
+    return free
+
+
+@register_jitable
+def _search(
+    edge_free, obstacles, fresh, body, nodes, pairs, status, first, ways, begins, ends, goal,
+    came, counts,
+):  # fmt: skip
+    """A* over what is free or may be, until a way is proved; its last node, -1 where there is none.
+
+    Node i is reached from outside at cost begins[i], and left at cost ends[i], both infinite for
+    most. `came` holds the edge by which each node was reached, -1 for one that begins.
+    """
+    many = first.size - 1
+    cost, chosen = np.empty(many), np.empty(many, np.int64)
+    while True:
+        heap = [(0.0, 0)]
+        heap.pop()
+        last, best = -1, np.inf
+        for i in range(many):
+            cost[i], came[i] = begins[i], -1
+            if begins[i] < np.inf:
+                heapq.heappush(heap, (begins[i] + math.sqrt(squared(nodes[i], goal)), i))
+        while len(heap) > 0:
+            bound, i = heapq.heappop(heap)
+            if bound >= best:
+                break
+            if bound > cost[i] + math.sqrt(squared(nodes[i], goal)):
+                continue  # it was reached on a shorter way since
+            if cost[i] + ends[i] < best:
+                last, best = i, cost[i] + ends[i]
+            for w in range(first[i], first[i + 1]):
+                e = ways[w]
+                if status[e] == BLOCKED:
+                    continue
+                j = pairs[e, 0] + pairs[e, 1] - i
+                far = cost[i] + math.sqrt(squared(nodes[i], nodes[j]))
+                if far < cost[j]:
+                    cost[j], came[j] = far, e
+                    heapq.heappush(heap, (far + math.sqrt(squared(nodes[j], goal)), j))
+        if last < 0:
+            return -1
+        i, steps = last, 0
+        while came[i] >= 0:
+            chosen[steps] = came[i]
+            steps += 1
+            i = pairs[came[i], 0] + pairs[came[i], 1] - i
+        if _resolve(
+            edge_free, obstacles, fresh, body, nodes, pairs, status, chosen[:steps], counts
+        ):
+            return last
+
+
+@register_jitable
+def _hook(edge_free, obstacles, body, nodes, trees, hooks, counts, side, i, node):
+    """Join node i of a tree to a node of the roadmap, where the edge is free."""
+    counts[EDGE_CHECKS] += 1
+    if not edge_free(obstacles, body, trees[side, i], nodes[node]):
+        return False
+    hooks[side, counts[HOOKS + side], 0], hooks[side, counts[HOOKS + side], 1] = i, node
+    counts[HOOKS + side] += 1
+    return True
+
+
+def _attach(
+    edge_free, obstacles, body, bounds, numbers, nodes, links, trees, parents, hooks, counts, side,
+    rng, samples, stack, gaps,
+):  # fmt: skip
+    """Grow one end's tree until it hangs on the roadmap once more, or meets the other end's tree.
+
+    A share numbers[NEAR] of the targets lies around the end, where the way out is; each new node
+    tries the nearest node of the roadmap and of the other tree. Returns 1 for a hook, 2 for a
+    meeting of the last node with node hooks[side, 0, 1] of the other tree, 0 for neither.
+    """
+    n, many, other = bounds.shape[1], nodes.shape[0], 1 - side
+    target, new = np.empty(n), np.empty(n)
+    built = many if many > brute_below(n) else 0
+    for _ in range(samples):
+        if counts[TREES + side] >= trees.shape[1]:
+            return 0
+        counts[SAMPLES] += 1
+        uniform(bounds[0], bounds[1], rng, target)
+        if rng.random() < numbers[NEAR]:
+            for k in range(n):
+                target[k] = trees[side, 0, k] + numbers[SPREAD] * rng.standard_normal()
+                target[k] = min(max(target[k], bounds[0, k]), bounds[1, k])
+        at = nearest(trees[side], links, counts[TREES + side], 0, target, stack, gaps)
+        far = math.sqrt(squared(trees[side, at], target))
+        if far == 0.0:
+            continue
+        share = min(1.0, numbers[STEP] / far)
+        for k in range(n):
+            new[k] = trees[side, at, k] + share * (target[k] - trees[side, at, k])
+        counts[EDGE_CHECKS] += 1
+        if not edge_free(obstacles, body, trees[side, at], new):
+            continue
+        i = counts[TREES + side]
+        trees[side, i], parents[side, i] = new, at
+        counts[TREES + side] += 1
+        near = nearest(trees[other], links, counts[TREES + other], 0, new, stack, gaps)
+        counts[EDGE_CHECKS] += 1
+        if edge_free(obstacles, body, new, trees[other, near]):
+            hooks[side, 0, 1] = near
+            return 2
+        if many == 0:
+            continue
+        near = nearest(nodes, links, many, built, new, stack, gaps)
+        if counts[HOOKS + side] < hooks.shape[1] and _hook(
+            edge_free, obstacles, body, nodes, trees, hooks, counts, side, i, near
+        ):
+            return 1
+    return 0
+
+
+def _list(edge_free, obstacles, body, nodes, trees, hooks, counts, side, most):
+    """Join an end to its nearest nodes of the roadmap, as many as are free of `LIST`."""
+    found, gaps = np.empty(LIST, np.int64), np.empty(LIST)
+    for k in range(_closest(nodes, nodes.shape[0], trees[side, 0], LIST, found, gaps)):
+        if counts[HOOKS + side] < most:
+            _hook(edge_free, obstacles, body, nodes, trees, hooks, counts, side, 0, found[k])
+    return counts[HOOKS + side]
+
+
+def _enter(nodes, links):
+    entered(nodes, links, nodes.shape[0], 0)
+
+
+@functools.cache
+def _kernel(function: Any) -> Any:
+    state, edge = types.FunctionType(STATE), types.FunctionType(EDGE)
+    one, two, three = (types.Array(numba.int64, k, "C") for k in (1, 2, 3))
+    cube, M, V, integer = types.Array(numba.float64, 3, "C"), MATRIX, VECTOR, numba.int64
+    rng = types.npy_rng
+    signature = {
+        _grow: types.boolean(state, edge, M, M, M, V, V, M, one, two, one, one, rng, integer),
+        _resolve: types.boolean(edge, M, M, M, M, two, one, one, one),
+        _search: integer(edge, M, M, M, M, two, one, one, one, V, V, V, one, one),
+        _attach: integer(
+            edge, M, M, M, V, M, two, cube, two, three, one, integer, rng, integer, one, V
+        ),
+        _list: integer(edge, M, M, M, cube, three, one, integer, integer),
+        _enter: types.void(M, two),
+    }[function]
+    return compiled(function, signature)
+
+
+# --- the roadmap ----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Roadmap:
+    """Free states and edges between neighbours, those that are blocked among them.
+
+    Attributes:
+        world: what the edges were asked in.
+        nodes: one a row, shape (m, n).
+        pairs: the two nodes of each edge, shape (e, 2).
+        status: of each edge: `FREE`, `BLOCKED`, `UNKNOWN`, `AGAIN`, shape (e,).
+        fresh: rows of obstacles that edges with `AGAIN` have not been asked about.
+        first, ways: the edges at node i are ways[first[i] : first[i + 1]].
+        links: the k-d tree of the nodes.
+    """
+
+    world: World
+    nodes: Array
+    pairs: Ints
+    status: Ints
+    fresh: Array
+    first: Ints
+    ways: Ints
+    links: Ints
+
+    @property
+    def memory(self) -> int:
+        """Bytes of its arrays."""
+        return sum(x.nbytes for x in vars(self).values() if isinstance(x, np.ndarray))
+
+
+def _roadmap(world: World, nodes: Array, pairs: Ints, status: Ints) -> Roadmap:
+    ends = pairs.T.ravel()
+    order = np.argsort(ends, kind="stable")
+    first = np.concatenate(([0], np.cumsum(np.bincount(ends, minlength=len(nodes)))))
+    links = np.zeros((len(nodes), WIDTH), dtype=np.int64)
+    _kernel(_enter)(nodes, links)
+    ways = order % max(len(pairs), 1)
+    return Roadmap(world, nodes, pairs, status, world.obstacles[:0], first, ways, links)
+
+
+def build_roadmap(
+    world: World,
+    samples: int = 3000,
+    rng: np.random.Generator | int = 0,
+    *,
+    neighbours: int = 0,
+    lazy: bool = False,
+) -> Roadmap:
+    """A roadmap for many questions in one world.
+
+    Args:
+        world: the world; what moves later is better left out.
+        samples: states drawn; those that are free become nodes.
+        rng: random numbers, or a seed.
+        neighbours: edges from each new node, to the nearest before it; 0 for as many as PRM* takes,
+            e (1 + 1 / n) log m.
+        lazy: whether edges are asked only when a path needs them.
+    """
+    rng = np.random.default_rng(rng)
+    budget = Budget(samples)
+    query = Query(world, world.bounds[0], world.bounds, budget, rng, "roadmap", {}, perf_counter())
+    numbers, growing = _numbers(query, neighbours, lazy, False), _Growing(query, [])
+    while query.counts[SAMPLES] < samples:
+        growing.more(numbers, min(256, samples - int(query.counts[SAMPLES])))
+    return growing.roadmap()
+
+
+def adapted(roadmap: Roadmap, world: World) -> Roadmap:
+    """The same roadmap in a world with other obstacles; nothing is asked yet.
+
+    What was free is asked again about obstacles that have come, what was blocked about all if some
+    have gone.
+    """
+    old, new = ({row.tobytes() for row in w.obstacles} for w in (roadmap.world, world))
+    come = np.array([row.tobytes() not in old for row in world.obstacles], dtype=bool)
+    fresh = np.ascontiguousarray(world.obstacles[come])
+    # A side of a polygon means nothing without the others, a function is one thing.
+    single = world.kind == "capsule arm" or (fresh[:, 0] == DISC).all()
+    fresh = fresh if single and world.kind != "function" else world.obstacles
+    status = roadmap.status.copy()
+    if come.any():
+        status[status == FREE] = AGAIN
+    if old - new:
+        status[status == BLOCKED] = UNKNOWN
+    if (status == AGAIN).any() and (roadmap.status == AGAIN).any():
+        status[status == AGAIN] = UNKNOWN  # asked about neither world yet
+    return replace(roadmap, world=world, status=status, fresh=fresh)
+
+
+def revalidated(roadmap: Roadmap, world: World) -> tuple[Roadmap, int]:
+    """The roadmap in a world with other obstacles, all its edges asked; how many that were."""
+    now, counts = adapted(roadmap, world), np.zeros(16, dtype=np.int64)
+    _kernel(_resolve)(
+        world.kernels[1], world.obstacles, now.fresh, world.body, now.nodes, now.pairs, now.status,
+        np.arange(len(now.pairs)), counts,
+    )  # fmt: skip
+    return now, int(counts[EDGE_CHECKS])
+
+
+def _numbers(query: Query, neighbours: int, lazy: bool, stop: bool) -> Array:
+    numbers, extent = np.zeros(8), query.world.extent
+    numbers[NEAREST] = count("neighbours", neighbours, 0, 64)
+    numbers[LAZY], numbers[STOP] = lazy, stop
+    sampler = one_of("sampler", query.options.pop("sampler", "uniform"), SAMPLERS)
+    numbers[SAMPLER] = SAMPLERS[sampler]
+    numbers[MIX] = number(query, "mix", 1.0, 0.0, 1.0)
+    numbers[SPREAD] = number(query, "spread", 0.05 * extent, POSITIVE)
+    if query.options:
+        raise refused(f"options of {query.method}", sorted(query.options), "those that it has")
+    return numbers
+
+
+class _Growing:
+    """Arrays of a roadmap that grows, with room for more."""
+
+    def __init__(self, query: Query, roots: list[Array]) -> None:
+        self.query, n = query, query.world.dim
+        self.nodes, self.parts = np.empty((0, n)), np.empty(0, dtype=np.int64)
+        self.pairs, self.status = np.empty((0, 2), dtype=np.int64), np.empty(0, dtype=np.int64)
+        self.shift = query.rng.random(n)
+        self._room(1024)
+        self.nodes[: len(roots)] = np.reshape(roots, (-1, n))
+        query.counts[NODES] = len(roots)
+
+    def _room(self, size: int) -> None:
+        for name, rows in (("nodes", 1), ("parts", 1), ("pairs", 64), ("status", 64)):
+            old = getattr(self, name)
+            new = np.zeros((rows * size, *old.shape[1:]), dtype=old.dtype)
+            new[: len(old)] = old
+            setattr(self, name, new)
+        many = self.query.counts[NODES]
+        self.parts[many:] = np.arange(many, size)
+
+    def more(self, numbers: Array, samples: int) -> bool:
+        """Draw so many states; whether nodes 0 and 1 are joined where that ends it."""
+        world, counts = self.query.world, self.query.counts
+        if counts[NODES] + samples > len(self.nodes):
+            self._room(2 * len(self.nodes))
+        return bool(
+            _kernel(_grow)(
+                *world.kernels, world.obstacles, world.body, world.bounds, numbers, self.shift,
+                self.nodes, self.parts, self.pairs, self.status, counts, self.query.rng, samples,
+            )
+        )  # fmt: skip
+
+    def roadmap(self) -> Roadmap:
+        """What has grown so far."""
+        m, e = self.query.counts[NODES], self.query.counts[EDGES]
+        return _roadmap(
+            self.query.world, self.nodes[:m].copy(), self.pairs[:e].copy(), self.status[:e].copy()
+        )
+
+
+def with_paths(roadmap: Roadmap, paths: Sequence[ArrayLike], neighbours: int = 5) -> Roadmap:
+    """The roadmap and free paths of its world, each (n, k), as further states and edges: experience
+    (Phillips, Cohen, Chitta and Likhachev, 2012). Each state has neighbours, not asked yet."""
+    m = len(roadmap.nodes)
+    rows = [np.asarray(path, dtype=float).T for path in paths]
+    nodes = np.vstack([roadmap.nodes, *rows])
+    ends = m + np.cumsum([len(row) for row in rows])
+    inner = np.setdiff1d(np.arange(m, len(nodes) - 1), ends - 1)
+    steps = np.stack((inner, inner + 1), axis=1)
+    near = [
+        (int(j), i)
+        for i in range(m, len(nodes))
+        for j in np.argsort(np.sum((nodes[:i] - nodes[i]) ** 2, axis=1))[:neighbours]
+    ]
+    pairs = np.vstack((roadmap.pairs, steps, np.array(near, dtype=np.int64).reshape(-1, 2)))
+    known = (roadmap.status, np.full(len(steps), FREE), np.full(len(near), UNKNOWN))
+    return _roadmap(roadmap.world, nodes, pairs, np.concatenate(known))
+
+
+# --- methods --------------------------------------------------------------------------------------
+
+
+def _way(query: Query, roadmap: Roadmap, begins: Array, ends: Array, goal: Array) -> list[int]:
+    """The nodes of the shortest way that is free, none where there is no way."""
+    came, world = np.empty(len(roadmap.nodes), dtype=np.int64), query.world
+    last = _kernel(_search)(
+        world.kernels[1], world.obstacles, roadmap.fresh, world.body, roadmap.nodes, roadmap.pairs,
+        roadmap.status, roadmap.first, roadmap.ways, begins, ends, goal, came, query.counts,
+    )  # fmt: skip
+    way = [last] if last >= 0 else []
+    while way and came[way[-1]] >= 0:
+        way.append(int(roadmap.pairs[came[way[-1]]].sum()) - way[-1])
+    return way[::-1]
+
+
+def prm(query: Query) -> Plan:
+    """PRM, which ends when start and goal are joined; lazy PRM, which asks only the edges of the
+    ways it finds; PRM*, which spends the budget. Options: sampler, mix, spread as of the trees;
+    neighbours, of PRM and lazy PRM, 10 as in OMPL."""
+    lazy, star = query.method == "lazy_prm", query.method == "prm_star"
+    neighbours = 0 if star else query.options.pop("neighbours", 10)
+    numbers = _numbers(query, neighbours, lazy, not (lazy or star))
+    root = query.goal_root()
+    if root is None:
+        return query.answer(GOAL_BLOCKED)
+    growing, budget, chunk = _Growing(query, [query.start, root]), query.budget, 16
+    growing.pairs[0], growing.status[0], query.counts[EDGES] = (0, 1), UNKNOWN, 1
+    way, spent = list[int](), False
+    while not (way or spent):
+        left = budget.samples - int(query.counts[SAMPLES])
+        joined = growing.more(numbers, min(chunk, left))
+        spent = query.counts[SAMPLES] >= budget.samples or query.seconds >= budget.seconds
+        if joined or lazy or spent:
+            roadmap = growing.roadmap()
+            begins, ends = np.full((2, len(roadmap.nodes)), np.inf)
+            begins[0] = ends[1] = 0.0
+            way = _way(query, roadmap, begins, ends, root)
+            growing.status[: len(roadmap.status)] = roadmap.status
+        chunk = min(2 * chunk, 256)
+        query.tell(f"{query.counts[SAMPLES]} of {budget.samples} samples")
+    graph = {"nodes": roadmap.nodes.T, "edges": roadmap.pairs[roadmap.status == FREE].T}
+    if way:
+        return query.answer(SOLVED, roadmap.nodes[way], **graph)
+    all_drawn = query.counts[SAMPLES] >= budget.samples
+    return query.answer(NO_SAMPLES if all_drawn else NO_TIME, **graph)
+
+
+def _outside(roadmap: Roadmap, tree: Array, parents: Ints, hooks: Ints) -> tuple[Array, Any]:
+    """What it costs to come to each node of the roadmap from an end, (m,); by which tree's node."""
+    costs, through = np.full(len(roadmap.nodes), np.inf), {}
+    for i, node in hooks.tolist():
+        chain = np.vstack((roadmap.nodes[node], tree[_chain(parents, i)]))
+        cost = float(np.linalg.norm(np.diff(chain, axis=0), axis=1).sum())
+        if cost < costs[node]:
+            costs[node], through[node] = cost, i
+    return costs, through
+
+
+def on_roadmap(query: Query) -> Plan:
+    """An answer from a `Roadmap` made before, the option `roadmap`; its world may have changed.
+
+    Option attach: "list" joins each end to its nearest nodes by straight edges, and leaves it to
+    RRT-Connect where that fails; "trees" grows a tree from each end onto the whole roadmap, a share
+    `near` (0.3) of its samples around the end (a standard deviation of `spread`), its edges at most
+    `step` long. Edges of the roadmap are asked only where the answer needs them, and remembered.
+    """
+    roadmap, world, counts = query.options.pop("roadmap", None), query.world, query.counts
+    if not isinstance(roadmap, Roadmap):
+        raise refused("roadmap", roadmap, "a Roadmap")
+    attach = one_of("attach", query.options.pop("attach", "trees"), ("trees", "list"))
+    near = number(query, "near", 0.3, 0.0, 1.0)
+    step = number(query, "step", 0.2 * world.extent, POSITIVE)
+    numbers = _numbers(query, 0, False, False)
+    numbers[STEP], numbers[NEAR] = step, near
+    if roadmap.world is not world:
+        roadmap = adapted(roadmap, world)
+    root = query.goal_root()
+    if root is None:
+        return query.answer(GOAL_BLOCKED)
+    size, n, budget = min(query.budget.samples + 2, 20_000), world.dim, query.budget
+    trees, parents = np.empty((2, size, n)), np.full((2, size), -1)
+    hooks, many = np.empty((2, 64, 2), dtype=np.int64), size + len(roadmap.nodes)
+    room, gaps = np.empty(many, dtype=np.int64), np.empty(many)
+    trees[0, 0], trees[1, 0], counts[TREES : TREES + 2] = query.start, root, 1
+    edge, tables = world.kernels[1], (world.obstacles, world.body)
+    for side in range(2):
+        most = LIST if attach == "list" else 1
+        _kernel(_list)(edge, *tables, roadmap.nodes, trees, hooks, counts, side, most)
+    code, side = 1, 0
+    while True:
+        if code == 1 and counts[HOOKS : HOOKS + 2].all():
+            outer = [
+                _outside(roadmap, trees[k], parents[k], hooks[k, : counts[HOOKS + k]])
+                for k in (0, 1)
+            ]
+            way = _way(query, roadmap, outer[0][0], outer[1][0], root)
+            if way:
+                chains = [_chain(parents[k], outer[k][1][way[-k]]) for k in (0, 1)]
+                path = (trees[0, chains[0][::-1]], roadmap.nodes[way], trees[1, chains[1]])
+                return query.answer(SOLVED, np.concatenate(path))
+        if attach == "list":
+            query.method, query.options = "rrt_connect", {"step": step}
+            counts[:] = 0
+            return METHODS["rrt_connect"](query)
+        # The end without a hook, else the one with the smaller tree.
+        side = int(np.lexsort((counts[TREES : TREES + 2], counts[HOOKS : HOOKS + 2] > 0))[0])
+        left = budget.samples - int(counts[SAMPLES])
+        full = counts[TREES : TREES + 2].max() >= size
+        if left <= 0 or full or query.seconds >= budget.seconds:
+            return query.answer(NO_TIME if left > 0 and not full else NO_SAMPLES)
+        code = _kernel(_attach)(
+            edge, *tables, world.bounds, numbers, roadmap.nodes, roadmap.links, trees, parents,
+            hooks, counts, side, query.rng, min(8, left), room, gaps,
+        )  # fmt: skip
+        if code == 2:
+            here = _chain(parents[side], int(counts[TREES + side]) - 1)
+            there = _chain(parents[1 - side], int(hooks[side, 0, 1]))
+            halves = [trees[side, here[::-1]], trees[1 - side, there]]
+            met = np.concatenate(halves if side == 0 else [x[::-1] for x in halves[::-1]])
+            return query.answer(SOLVED, met)
+        query.tell(f"{counts[SAMPLES]} of {budget.samples} samples")
+
+
+METHODS.update(prm=prm, prm_star=prm, lazy_prm=prm, roadmap=on_roadmap)
+
+
+def warm() -> None:
+    """Compile, or load from the cache, the loops of this file."""
+    for function in (_grow, _resolve, _search, _attach, _list, _enter):
+        _kernel(function)

@@ -1,0 +1,522 @@
+"""Trees of states: RRT, RRT-Connect, RRT*, Informed RRT*.
+
+Two compiled loops over arrays, each fed a chunk of samples at a time, so that time, progress and
+an interrupt are seen between chunks and nothing is lost. RRT* is RRT with two more steps, informed
+RRT* draws its targets elsewhere; so one loop is all three.
+
+Sources: RRT LaValle (1998); RRT-Connect Kuffner and LaValle (2000); RRT* Karaman and Frazzoli
+(2011), with the delayed collision checks of Perez et al. (2011); Informed RRT* Gammell et al.
+(2014).
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from typing import Any
+
+import numba
+import numpy as np
+from numba import types
+from numba.extending import register_jitable
+from numpy.typing import NDArray
+
+from course.check import POSITIVE, one_of, refused, vector
+from course.compiled import MATRIX, VECTOR, address_of, compiled, from_address
+from course.planning.neighbours import CHILD, SIBLING, WIDTH, entered, nearest, squared, within
+from course.planning.problem import (
+    GOAL_BLOCKED,
+    METHODS,
+    NO_SAMPLES,
+    NO_TIME,
+    SOLVED,
+    Plan,
+    Query,
+    number,
+)  # fmt: skip
+from course.planning.samplers import (
+    DRAWN,
+    EDGE_CHECKS,
+    LISTED,
+    PRIMES,
+    SAMPLERS,
+    SAMPLES,
+    STATE_CHECKS,
+    TRIES,
+    UNIFORM,
+    draw,
+    uniform,
+)  # fmt: skip
+from course.planning.worlds import EDGE, STATE
+
+Array = NDArray[np.float64]
+
+# Further counts, of both trees where there are two: nodes, those in the k-d tree; the node at the
+# goal, or where the trees meet; how many states of the goal were drawn; nodes on the way from there
+# back to the root, whose numbers are in room[1] and room[2].
+NODES, DONE, LAST, ROOTS, WAY = 4, 6, 8, 10, 11
+# What a loop ends with: the chunk is done, a path is found, the arrays are full.
+GO_ON, FOUND, FULL = 0, 1, 2
+# Numbers that a loop is told.
+STEP, BIAS, SAMPLER, MIX, SPREAD, STAR, INFORMED, SHORTEST = range(8)
+
+
+@register_jitable
+def _add(nodes, parents, links, costs, counts, side, state, parent, cost):
+    """A new node, hung under its parent; its number."""
+    i = counts[NODES + side]
+    counts[NODES + side] += 1
+    nodes[side, i] = state
+    parents[side, i], costs[side, i] = parent, cost
+    links[side, i, CHILD] = links[side, i, SIBLING] = -1
+    if parent >= 0:
+        links[side, i, SIBLING] = links[side, parent, CHILD]
+        links[side, parent, CHILD] = i
+    return i
+
+
+@register_jitable
+def _near(nodes, links, counts, side, q, stack, gaps):
+    """The node of one tree nearest to q."""
+    many = counts[NODES + side]
+    counts[DONE + side] = entered(nodes[side], links[side], many, counts[DONE + side])
+    return nearest(nodes[side], links[side], many, counts[DONE + side], q, stack, gaps)
+
+
+@register_jitable
+def _steer(origin, target, step, out):
+    """The target if it is within a step of the origin, else the point a step towards it; how far
+    that is from the origin."""
+    distance = math.sqrt(squared(origin, target))
+    if distance <= step:
+        out[:] = target
+        return distance
+    for i in range(out.size):
+        out[i] = origin[i] + step / distance * (target[i] - origin[i])
+    return step
+
+
+@register_jitable
+def _move(parents, links, costs, nodes, i, parent, stack):
+    """Hang node i under another parent, and bring the costs below it up to date."""
+    old = parents[i]
+    if links[old, CHILD] == i:
+        links[old, CHILD] = links[i, SIBLING]
+    else:
+        at = links[old, CHILD]
+        while links[at, SIBLING] != i:
+            at = links[at, SIBLING]
+        links[at, SIBLING] = links[i, SIBLING]
+    parents[i], links[i, SIBLING] = parent, links[parent, CHILD]
+    links[parent, CHILD] = i
+    stack[0], top = i, 1
+    while top > 0:
+        top -= 1
+        at = stack[top]
+        costs[at] = costs[parents[at]] + math.sqrt(squared(nodes[parents[at]], nodes[at]))
+        below = links[at, CHILD]
+        while below >= 0:
+            stack[top] = below
+            top += 1
+            below = links[below, SIBLING]
+
+
+@register_jitable
+def _ellipsoid(centre, axes, shortest, best, bounds, rng, out):
+    """A state through which a path could be shorter than `best`: in the ellipsoid whose foci are
+    start and goal. False where the bounds leave none in some tries."""
+    across = 0.5 * math.sqrt(max(best * best - shortest * shortest, 0.0))
+    ball = np.empty(out.size)
+    for _ in range(TRIES):
+        square = 0.0
+        for i in range(out.size):
+            ball[i] = rng.standard_normal()
+            square += ball[i] * ball[i]
+        radius = rng.random() ** (1.0 / out.size) / math.sqrt(square)
+        inside = True
+        for i in range(out.size):
+            out[i] = centre[i]
+            for j in range(out.size):
+                half = 0.5 * best if j == 0 else across
+                out[i] += axes[i, j] * half * radius * ball[j]
+            inside = inside and bounds[0, i] <= out[i] <= bounds[1, i]
+        if inside:
+            return True
+    return False
+
+
+@register_jitable
+def _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, out):
+    """A state from the sampler, or for the share that is not mixed in, from everywhere. Listed
+    states are the last rows of the frame; after them comes uniform too."""
+    kind = int(numbers[SAMPLER])
+    if numbers[MIX] < 1.0 and rng.random() >= numbers[MIX]:
+        kind = UNIFORM
+    if kind == LISTED:
+        row = out.size + 2 + counts[DRAWN]
+        if row < frame.shape[0]:
+            counts[DRAWN] += 1
+            out[:] = frame[row]
+            return
+        kind = UNIFORM
+    spread, shift = numbers[SPREAD], frame[0]
+    draw(kind, state_free, obstacles, body, bounds, spread, shift, counts, rng, out)
+
+
+@register_jitable
+def _grow(
+    state_free, edge_free, obstacles, body, bounds, goal, numbers, frame,
+    nodes, parents, links, costs, room, gaps, counts, rng, samples,
+):  # fmt: skip
+    """One tree from the start: RRT, and with numbers[STAR] RRT*, which goes on after a path.
+
+    `frame` holds Halton's shift, the centre between start and goal, the axes of the ellipsoid, and
+    the states of a list; `room` is scratch for stacks. counts[LAST] is the best node at the goal,
+    -1 before.
+    """
+    n = bounds.shape[1]
+    step, star = numbers[STEP], numbers[STAR] > 0.0
+    target, new, joint = np.empty(n), np.empty(n), np.empty(n)
+    tree, parent_of, link, cost = nodes[0], parents[0], links[0], costs[0]
+    stack, found, known, goals = room[0], room[1], room[2], room[3]
+    for _ in range(samples):
+        if counts[NODES] + 2 > tree.shape[0]:
+            return FULL
+        counts[SAMPLES] += 1
+        best = cost[counts[LAST]] if counts[LAST] >= 0 else np.inf
+        if numbers[BIAS] > 0.0 and rng.random() < numbers[BIAS]:
+            uniform(goal[0], goal[1], rng, target)
+        elif not (
+            numbers[INFORMED] > 0.0
+            and best < np.inf
+            and _ellipsoid(frame[1], frame[2:], numbers[SHORTEST], best, bounds, rng, target)
+        ):
+            _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, target)
+        near = _near(nodes, links, counts, 0, target, stack, gaps)
+        length = _steer(tree[near], target, step, new)
+        if length == 0.0:
+            continue
+        counts[EDGE_CHECKS] += 1
+        if not edge_free(obstacles, body, tree[near], new):
+            continue
+        hits = 0
+        if star:  # the parent is the neighbour through which the way is shortest
+            many = counts[NODES] + 1
+            radius = min(step, numbers[STAR] * (math.log(many) / many) ** (1.0 / n))
+            hits = within(tree, link, counts[NODES], counts[DONE], new, radius, stack, found)
+            for k in range(hits):
+                gaps[k] = math.sqrt(squared(tree[found[k]], new))
+                known[k] = 1 if found[k] == near else 0
+            while True:
+                better, through = -1, cost[near] + length
+                for k in range(hits):
+                    if known[k] == 0 and cost[found[k]] + gaps[k] < through:
+                        better, through = k, cost[found[k]] + gaps[k]
+                if better < 0:
+                    break
+                counts[EDGE_CHECKS] += 1
+                known[better] = -1
+                if edge_free(obstacles, body, tree[found[better]], new):
+                    known[better] = 1
+                    near, length = found[better], gaps[better]
+        i = _add(nodes, parents, links, costs, counts, 0, new, near, cost[near] + length)
+        for k in range(hits):  # neighbours to which the way through the new node is shorter
+            j = found[k]
+            if known[k] >= 0 and cost[i] + gaps[k] < cost[j]:
+                if known[k] == 0:
+                    counts[EDGE_CHECKS] += 1
+                if known[k] == 1 or edge_free(obstacles, body, new, tree[j]):
+                    _move(parent_of, link, cost, tree, j, i, stack)
+        # Join the goal: the state of its box that is nearest to the new node.
+        for k in range(n):
+            joint[k] = min(max(new[k], goal[0, k]), goal[1, k])
+        length = math.sqrt(squared(new, joint))
+        last = counts[LAST]
+        at = -1
+        if length == 0.0:
+            at = i
+        elif length <= step and (last < 0 or cost[i] + length < cost[last]):
+            counts[EDGE_CHECKS] += 1
+            if edge_free(obstacles, body, new, joint):
+                if last >= 0 and squared(tree[last], joint) == 0.0:
+                    _move(parent_of, link, cost, tree, last, i, stack)
+                else:
+                    at = _add(nodes, parents, links, costs, counts, 0, joint, i, cost[i] + length)
+        if at >= 0:
+            goals[counts[ROOTS]] = at
+            counts[ROOTS] += 1
+            if not star:
+                counts[LAST] = at
+                return FOUND
+        for k in range(counts[ROOTS]):  # rewiring may have made another one the best
+            if counts[LAST] < 0 or cost[goals[k]] < cost[counts[LAST]]:
+                counts[LAST] = goals[k]
+    return GO_ON
+
+
+@register_jitable
+def _connect(
+    state_free, edge_free, obstacles, body, bounds, goal, numbers, frame,
+    nodes, parents, links, costs, room, gaps, counts, rng, samples,
+):  # fmt: skip
+    """Two trees, which take turns: one takes a step towards a sample, the other goes on towards
+    that new node for as long as it is free to. Arguments as of `_grow`."""
+    n = bounds.shape[1]
+    step = numbers[STEP]
+    target, new, here = np.empty(n), np.empty(n), np.empty(n)
+    stack = room[0]
+    region = False
+    for k in range(n):
+        region = region or goal[0, k] < goal[1, k]
+    longest = math.ceil(math.sqrt(squared(bounds[0], bounds[1])) / step) + 3
+    for _ in range(samples):
+        if max(counts[NODES], counts[NODES + 1]) + longest > nodes.shape[1]:
+            return FULL
+        side = counts[SAMPLES] % 2
+        counts[SAMPLES] += 1
+        if region and counts[ROOTS] <= counts[NODES + 1] // 2:  # another state of the goal
+            counts[ROOTS] += 1
+            counts[STATE_CHECKS] += 1
+            uniform(goal[0], goal[1], rng, target)
+            if state_free(obstacles, body, target):
+                _add(nodes, parents, links, costs, counts, 1, target, -1, 0.0)
+        _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, target)
+        meeting = -1
+        for turn in range(2):
+            grown = side if turn == 0 else 1 - side
+            at = _near(nodes, links, counts, grown, target, stack, gaps)
+            reached = False
+            while not reached:
+                for k in range(n):  # a copy costs less than a view
+                    here[k] = nodes[grown, at, k]
+                length = _steer(here, target, step, new)
+                reached = length < step or squared(new, target) == 0.0
+                if length > 0.0:
+                    counts[EDGE_CHECKS] += 1
+                    # An edge of the goal's tree is driven towards its root.
+                    a, b = (here, new) if grown == 0 else (new, here)
+                    if not edge_free(obstacles, body, a, b):
+                        reached = False
+                        break
+                    at = _add(
+                        nodes, parents, links, costs, counts, grown, new, at,
+                        costs[grown, at] + length,
+                    )  # fmt: skip
+                    if turn == 0:
+                        meeting = at
+                if turn == 0:
+                    break
+            if turn == 0:
+                if meeting < 0:
+                    break  # trapped
+                target[:] = nodes[grown, meeting]
+            elif reached:
+                counts[LAST + side], counts[LAST + 1 - side] = meeting, at
+                return FOUND
+    return GO_ON
+
+
+CUBE = types.Array(numba.float64, 3, "C")
+
+_state_at, _edge_at = (from_address(types.FunctionType(kind)) for kind in (STATE, EDGE))
+_rng_at = from_address(types.npy_rng)
+
+
+def _run(
+    state, edge, rng, obstacles, body, bounds, goal, numbers, frame,
+    nodes, parents, links, costs, room, gaps, counts, samples,
+):  # fmt: skip
+    """A chunk of either loop, the functions and the generator handed over as addresses. The roots
+    are node 0 of each tree."""
+    if counts[NODES] == 0:
+        counts[LAST] = counts[LAST + 1] = -1
+        for side in range(nodes.shape[0]):
+            _add(nodes, parents, links, costs, counts, side, nodes[side, 0], -1, 0.0)
+    state_free, edge_free, draws = _state_at(state), _edge_at(edge), _rng_at(rng)
+    if nodes.shape[0] == 2:
+        code = _connect(
+            state_free, edge_free, obstacles, body, bounds, goal, numbers, frame,
+            nodes, parents, links, costs, room, gaps, counts, draws, samples,
+        )  # fmt: skip
+    else:
+        code = _grow(
+            state_free, edge_free, obstacles, body, bounds, goal, numbers, frame,
+            nodes, parents, links, costs, room, gaps, counts, draws, samples,
+        )  # fmt: skip
+    for side in range(nodes.shape[0] if counts[LAST] >= 0 else 0):
+        at, steps = counts[LAST + side], 0
+        while at >= 0:
+            room[1 + side, steps] = at
+            steps += 1
+            at = parents[side, at]
+        counts[WAY + side] = steps
+    return code
+
+
+@functools.cache
+def _kernel() -> Any:
+    ints, whole = [types.Array(numba.int64, k, "C") for k in range(1, 4)], types.int64
+    world = (types.uintp,) * 3 + (MATRIX,) * 4
+    arrays = (VECTOR, MATRIX, CUBE, ints[1], ints[2], MATRIX, ints[1], VECTOR, ints[0])
+    return compiled(_run, whole(*world, *arrays, whole))
+
+
+def _options(query: Query) -> tuple[Array, Array]:
+    """The numbers of a loop, from the caller's options, and the states of a list, as rows."""
+    world, options = query.world, query.options
+    sampler = options.pop("sampler", "uniform")
+    listed = np.empty((world.dim, 0))
+    kind = LISTED
+    if isinstance(sampler, str):
+        kind = SAMPLERS[one_of("sampler", sampler, SAMPLERS)]
+    else:
+        listed = vector("sampler", sampler, (world.dim, None))
+        if not ((listed.T >= world.bounds[0]) & (listed.T <= world.bounds[1])).all():
+            raise refused("sampler", sampler, "states within the bounds of the world")
+    numbers = np.array([
+        number(query, "step", 0.2 * world.extent, POSITIVE),
+        0.0 if query.method == "rrt_connect" else number(query, "goal_bias", 0.05, 0.0, 1.0),
+        kind,
+        number(query, "mix", 1.0, 0.0, 1.0),
+        number(query, "spread", 0.05 * world.extent, POSITIVE),
+        0.0, 0.0, 0.0,
+    ])  # fmt: skip
+    if kind == SAMPLERS["halton"] and world.dim > len(PRIMES):
+        raise refused("sampler", sampler, f"up to {len(PRIMES)} dimensions")
+    if options:
+        raise refused(f"options of {query.method}", sorted(options), "those that it has")
+    return numbers, listed.T
+
+
+def _search(query: Query, numbers: Array, frame: Array, *roots: Array) -> Plan:
+    """Grow one tree or two, chunk by chunk, until there is a path or the budget is spent."""
+    world, counts, budget = query.world, query.counts, query.budget
+    samples, seconds = budget.samples, budget.seconds
+    n, sides = world.dim, len(roots)
+    arrays = _arrays(sides, 256, n)
+    for side in range(sides):
+        arrays[0][side, 0] = roots[side]
+    kernel, timed, rng = _kernel(), seconds < math.inf, address_of(query.rng)
+    tables = (world.obstacles, world.body, world.bounds, query.goal, numbers, frame)
+    chunk, star, history, best = 4 if timed else 64, numbers[STAR] > 0.0, [], math.inf
+    code, done, now = GO_ON, 0, 0.0
+    while code != FOUND and done < samples and now < seconds:
+        code = kernel(*world.addresses, rng, *tables, *arrays, counts, min(chunk, samples - done))
+        last, now, done = now, query.seconds, int(counts[SAMPLES])
+        if code == FULL:
+            larger = _arrays(sides, 2 * len(arrays[5]), n)
+            for old, new in zip(arrays, larger, strict=True):
+                new[tuple(slice(k) for k in old.shape)] = old
+            arrays = larger
+        if star and counts[LAST] >= 0 and arrays[3][0, counts[LAST]] < best:
+            best = arrays[3][0, counts[LAST]]
+            history.append((done, now, best))
+        # Only where time is limited do the chunks depend on a clock.
+        if code == GO_ON and chunk < 1024 and not (timed and now - last >= 1e-3):
+            chunk *= 2
+        query.tell(f"{done} of {samples} samples")
+    nodes, parents, _, costs, room, _ = arrays
+    _, _, _, _, many, others, _, _, end, _, _, far, onward, *_ = counts.tolist()
+    tree = {"nodes": nodes[0, :many], "parents": parents[0, :many], "costs": costs[0, :many]}
+    if sides == 2:
+        above = parents[1, :others]
+        rest = (nodes[1, :others], above + many * (above >= 0), costs[1, :others])
+        for name, more in zip(("nodes", "parents", "costs"), rest, strict=True):
+            tree[name] = np.concatenate((tree[name], more))
+    tree["nodes"] = tree["nodes"].T
+    if star:
+        tree["history"] = np.array(history).reshape(-1, 3).T
+    if end < 0:
+        return query.answer(NO_SAMPLES if done >= samples else NO_TIME, **tree)
+    path = nodes[0, room[1, :far][::-1]]
+    if sides == 2:  # the state where the trees meet is in both
+        path = np.concatenate((path, nodes[1, room[2, 1:onward]]))
+    return query.answer(SOLVED, path, **tree)
+
+
+def _arrays(sides: int, size: int, n: int) -> tuple[Any, ...]:
+    """Nodes, parents, links, costs of each tree; room for stacks of whole numbers and of floats."""
+    return (
+        np.empty((sides, size, n)), np.empty((sides, size), dtype=np.int64),
+        np.empty((sides, size, WIDTH), dtype=np.int64), np.empty((sides, size)),
+        np.empty((4, size), dtype=np.int64), np.empty(size),
+    )  # fmt: skip
+
+
+def _chain(parents: NDArray[np.int64], last: int) -> list[int]:
+    """A node and all above it, up to the root."""
+    chain = [last]
+    while parents[chain[-1]] >= 0:
+        chain.append(int(parents[chain[-1]]))
+    return chain
+
+
+def _frame(query: Query, numbers: Array, listed: Array) -> Array:
+    """Halton's shift, and for the ellipsoid the centre and an orthogonal matrix whose first column
+    leads from start to goal: Householder's reflection of the first axis. Listed states come last.
+    """
+    n = query.world.dim
+    frame = np.zeros((n + 2 + len(listed), n))
+    frame[n + 2 :] = listed
+    if numbers[SAMPLER] == SAMPLERS["halton"]:
+        frame[0] = query.rng.random(n)
+    if numbers[INFORMED]:
+        along = query.goal[0] - query.start
+        numbers[SHORTEST] = np.linalg.norm(along)
+        mirror = along / numbers[SHORTEST]
+        frame[1] = 0.5 * (query.start + query.goal[0])
+        frame[2 : n + 2] = np.eye(n)
+        sign = -1.0 if mirror[0] < 0.0 else 1.0
+        mirror[0] += sign
+        frame[2 : n + 2] -= 2.0 * np.outer(mirror, mirror) / (mirror @ mirror)
+    return frame
+
+
+def rrt(query: Query) -> Plan:
+    """A tree from the start, until a node can be joined to the goal by an edge of at most a step.
+
+    In a world of discs this is the drill's RRT: the same draws give the same tree.
+    """
+    numbers, listed = _options(query)
+    return _search(query, numbers, _frame(query, numbers, listed), query.start)
+
+
+def rrt_star(query: Query) -> Plan:
+    """RRT that hangs each new node where its way is shortest, and then its neighbours under it
+    where that is shorter: the best path's length never rises, and falls towards the optimum.
+
+    The neighbours are those within gamma (log m / m)^(1/n), at most a step, of m nodes, with gamma
+    1.1 times the least that theorem 38 of Karaman and Frazzoli (2011) asks for, the whole box taken
+    as free. Its proof has a gap; what is proved is a radius that shrinks with 1 / (n + 1) in place
+    of 1 / n (Solovey et al., 2020). That this one converges too is measured.
+    The informed one draws in the ellipsoid that can shorten the best path.
+    """
+    numbers, listed = _options(query)
+    n = query.world.dim
+    ball = math.pi ** (n / 2) / math.gamma(n / 2 + 1)
+    volume = float(np.prod(query.world.bounds[1] - query.world.bounds[0]))
+    numbers[STAR] = 1.1 * (2.0 * (1.0 + 1.0 / n) * volume / ball) ** (1.0 / n)
+    numbers[INFORMED] = query.method == "informed_rrt_star"
+    if numbers[INFORMED] and not query.one_goal:
+        raise refused("goal", "a region", f"a state, for {query.method}")
+    return _search(query, numbers, _frame(query, numbers, listed), query.start)
+
+
+def rrt_connect(query: Query) -> Plan:
+    """Two trees, from the start and from the goal; there is no goal_bias."""
+    numbers, listed = _options(query)
+    root = query.goal_root()
+    if root is None:
+        return query.answer(GOAL_BLOCKED)
+    query.counts[ROOTS] = not query.one_goal
+    return _search(query, numbers, _frame(query, numbers, listed), query.start, root)
+
+
+METHODS.update(
+    rrt=rrt, rrt_connect=rrt_connect, rrt_star=rrt_star, informed_rrt_star=rrt_star
+)  # fmt: skip
+
+
+def warm() -> None:
+    """Compile, or load from the cache, the loops of the trees."""
+    _kernel()

@@ -1,0 +1,398 @@
+"""Measures: one number with a unit from one run, the same formula for every engine.
+
+Time is not taken here: `course.measure.timing` is handed `run.run`, interleaved over engines.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from course import kinematics
+from course.check import POSITIVE, count, positive, refused, vector
+from course.contact import Residuals, residuals
+from course.platforms import theory
+from course.platforms.bodies import free_velocity, step_of
+from course.platforms.contract import (
+    AS_SHIPPED,
+    FAIR,
+    ContactReport,
+    Engine,
+    Settings,
+    State,
+    prepared,
+)
+from course.platforms.scenes import GRAVITY, Scene, arm, brake, grasp
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the table scene x engine x settings.
+
+    Attributes:
+        scene, engine, version, settings, scheme: names.
+        dt: step [s].
+        error: `Scene.error` at the end, infinite where the run left the finite numbers.
+        unit: of the error.
+        tolerance: of the scene.
+        within: whether the error is within the tolerance.
+    """
+
+    scene: str
+    engine: str
+    version: str
+    settings: str
+    scheme: str
+    dt: float
+    error: float
+    unit: str
+    tolerance: float
+    within: bool
+
+
+def position_error(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) -> float:
+    """`Scene.error` at the end of the motion [m or rad]."""
+    run = prepared(engine, scene, dt, settings)
+    try:
+        steps = max(1, round(scene.duration / dt))
+        run.run(steps)
+        return scene.error(run.state(), steps * dt)
+    finally:
+        run.close()
+
+
+def row(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) -> Row:
+    """`position_error` with all that belongs to it."""
+    error = position_error(engine, scene, dt, settings)
+    return Row(
+        scene.name, engine.name, engine.version(), settings.name,
+        settings.scheme or engine.schemes[0], dt, error, scene.unit, scene.tolerance,
+        error <= scene.tolerance,
+    )  # fmt: skip
+
+
+def slope(x: ArrayLike, y: ArrayLike) -> float:
+    """The exponent p of y = c x^p, by least squares in logarithms.
+
+    The order of a scheme for steps and errors; how a cost grows for sizes and costs.
+    """
+    x, y = (vector(name, value, (None,), low=POSITIVE) for name, value in (("x", x), ("y", y)))
+    if x.size != y.size or x.size < 2:
+        raise refused("(x.size, y.size)", (x.size, y.size), "two equal sizes from 2 on")
+    return float(np.polyfit(np.log(x), np.log(y), 1)[0])
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Energy of a motion that conserves it: a straight line, and what goes to and fro about it.
+
+    Attributes:
+        rate: slope of the line [J/s].
+        swing: largest distance from the line [J].
+        change: end less start [J].
+    """
+
+    rate: float
+    swing: float
+    change: float
+
+
+def energy_drift(
+    engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR, samples: int = 100
+) -> Drift:
+    """The energy that the engine reports, at so many equal times; drift and oscillation apart."""
+    run = prepared(engine, scene, dt, settings)
+    every = max(1, round(scene.duration / dt / count("samples", samples, 2)))
+    energies = [run.energy()]
+    for _ in range(samples):
+        run.run(every)
+        energies.append(run.energy())
+    run.close()
+    times, found = np.arange(samples + 1) * every * dt, np.array(energies)
+    rate, start = np.polyfit(times, found, 1)
+    swing = np.max(np.abs(found - start - rate * times))
+    return Drift(float(rate), float(swing), float(found[-1] - found[0]))
+
+
+def penetration(report: ContactReport) -> float:
+    """The deepest overlap of a report [m], 0 where nothing overlaps."""
+    return float(np.max(-report.gap, initial=0.0))
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Chapter 2's residuals of what an engine reports.
+
+    Attributes:
+        residuals: penetration, complementarity (signorini), cone, dissipation, energy.
+        unexplained: how far the reported forces miss the velocities that the engine reached [m/s].
+        contacts: how many.
+    """
+
+    residuals: Residuals
+    unexplained: float
+    contacts: int
+
+
+def judged(
+    engine: Engine, scene: Scene, dt: float, steps: int, settings: Settings = FAIR
+) -> Judged:
+    """The contacts of the last of so many steps, judged as one step of chapter 2.
+
+    Raises:
+        ValueError: where nothing touches in that step.
+    """
+    run = prepared(engine, scene, dt, settings)
+    run.run(count("steps", steps, 1) - 1)
+    before = run.state()
+    run.run(1)
+    after, report = run.state(), run.contacts()
+    run.close()
+    if not report.gap.size:
+        raise refused("steps", steps, "a number after which something touches")
+    step = step_of(scene, before, free_velocity(scene, before, dt), report, dt)
+    impulses = step.impulses(report.force)
+    reached = step.spread(step.problem.after(impulses))
+    return Judged(
+        residuals(step.problem, impulses),
+        float(np.max(np.abs(reached - after.v)[:3])),
+        int(report.gap.size),
+    )
+
+
+def creep(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) -> float:
+    """How fast the first body moves that should rest, over the second half of the run [m/s]."""
+    run = prepared(engine, scene, dt, settings)
+    half = max(1, round(0.5 * scene.duration / dt))
+    run.run(half)
+    first = run.state().q[:3, 0]
+    run.run(half)
+    last = run.state().q[:3, 0]
+    run.close()
+    return float(np.linalg.norm(last - first) / (half * dt))
+
+
+def largest_step(
+    engine: Engine, scene: Scene, steps: Iterable[float], settings: Settings = FAIR
+) -> float:
+    """The largest of some steps [s] that is within the tolerance with all smaller ones, or 0."""
+    best = 0.0
+    for dt in sorted(steps):
+        if position_error(engine, scene, dt, settings) > scene.tolerance:
+            break
+        best = dt
+    return best
+
+
+@dataclass(frozen=True)
+class Repeat:
+    """Largest difference of any number of the state between two runs that should be equal.
+
+    Attributes:
+        fresh: two worlds built alike.
+        reset: the same world, put back to its start.
+        saved: the second half, from a state that was saved and put back.
+    """
+
+    fresh: float
+    reset: float
+    saved: float
+
+
+def repeatability(
+    engine: Engine, scene: Scene, dt: float, steps: int, settings: Settings = FAIR
+) -> Repeat:
+    """Whether a run can be repeated bit by bit: 0 where all bits are equal."""
+    first, second = (engine.build(scene, dt, settings) for _ in range(2))
+    half = count("steps", steps, 2) // 2
+    first.run(half)
+    saved = first.save()
+    first.run(half)
+    end = first.state()
+    first.restore(saved)
+    first.run(half)
+    again = first.state()
+    second.run(2 * half)
+    fresh = second.state()
+    first.reset()
+    first.run(2 * half)
+    reset = first.state()
+    first.close()
+    second.close()
+    return Repeat(*(_difference(end, other) for other in (fresh, reset, again)))
+
+
+def _difference(a: State, b: State) -> float:
+    if a.same(b):
+        return 0.0
+    return float(max(np.max(np.abs(a.q - b.q)), np.max(np.abs(a.v - b.v))))
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Where a block came to rest: the distance [m], and its direction less its heading [rad]."""
+
+    distance: float
+    turn: float
+
+
+def stop(
+    engine: Engine, heading: float, dt: float, settings: Settings = FAIR,
+    speed: float = 2.0, friction: float = 0.5,
+) -> Stop:  # fmt: skip
+    """The braking block, to be set beside `theory.stop` and `theory.braking_distance`."""
+    scene = brake(heading, speed, friction)
+    run = prepared(engine, scene, dt, settings)
+    start = run.state().q[:2, 0]
+    run.run(round(scene.duration / dt))
+    x, y = run.state().q[:2, 0] - start
+    run.close()
+    turn = (math.atan2(y, x) - heading + math.pi) % (2.0 * math.pi) - math.pi
+    return Stop(math.hypot(x, y), turn)
+
+
+def squeezed(
+    engine: Engine, ratio: float, dt: float, settings: Settings = FAIR, friction: float = 0.5
+) -> tuple[bool, float]:
+    """Whether two fingers hold the part at a share of m g / (2 mu), and how far it sinks [m].
+
+    What slips is fast and gains speed: over 0.02 m/s in the last third of 0.5 s, and 0.005 g over
+    the last two. What creeps moves evenly, and a part that turns about a corner comes to rest:
+    both are held. Where an engine puts the force on one corner this is no threshold but a scatter:
+    scan it.
+    """
+    scene = grasp(ratio * theory.grasp_threshold(friction=friction), friction)
+    run = prepared(engine, scene, dt, settings)
+    third = round(scene.duration / dt / 3.0)
+    heights = []
+    for _ in range(3):
+        run.run(third)
+        heights.append(run.state().q[2, 0])
+    run.close()
+    first, last = -np.diff(heights) / (third * dt)
+    held = last <= 0.02 or last - first <= 0.005 * GRAVITY * third * dt
+    return bool(held), float(-heights[-1])
+
+
+def grasp_limit(
+    engine: Engine, dt: float, settings: Settings = FAIR, rounds: int = 10, friction: float = 0.5
+) -> float:
+    """The least squeeze that holds the part, over m g / (2 mu), by bisection from 0.5 to 2.
+
+    0.995 is the best there is (see `squeezed`). Infinite where twice the threshold doesn't hold; 0
+    where half of it does.
+    """
+
+    def held(ratio: float) -> bool:
+        return squeezed(engine, ratio, dt, settings, friction)[0]
+
+    low, high = 0.5, 2.0
+    if held(low):
+        return 0.0
+    if not held(high):
+        return math.inf
+    for _ in range(count("rounds", rounds, 1)):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if held(middle) else (middle, high)
+    return high
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What one change between as shipped and fair does to a scene's error.
+
+    Attributes:
+        key: of the change.
+        shipped, fair: the error with each of the two settings.
+        alone: as shipped with this change.
+        without: fair without it.
+    """
+
+    key: str
+    shipped: float
+    fair: float
+    alone: float
+    without: float
+
+
+def effects(engine: Engine, scene: Scene, dt: float) -> list[Effect]:
+    """Each change of an engine that acts on this kind of scene, by itself."""
+    kind = "joints" if scene.chain else "bodies"
+    shipped, fair = (position_error(engine, scene, dt, s) for s in (AS_SHIPPED, FAIR))
+    return [
+        Effect(
+            change.key,
+            shipped,
+            fair,
+            position_error(engine, scene, dt, AS_SHIPPED.using(but=(change.key,))),
+            position_error(engine, scene, dt, FAIR.using(but=(change.key,))),
+        )
+        for change in engine.changes
+        if change.kind in ("all", kind)
+    ]
+
+
+# --- sim to sim: a controller tuned on one engine, run on all ------------------------------------
+
+# Tuned on the course's own arm: critically damped, it leaves (1 + 8 t) exp(-8 t) of the way, which
+# after 1.5 s is under a tenth of a thousandth.
+PACE = 8.0  # [rad/s]
+GOAL = (0.8, 0.1, -0.3, -1.2, 0.2, 1.9, 0.6)  # [rad]
+
+
+@dataclass(frozen=True)
+class Reach:
+    """How a reach ended.
+
+    Attributes:
+        error: of the tip [m].
+        speed: of the tip [m/s].
+        success: whether it is within 5 mm and slower than 5 cm/s.
+    """
+
+    error: float
+    speed: float
+    success: bool
+
+
+def reach(
+    engine: Engine,
+    dt: float = 1e-3,
+    settings: Settings = FAIR,
+    duration: float = 1.5,
+    damping: float = 0.5,
+) -> Reach:
+    """A reach of the 7-R arm by PD on chapter 4's model of it (computed torque), once a step.
+
+    The model knows all that the URDF text says, so that an engine fails by what it leaves out or
+    adds: a damping that is not read, a motor that holds a joint.
+
+    Args:
+        engine, dt, settings: what runs the arm.
+        duration: of the reach [s].
+        damping: of each joint, in the text and in the model [N m s/rad].
+    """
+    scene = arm(duration, damping=damping)
+    assert scene.chain is not None
+    chain, goal = scene.chain, np.array(GOAL)
+    run = prepared(engine, scene, positive("dt", dt, unit="s"), settings)
+    now = run.state()
+    for _ in range(round(duration / dt)):
+        wanted = PACE * (PACE * (goal - now.q) - 2.0 * now.v)
+        run.set_torque(
+            kinematics.inverse_dynamics(chain, now.q, now.v, wanted, gravity=scene.gravity)
+        )
+        run.run(1)
+        now = run.state()
+        if not np.max(np.abs(now.q)) < 1e3:
+            run.close()
+            return Reach(math.inf, math.inf, False)
+    run.close()
+    there, aim = kinematics.tip(chain, now.q), kinematics.tip(chain, goal)
+    error = float(np.linalg.norm(there[:3] - aim[:3]))
+    speed = float(np.linalg.norm(kinematics.jacobian(chain, now.q)[:3] @ now.v))
+    return Reach(error, speed, error <= 5e-3 and speed <= 5e-2)

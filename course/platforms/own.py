@@ -1,0 +1,204 @@
+"""The course's own code as an engine: chapters 1, 2 and 4 behind the contract of this chapter.
+
+Joints go through chapter 4's articulated body algorithm and one of chapter 1's integrators, in one
+compiled loop. Bodies in contact go through chapter 2: contacts, one problem for each group that
+touches, Newton's method on the round cone; Python pays for every step there.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from course import contact, kinematics, rigid_body
+from course.check import count, one_of, positive, refused, vector
+from course.platforms.bodies import free_velocity, freedom, step_of
+from course.platforms.contract import (
+    FAIR,
+    NO_CONTACTS,
+    Array,
+    ContactReport,
+    Engine,
+    Run,
+    Settings,
+    State,
+    slip_of,
+)
+from course.platforms.scenes import Scene
+from course.rigid_body.integrators import System, retract
+from course.rigid_body.spatial import free_flight_acceleration
+
+WARM = (
+    "pgs",
+    "coulomb",
+    "convex",
+)  # models of chapter 2 that start from the impulses of the last step
+NEAR = 1e-3  # distance from which two bodies are watched, besides what they travel in a step [m]
+
+
+class Own(Engine):
+    """Chapters 1, 2 and 4. Nothing has to be changed to make it fair.
+
+    Options for bodies in contact: `model`, one of chapter 2's, and `recovery`, the share of a
+    penetration that a step takes back.
+    """
+
+    name = "own code"
+    schemes = ("semi_implicit_euler", "rk4", "implicit_midpoint", "velocity_verlet")
+
+    def missing(self) -> str:
+        return ""
+
+    def version(self) -> str:
+        from importlib import metadata
+
+        return metadata.version("robotics-simulation-course")
+
+    def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> Run:
+        scheme = settings.checked(self, ("model", "recovery"))
+        positive("dt", dt, unit="s")
+        if scene.chain or all(body.half is None for body in scene.bodies):
+            if len(scene.bodies) > 1:
+                raise refused("scene", scene.name, "one body, where none touches anything")
+            return Smooth(scene, dt, scheme)
+        one_of("settings.scheme", scheme, self.schemes[:1])
+        return Touching(scene, dt, **settings.options)
+
+
+class Smooth(Run):
+    """Joints, or one free body: a `System` of chapter 1."""
+
+    time: float
+    q: Array
+    v: Array
+
+    def __init__(self, scene: Scene, dt: float, scheme: str) -> None:
+        self.scene, self.dt, self.scheme = scene, dt, scheme
+        self.loop = free_flight_acceleration
+        if scene.chain:
+            self.loop = kinematics.acceleration
+            self.params = kinematics.pack(scene.chain, gravity=scene.gravity)
+        else:
+            self.params = np.array([*scene.gravity, *scene.bodies[0].moments])
+        self.reset()
+
+    def reset(self) -> None:
+        start = self.scene.start
+        self.restore((0.0, start.q.reshape(len(start.q)), start.v.reshape(len(start.v))))
+
+    def run(self, steps: int) -> None:
+        if count("steps", steps):
+            system = System(self.scene.name, self.loop, self.params, self.q, self.v)
+            end = rigid_body.simulate(system, self.scheme, self.dt, steps)
+            self.q, self.v, self.time = end.q[-1], end.v[-1], self.time + steps * self.dt
+
+    def state(self) -> State:
+        shape = (len(self.q),) if self.scene.chain else (len(self.q), 1)
+        return State(self.time, self.q.reshape(shape).copy(), self.v.reshape(-1, *shape[1:]).copy())
+
+    def set_velocity(self, v: Array) -> None:
+        self.v = vector("v", v).reshape(self.v.shape).copy()
+
+    def set_torque(self, torque: Array) -> None:
+        if not self.scene.chain:
+            return super().set_torque(torque)
+        self.params = kinematics.pack(self.scene.chain, torque, self.scene.gravity)
+
+    def save(self) -> Any:
+        return self.time, self.q.copy(), self.v.copy()
+
+    def restore(self, saved: Any) -> None:
+        self.time, self.q, self.v = saved[0], saved[1].copy(), saved[2].copy()
+
+
+class Touching(Run):
+    """Boxes in contact: velocities with the impulses of a contact model, then places with them."""
+
+    time: float
+    q: Array
+    v: Array
+    memory: dict[Any, Array]
+
+    def __init__(
+        self, scene: Scene, dt: float, model: str = "coulomb", recovery: float = 0.2
+    ) -> None:
+        self.scene, self.dt, self.recovery = scene, dt, recovery
+        self.model = one_of("model", model, contact.MODELS)
+        kinds = {body.half: contact.box(np.array(body.half)) for body in scene.bodies}
+        self.shapes = [kinds[body.half] for body in scene.bodies]
+        if scene.ground:
+            self.shapes.insert(0, contact.plane())
+        self.reset()
+
+    def reset(self) -> None:
+        start = self.scene.start
+        self.restore((0.0, start.q, start.v, NO_CONTACTS, {}))
+
+    def run(self, steps: int) -> None:
+        for _ in range(count("steps", steps)):
+            self._step()
+        self.time += steps * self.dt
+
+    def _step(self) -> None:
+        """Free velocities, contacts, impulses of each group that touches, places."""
+        scene, dt, before = self.scene, self.dt, State(0.0, self.q, self.v)
+        free = free_velocity(scene, before, dt)
+        pose = self.q
+        if scene.ground:
+            pose = np.column_stack((np.array([0.0, 0, 0, 1, 0, 0, 0]), self.q))
+        travel = float(np.max(np.abs(free[:3]))) * dt
+        found = contact.contacts(self.shapes, pose, NEAR + 2.0 * travel)
+        bodies, nothing = found.bodies - int(scene.ground), np.zeros_like(found.point)
+        report = ContactReport(bodies, found.point, found.normal, found.distance, nothing, nothing)
+        v, force, memory = free.copy(), nothing.copy(), {}
+        for i, body in enumerate(scene.bodies):
+            if body.guide is not None:
+                v[:, i] = freedom(body) @ (freedom(body).T @ free[:, i])
+        for members in self._groups(bodies):
+            ours = np.flatnonzero(np.isin(bodies[1], members))
+            if not ours.size:
+                continue
+            step = step_of(scene, before, free, report.only(ours), dt, members, self.recovery)
+            key = tuple(bodies[:, ours].ravel())
+            start = {"start": self.memory.get(key)} if self.model in WARM else {}
+            done = contact.solve(self.model, step.problem, **start)
+            memory[key], force[:, ours] = done.impulses, step.force(done.impulses)
+            v[:, members] = step.spread(done.velocity)
+        slip = slip_of(self.q, v, bodies, found.point, found.normal)
+        self.last = ContactReport(bodies, found.point, found.normal, found.distance, force, slip)
+        self.q, self.v, self.memory = retract(self.q, dt * v), v, memory
+
+    def _groups(self, pairs: Any) -> list[list[int]]:
+        """Bodies that hold each other, directly or through others; the ground parts them."""
+        of = list(range(len(self.scene.bodies)))
+
+        def root(i: int) -> int:
+            while of[i] != i:
+                i = of[i]
+            return i
+
+        for i, j in pairs.T:
+            if i >= 0:
+                low, high = sorted((root(i), root(j)))
+                of[high] = low
+        groups: dict[int, list[int]] = {}
+        for i in range(len(of)):
+            groups.setdefault(root(i), []).append(i)
+        return list(groups.values())
+
+    def state(self) -> State:
+        return State(self.time, self.q.copy(), self.v.copy())
+
+    def contacts(self) -> ContactReport:
+        return self.last
+
+    def set_velocity(self, v: Array) -> None:
+        self.v = vector("v", v, self.v.shape).copy()
+
+    def save(self) -> Any:
+        return self.time, self.q.copy(), self.v.copy(), self.last, dict(self.memory)
+
+    def restore(self, saved: Any) -> None:
+        self.time, q, v, self.last, memory = saved
+        self.q, self.v, self.memory = q.copy(), v.copy(), dict(memory)

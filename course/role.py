@@ -1,0 +1,350 @@
+"""Chapter 0: the stack as a graph, and how old the information is that its commands rest on.
+
+*Data age* looks back: from a moment to the capture of the measurement behind the command then in
+force. *Reaction time* looks ahead: from an event to the first command that rests on a measurement
+taken after it. The sum of periods and executions bounds both: A. Davare and others, Period
+optimization, DAC 2007; M. Duerr and others, End-to-end timing analysis, ACM TECS 18, 2019.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course.check import count, finite, one_of, positive, refused, vector
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Stage:
+    """Turns one sample into the next. execution: C, from start to result [s]. period: T of its
+    clock [s]; None: it starts when a sample arrives. depth: of the queue it reads, which keeps the
+    last so many; 1: the newest value. overload: of a start while it is busy. "": refused, with an
+    execution above the period; "skip": lost; "queue": the sample waits (on arrival); "pipelined":
+    another worker. jitter: executions are spread evenly over C - jitter to C + jitter [s].
+    lost: share of results that never arrive."""
+
+    name: str
+    execution: float
+    period: float | None = None
+    depth: int = 1
+    overload: str = ""
+    jitter: float = 0.0
+    lost: float = 0.0
+
+    def __post_init__(self) -> None:
+        at = f"of {self.name}"
+        positive(f"execution {at}", self.execution, unit="s")
+        count(f"depth {at}", self.depth, 1)
+        one_of(f"overload {at}", self.overload, ("", "skip", "queue", "pipelined"))
+        finite(f"jitter {at}", self.jitter, 0.0, self.execution, unit="s")
+        finite(f"lost {at}", self.lost, 0.0, 0.99)
+        if self.period is not None:
+            positive(f"period {at}", self.period, unit="s")
+            if self.overload == "queue":
+                raise refused(f"overload {at}", "queue", "skip or pipelined under a clock")
+            self.interval(self.period)
+
+    def interval(self, period: float, early: float = 0.0) -> float:
+        """Time between results [s] if starts come once a period, or `early` by up to so much;
+        ValueError if that is overload, and there is no rule for it."""
+        longest, rule = self.execution + self.jitter, self.overload
+        if longest <= (period - early) * (1.0 + 1e-9) or rule == "pipelined":
+            return period
+        if rule == "queue" and not self.jitter and self.execution >= period + early:
+            return self.execution  # always busy
+        least, most = (math.ceil(x / period - 1e-9) for x in (longest - 2 * self.jitter, longest))
+        if rule == "skip" and least == most and not early:
+            return period * most
+        raise refused(f"execution of {self.name}", longest, f"up to its period of {period:g} s, "
+                      "or more with a rule for overload")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Age:
+    """How old the information behind the command in force is [s]: bounds (the greatest a supremum,
+    inf with losses), mean and standard deviation over time and phases; mean wait after each."""
+
+    least: float
+    mean: float
+    greatest: float
+    std: float
+    waits: tuple[float, ...]
+
+
+def _links(stages: Sequence[Stage]) -> list[tuple[float, float, float, float]]:
+    """After each stage: its results' interval [s], the share that arrives, the interval that a
+    result may wait [s], and what a full queue adds [s]."""
+    if not stages or stages[0].period is None:
+        raise refused("stages", [s.name for s in stages], "a chain whose first stage has a period")
+    found: list[tuple[float, float, float, float]] = []
+    T, kept, early = 0.0, 1.0, 0.0
+    for stage in stages:
+        before, clocked = T, stage.period is not None
+        T = stage.interval(stage.period or before, 0.0 if clocked else early)
+        waits = clocked or (stage.overload == "queue" and before < T)
+        if found:
+            full = waits and before < T * (1.0 - 1e-9)
+            if kept < 1.0 and ((full and stage.depth > 1) or (before < T and not clocked)):
+                raise refused("lost", 1.0 - kept, f"0 before {stage.name}, which loses others")
+            found[-1] = (before, kept, before * waits, (stage.depth - 1) * before * full)
+        kept = (1.0 if clocked else kept) * (1.0 - stage.lost)
+        odd = bool(found) and waits and stage.depth > 1 and early > abs(T - before)
+        early = (0.0 if waits else early) + 2.0 * stage.jitter
+        if odd or early > T * (1.0 + 1e-9):
+            allowed = "less: results overtake others, or a queue is full at times only"
+            raise refused(f"jitter up to {stage.name}", sum(s.jitter for s in stages), allowed)
+        found.append((T, kept, T, 0.0))
+    return found
+
+
+def age(stages: Sequence[Stage]) -> Age:
+    """Data age of a chain in closed form, for independent phases.
+
+    A clock reads at any time what came last: it is old by anything from 0 to the *producer's*
+    interval; the last command is in force for the last one; a start on arrival waits for nothing.
+    So the age is the sum of all C and of independent even spreads. A queue of depth d on a faster
+    producer is always full, and adds (d - 1) of its intervals. Jitter of the executions leaves the
+    mean as it is; lost samples (share p) lengthen a wait by (1 + p) / (1 - p).
+
+    Args:
+        stages: from the sensor, whose start is the capture, to the last before the actuator.
+            ValueError: the first has no period; one is overloaded without a rule, or at times
+            only; samples are lost before a full queue or a stage that skips, or overtaken.
+    """
+    links = _links(stages)
+    C, spread = (sum(getattr(s, name) for s in stages) for name in ("execution", "jitter"))
+    variance, waits = sum(s.jitter**2 for s in stages) / 3.0, []
+    for _, q, T, behind in links:
+        # The interval that one falls into is T times a geometric number, drawn by its length.
+        mean = T * (2.0 - q) / (2.0 * q)
+        variance += (T / q) ** 2 * (q * q - 6.0 * q + 6.0) / 3.0 - mean**2
+        waits.append(mean + behind)
+    behind = sum(link[3] for link in links)
+    greatest = behind + C + spread + sum(T if q == 1.0 else math.inf for _, q, T, _ in links)
+    return Age(C - spread + behind, C + sum(waits), greatest, math.sqrt(variance), tuple(waits))
+
+
+def read(times: Array, ticks: Array, depth: int) -> NDArray[np.int64]:
+    """Which of the samples that arrive at `times` (N,) a reader gets at each tick (M,), from a
+    queue: the oldest unread of the last `depth`, from an empty one the last again; -1: none yet."""
+    index = np.searchsorted(times, ticks, side="right") - 1
+    last = np.int64(-1)
+    for k in range(index.size) if depth > 1 else range(0):
+        last = max(min(last + 1, index[k]), index[k] - depth + 1)
+        index[k] = last
+    return index
+
+
+def free(ticks: Array, durations: Array) -> NDArray[np.bool_]:
+    """Which ticks find the stage free, if those that do not are lost; both shapes (M,) [s]."""
+    kept, until = np.zeros(ticks.size, np.bool_), -np.inf
+    for k in range(ticks.size):
+        if ticks[k] >= until - 1e-12:
+            kept[k], until = True, ticks[k] + durations[k]
+    return kept
+
+
+def serve(times: Array, durations: Array, depth: int) -> tuple[NDArray[np.int64], Array]:
+    """Which samples are taken, one after the other, and when: (K,) each; see `read`."""
+    taken, starts = np.empty(times.size, np.int64), np.empty(times.size)
+    last, jobs, now = -1, 0, -np.inf
+    while last + 1 < times.size:
+        arrived = int(np.searchsorted(times, now + 1e-12, side="right")) - 1
+        if arrived <= last:
+            arrived, now = last + 1, times[last + 1]
+        last = max(last + 1, arrived - depth + 1)
+        taken[jobs], starts[jobs] = last, now
+        now, jobs = now + durations[jobs], jobs + 1
+    return taken[:jobs], starts[:jobs]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """Commands of one run: when each came into force, when its measurement was taken, (N,) [s]."""
+
+    published: Array
+    captured: Array
+
+    def age(self, times: Array) -> Array:
+        """Data age at these times, NaN before the first command [s]."""
+        index = np.searchsorted(self.published, times, side="right")
+        return times - np.append(np.nan, self.captured)[index]
+
+    def reaction(self, events: Array) -> Array:
+        """Reaction time to events at these times, NaN where the run ended before it [s]."""
+        index = np.searchsorted(self.captured, events)
+        return np.append(self.published, np.nan)[index] - events
+
+
+def simulate(
+    stages: Sequence[Stage], phases: Array | Sequence[float], seed: int = 0, seconds: float = 10.0
+) -> Trace:
+    """Let a chain run, event by event; queues are empty at time 0, and fill.
+
+    Args:
+        stages: as for `age`; ValueError as there, but for losses and jitter.
+        phases: of each stage's first start, shares of its period, shape (n,).
+        seed, seconds: of jitter and losses; how long stages are started.
+    """
+    _links([replace(stage, lost=0.0, jitter=0.0) for stage in stages])
+    phases = vector("phases", phases, (len(stages),))
+    rng, seconds = np.random.default_rng(seed), positive("seconds", seconds, unit="s")
+    times = captured = np.empty(0)
+    for k, stage in enumerate(stages):
+        starts = times if (T := stage.period) is None else T * np.arange(phases[k], seconds / T)
+        durations = rng.uniform(-1.0, 1.0, starts.size) * stage.jitter + stage.execution
+        if stage.overload == "queue":
+            taken, starts = serve(times, durations, stage.depth)
+            durations = durations[: taken.size]
+        else:
+            runs = free(starts, durations) | (stage.overload == "pipelined")
+            starts, durations = starts[runs], durations[runs]
+            taken = read(times, starts, stage.depth if stage.period else 1)
+        captured = starts if k == 0 else np.append(captured, np.nan)[taken]  # -1: none yet
+        arrived = (rng.random(starts.size) >= stage.lost) & ~np.isnan(captured)
+        times = (starts + durations)[arrived]
+        order = np.argsort(times, kind="stable")
+        # What is overtaken stays behind: a late result of an older sample is not newer.
+        times, captured = times[order], np.maximum.accumulate(captured[arrived][order])
+    return Trace(times, captured)
+
+
+class Option(NamedTuple):
+    """One change of one stage: what it saves in the mean [s], cores it adds, and the chain then."""
+
+    stage: str
+    change: str
+    gain: float
+    load: float
+    stages: tuple[Stage, ...]
+
+
+def load(stages: Sequence[Stage]) -> float:
+    """How many cores a chain keeps busy: the sum of execution over interval."""
+    return sum(s.execution / link[0] for s, link in zip(stages, _links(stages), strict=True))
+
+
+def spend(stages: Sequence[Stage]) -> list[Option]:
+    """What each change of one stage would save, best per core first: twice the rate, a start on
+    arrival (or once free), parallel workers where starts are lost, the newest value of a queue.
+    What overloads a stage or breaks a hard deadline is left out."""
+    before, busy, found = age(stages).mean, load(stages), []
+    for k, stage in enumerate(stages):
+        T, rule = stage.period, stage.overload
+        changes: dict[str, Any] = {
+            "twice the rate": T and {"period": T / 2.0},
+            "on arrival": T and k and {"period": None, "depth": 1, "overload": rule or "queue"},
+            "pipelined": rule == "skip" and {"overload": "pipelined"},
+            "newest value": {"depth": 1},
+        }
+        for change, fields in changes.items():
+            try:
+                chain = (*stages[:k], replace(stage, **fields or {}), *stages[k + 1 :])
+                saved, added = before - age(chain).mean, load(chain) - busy
+            except ValueError:
+                continue  # overloaded
+            if chain != tuple(stages) and set(missed(chain)) <= set(missed(stages)):
+                found.append(Option(stage.name, change, saved, added, chain))
+    return sorted(found, key=lambda o: -o.gain / max(o.load, 1e-9))
+
+
+class Cost(NamedTuple):
+    """Errors of position [m] and phase lost [rad]. Held: the value taken as it is. Predicted: at
+    constant velocity over the known age. Unstamped: over the mean age, the true one unknown."""
+
+    held: float
+    predicted: float
+    unstamped: float
+    phase: float
+
+
+def cost(age: Age | float, speed: float, acceleration: float = 0.0, bandwidth: float = 0.0) -> Cost:
+    """What an age, or one single age [s], does to a motion: errors in the mean (unstamped: rms), of
+    what moves with a speed and acceleration [m/s, m/s^2], in a loop of some bandwidth [Hz]."""
+    mean, std = (age.mean, age.std) if isinstance(age, Age) else (finite("age", age, 0.0), 0.0)
+    speed, acceleration = finite("speed", speed, 0.0), finite("acceleration", acceleration, 0.0)
+    turn = 2.0 * math.pi * finite("bandwidth", bandwidth, 0.0)
+    return Cost(speed * mean, acceleration * (mean**2 + std**2) / 2.0, speed * std, turn * mean)
+
+
+BOXES = ("robot", "simulation", "middleware", "perception", "planning", "control", "learning")
+
+
+@dataclass(frozen=True)
+class Edge:
+    """What flows from one box to another: rate [Hz], bytes a sample, depth of the queue it is read
+    from, and whether its deadline is "hard", "soft" or "none"."""
+
+    source: str
+    target: str
+    flow: str
+    rate: float
+    size: int
+    depth: int = 1
+    deadline: str = "soft"
+
+    def __post_init__(self) -> None:
+        for box in (self.source, self.target):
+            one_of(f"box of {self.flow}", box, BOXES)
+        positive(f"rate of {self.flow}", self.rate, unit="Hz")
+        count(f"size or depth of {self.flow}", min(self.size, self.depth), 1)
+        one_of(f"deadline of {self.flow}", self.deadline, ("hard", "soft", "none"))
+
+    @property
+    def bandwidth(self) -> float:
+        """What it carries [bytes/s]."""
+        return self.rate * self.size
+
+
+_IMAGE, _STATE, _TORQUE = 640 * 480 * 2, 7 * 3 * 8, 7 * 8  # depth in mm; q, v, tau; torques
+STACK = (
+    Edge("robot", "middleware", "depth image", 30.0, _IMAGE),
+    Edge("simulation", "middleware", "simulated image", 30.0, _IMAGE),
+    Edge("middleware", "perception", "stamped image", 30.0, _IMAGE),
+    Edge("middleware", "learning", "log of images", 30.0, _IMAGE, 100, "none"),
+    Edge("perception", "planning", "poses and covariances", 30.0, (7 + 36) * 8),
+    Edge("planning", "control", "trajectory of 50 points", 10.0, 50 * 14 * 8),
+    Edge("robot", "control", "joint state", 1000.0, _STATE, 1, "hard"),
+    Edge("simulation", "control", "simulated joint state", 1000.0, _STATE, 1, "none"),
+    Edge("control", "robot", "torques", 1000.0, _TORQUE, 1, "hard"),
+    Edge("control", "simulation", "simulated torques", 1000.0, _TORQUE, 1, "none"),
+    Edge("simulation", "learning", "episodes", 1.0, 200 * _STATE, 100, "none"),
+    Edge("learning", "simulation", "ranges of parameters", 0.01, 20 * 8, 1, "none"),
+    Edge("learning", "control", "weights of a policy", 0.001, 50_000 * 4, 1, "none"),
+)
+CHAIN = (Stage("perception", 0.045, 1.0 / 30.0, overload="pipelined"),
+         Stage("planning", 0.060, 0.1), Stage("control", 0.0002, 0.001))  # fmt: skip
+
+
+def around(box: str, edges: Sequence[Edge] = STACK) -> tuple[list[Edge], list[Edge]]:
+    """What flows into a box, and what flows out of it."""
+    one_of("box", box, BOXES)
+    return [e for e in edges if e.target == box], [e for e in edges if e.source == box]
+
+
+def missed(stages: Sequence[Stage], edges: Sequence[Edge] = STACK) -> list[str]:
+    """What flows from these stages with a hard deadline and may be lost, or come later than a
+    period of its edge after the one before, or after its start."""
+    chain = zip(stages, _links(stages), strict=True)
+    return [e.flow for s, (T, kept, *_) in chain for e in edges
+            if e.source == s.name and e.deadline == "hard"
+            and (kept < 1.0 or max(T, s.execution + s.jitter) * e.rate > 1.0 + 1e-9)]  # fmt: skip
+
+
+def check_stack(edges: Sequence[Edge]) -> None:
+    """Raise ValueError if a box has nothing in or out, or a loop runs through no plant."""
+    for box in BOXES:
+        if not all(around(box, edges)):
+            raise refused("edges", f"nothing into or out of {box}", "both for each box")
+    left = [e for e in edges if not {e.source, e.target} & {"robot", "simulation"}]
+    while left:
+        rest = [e for e in left if e.source in {other.target for other in left}]
+        if len(rest) == len(left):
+            loop = "a loop among " + ", ".join(sorted({e.source for e in left}))
+            raise refused("edges", loop, "loops through the robot only")
+        left = rest

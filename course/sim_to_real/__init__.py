@@ -1,0 +1,73 @@
+"""Chapter 8: from simulation to the real robot. The gap measured, and what each cure costs.
+
+The public names of the chapter; each lives in the file of its section.
+"""
+
+from course.sim_to_real.identify import (
+    Fit,
+    Log,
+    Visible,
+    excitation,
+    fit,
+    late,
+    scan,
+    validate,
+    whiteness,
+)
+from course.sim_to_real.plants import (
+    Outcome,
+    Plants,
+    Tasks,
+    driven,
+    nominal,
+    real,
+    rollouts,
+    tasks,
+    watch,
+)
+from course.sim_to_real.shaping import (
+    Process,
+    Solution,
+    evaluate_policy,
+    grid,
+    learning_steps,
+    shaped,
+    value_iteration,
+)
+from course.sim_to_real.transfer import (
+    attribution,
+    hurting,
+    mended,
+    reached,
+    subsets,
+    transfer_bound,
+    trials,
+)
+from course.sim_to_real.tune import (
+    Automatic,
+    Ranges,
+    Tuned,
+    around,
+    automatic,
+    improve,
+    only,
+    recorded,
+    tune,
+)
+
+__all__ = [
+    "Automatic", "Fit", "Log", "Outcome", "Plants", "Process", "Ranges", "Solution", "Tasks",
+    "Tuned", "Visible", "around", "attribution", "automatic", "driven", "evaluate_policy",
+    "excitation", "fit", "grid", "hurting", "improve", "late", "learning_steps", "mended",
+    "nominal", "only", "reached", "real", "recorded", "rollouts", "scan", "shaped", "subsets",
+    "tasks", "transfer_bound", "trials", "tune", "validate", "value_iteration", "warm", "watch",
+    "whiteness",
+]  # fmt: skip
+
+
+def warm() -> None:
+    """Compile, or load from the cache, everything in this chapter that is compiled."""
+    import numpy as np
+
+    rollouts(nominal(), [1.0] * 6, tasks(1, 0))
+    learning_steps(grid(2), np.random.default_rng(0), 2, most=1)

@@ -1,0 +1,300 @@
+"""What a robot's parameters are, from a log of what was sent and what was measured.
+
+Output error: simulate what was sent, compare with what was measured, move the parameters until the
+squares are least (Levenberg, 1944; Marquardt, 1963). All columns of a Jacobian are one batched
+rollout, beside the point that is tried.
+The error bars come from that Jacobian (Ljung, System Identification, 1999, ch. 9). They hold if the
+model is right, which the residual tells: it is white then.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course.check import count, finite, one_of, positive, refused, vector
+from course.sim_to_real import plants
+
+Array = NDArray[np.float64]
+Parameters = Mapping[str, float]
+Bounds = Mapping[str, tuple[float, float]]
+# Of parameters by name, (K,) each, and a log, whose commands it takes: the signals, (n, T + 1, K).
+Simulate = Callable[[Mapping[str, Array], "Log"], Array]
+
+BASE = plants.ROWS[:5]  # what a flat arm can tell of itself, see `TwoLink`
+LAGS, ALARM = 20, 0.01  # of the test of whiteness: how far it looks, how often it may err
+
+
+@dataclass(frozen=True)
+class Log:
+    """What was sent and what came back; NaN, a gap and a second clock are refused.
+
+    Attributes:
+        times: of the measurements, evenly spaced, shape (T + 1,) [s].
+        measured: n signals at these times, shape (n, T + 1).
+        command: m signals, each value held until the next, shape (m, T).
+        sent: when they were sent, shape (T,) [s]; None for at times[:-1].
+    """
+
+    times: Array
+    measured: Array
+    command: Array
+    sent: Array | None = None
+
+    def __post_init__(self) -> None:
+        t = vector("times", self.times, (None,), unit="s")
+        count("times.size", t.size, 3)
+        vector("measured", self.measured, (None, t.size))
+        vector("command", self.command, (None, t.size - 1))
+        positive("times[-1] - times[0]", t[-1] - t[0], unit="s")
+        sent = t if self.sent is None else vector("sent", self.sent, (t.size - 1,), unit="s")
+        apart, other = np.diff(t) - np.median(np.diff(t)), sent[: t.size - 1] - t[:-1]
+        for name, values, off in (("times", t[1:], apart), ("sent", sent, other)):
+            i = int(np.argmax(np.abs(off)))
+            if abs(off[i]) > 0.01 * self.dt:
+                raise refused(f"{name}[{i + (values is not sent)}]", values[i],
+                              f"{values[i] - off[i]:g} s: evenly spaced, one clock")  # fmt: skip
+
+    @property
+    def dt(self) -> float:
+        """Sample time [s]."""
+        return float(self.times[-1] - self.times[0]) / (self.times.size - 1)
+
+
+@dataclass(frozen=True)
+class Visible:
+    """What a log can tell of P parameters.
+
+    Attributes:
+        names, covariance: of the parameters, (P, P) [their units]; inf where one cannot be told.
+        rank: how many combinations, moved by their own size, change the log by more than the noise.
+        null: a sentence for each that does not.
+        directions: these, a row each, in units of the parameters' sizes, shape (P - rank, P).
+        condition: largest over smallest singular value, in these units.
+    """
+
+    names: tuple[str, ...]
+    covariance: Array
+    rank: int
+    null: tuple[str, ...]
+    directions: Array
+    condition: float
+
+
+@dataclass(frozen=True)
+class Fit(Visible):
+    """Parameters out of a log, and what that log tells of them.
+
+    Attributes:
+        value: of each parameter, shape (P,).
+        residual: measured minus simulated, shape (n, T + 1).
+        noise: its standard deviation, less what the parameters took.
+        white: how often a right model leaves a residual as coloured as this one.
+        slope, rollouts: d simulated / d parameter, (n, T + 1, P), and how many simulations it took.
+        reason: what speaks against the answer; empty if nothing does.
+    """
+
+    value: Array
+    residual: Array
+    noise: float
+    white: float
+    slope: Array
+    rollouts: int
+    reason: str
+
+    def half_width(self, level: float = 0.95) -> Array:
+        """Of the interval that holds a parameter in this share of logs, shape (P,)."""
+        from scipy.special import stdtrit
+
+        quantile = stdtrit(self.residual.size - len(self.names), 0.5 * (1.0 + level))
+        return np.asarray(quantile * np.sqrt(np.diag(self.covariance)))
+
+
+def _prepared(simulate: Simulate, log: Log, start: Parameters, free: Bounds) -> tuple:
+    """Names, values, bounds and sizes of what is free, and the simulation of points (P, K)."""
+    names = tuple(one_of("free", name, start) for name in free)
+    low, high = np.array([free[name] for name in names], dtype=float).reshape(-1, 2).T
+    if not (names and (low < high).all()):
+        raise refused("free", dict(free), "a lower bound below the upper one for each")
+    x = np.array([finite(f"start[{n!r}]", start[n], *free[n]) for n in names])
+    wide = np.where(np.isfinite(high - low), high - low, 1.0)
+
+    def run(points: Array) -> Array:
+        all_of_them = {n: np.full(points.shape[1], float(v)) for n, v in start.items()}
+        return np.asarray(simulate(all_of_them | dict(zip(names, points, strict=True)), log))
+
+    return names, x, low, high, np.where(x != 0.0, np.abs(x), wide), run
+
+
+def _slope(run: Callable, x: Array, low: Array, high: Array, size: Array) -> Array:
+    """d simulated / d parameter by central differences in one rollout, shape (n, T + 1, P)."""
+    up, down = np.minimum(x + 6e-6 * size, high) - x, np.maximum(x - 6e-6 * size, low) - x
+    both = run(x[:, None] + np.hstack([np.diag(up), np.diag(down)]))
+    return np.asarray((both[..., : x.size] - both[..., x.size :]) / (up - down))
+
+
+def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps: int = 100) -> Fit:
+    """The parameters whose simulation comes closest to a log, and how well they are known.
+
+    A start out of its bounds or without a finite simulation, a name that it lacks, and fewer
+    samples than parameters are each a ValueError.
+
+    Args:
+        simulate, log: all signals count alike.
+        start: all that `simulate` wants, by name; what is not free stays.
+        free: bounds of each parameter that is to be found.
+        steps: most that are tried.
+    """
+    names, x, low, high, size, run = _prepared(simulate, log, start, free)
+    wanted, P = np.asarray(log.measured, dtype=float), len(names)
+    if wanted.size <= P:
+        raise refused("log", f"of {wanted.size} samples", f"one of more than {P}")
+
+    def tried(point: Array) -> tuple[Array, float, Array]:
+        # Forward differences, away from a bound; their error, about 1e-8, moves no answer.
+        h = np.where(point + 1e-7 * size > high, -1e-7, 1e-7) * size
+        found = run(point[:, None] + np.hstack([np.zeros((P, 1)), np.diag(h)]))
+        r = (wanted - found[..., 0]).ravel()
+        cost = float(r @ r) if np.isfinite(found).all() else math.inf
+        return r, cost, (found[..., 1:] - found[..., :1]).reshape(-1, P) * (size / h)
+
+    r, cost, J = tried(x)
+    if cost == math.inf:
+        raise refused("start", dict(start), "one whose simulation stays finite")
+    damping, taken, against = 1e-4, 0, ["not settled"]
+    while taken < steps and against[:1] == ["not settled"]:
+        taken += 1
+        A, g = J.T @ J, J.T @ r
+        # Marquardt's scaling; what does not show stays where it is.
+        A += np.diag(damping * np.maximum(np.diag(A), 1e-12 * np.trace(A) + 1e-300))
+        held = ((x <= low) & (g < 0.0)) | ((x >= high) & (g > 0.0))  # pushed against its bound
+        A[held], A[:, held], A[held, held], g[held] = 0.0, 0.0, 1.0, 0.0
+        point = np.clip(x + size * np.linalg.solve(A, g), low, high)
+        if np.max(np.abs(point - x) / size) < 1e-6:
+            against = [] if damping < 1.0 else ["no step goes down, as small as it is"]
+        now = tried(point)
+        if now[1] < cost:
+            x, (r, cost, J), damping = point, now, 0.1 * damping
+        else:
+            damping *= 10.0
+    noise, inside = math.sqrt(cost / (wanted.size - P)), (low < x) & (x < high)
+    slope, residual = _slope(run, x, low, high, size), r.reshape(wanted.shape)
+    against += [f"{names[i]} is at its bound, {x[i]:g}" for i in np.flatnonzero(~inside)]
+    seen, white = _visible(names, slope, noise, size, inside), whiteness(residual)
+    if white < ALARM and noise > 1e-9 * np.abs(wanted).max():  # else it is rounding that is left
+        against.append("the residual is not white: the model, the clock or the start is wrong")
+    taken = (taken + 1) * (P + 1) + 2 * P
+    return Fit(**vars(seen), value=x, residual=residual, noise=noise, white=white, slope=slope,
+               rollouts=taken, reason="; ".join([*against, *seen.null]))  # fmt: skip
+
+
+def arm(parameters: Mapping[str, Array], log: Log) -> Array:
+    """A `Simulate`: angles of flat arms under the torques of a log, (2, T + 1, K) [rad]. Takes
+    `BASE` and, where they are given, other `plants.ROWS` and q1, q2, v1, v2 at the start."""
+    given, none = {"torque": np.ones(len(parameters["a"])), **parameters}, 0.0 * parameters["a"]
+    rows, start = (np.array([given.get(name, none) for name in names])
+                   for names in (plants.ROWS, ("q1", "q2", "v1", "v2")))  # fmt: skip
+    return plants.driven(rows, log.command.T, start, log.dt).measured.swapaxes(1, 2)
+
+
+def scan(
+    simulate: Simulate, log: Log, start: Parameters, free: Bounds, name: str, values: Array
+) -> tuple[float, Fit]:
+    """One parameter by trying values and fitting the others at each: the lowest point of the
+    parabola through the best value and its neighbours, and the fit at the best."""
+    given = vector("values", values, (None,))
+    tries = [fit(simulate, log, {**start, name: float(v)}, free) for v in given]
+    cost = np.array([found.noise**2 for found in tries])
+    best = int(np.argmin(cost))
+    if not 0 < best < given.size - 1:
+        raise refused("values", given, f"some on both sides of {given[best]:g}, which is the best")
+    near = slice(best - 1, best + 2)
+    bend, slope, _ = np.polyfit(given[near] - given[best], cost[near], 2)
+    return float(given[best] - 0.5 * slope / bend), tries[best]
+
+
+def validate(simulate: Simulate, log: Log, start: Parameters, found: Fit) -> tuple[float, float]:
+    """Another log with the parameters of a fit: standard deviation of its residual over that of
+    the fit, and how often a right model leaves one as coloured."""
+    values = dict(start) | dict(zip(found.names, found.value, strict=True))
+    residual = log.measured - simulate({n: np.array([v]) for n, v in values.items()}, log)[..., 0]
+    return float(np.sqrt(np.mean(residual**2))) / found.noise, whiteness(residual)
+
+
+def excitation(
+    simulate: Simulate, logs: Mapping[str, Log], start: Parameters, free: Bounds,
+    noise: float = 1e-3,
+) -> dict[str, Visible]:  # fmt: skip
+    """What each of several logs would tell, the best conditioned one first, before anything is
+    measured: only their commands count, the parameters are those of `start`."""
+    told = {}
+    for name, log in logs.items():
+        names, x, low, high, size, run = _prepared(simulate, log, start, free)
+        slope = _slope(run, x, low, high, size)
+        told[name] = _visible(names, slope, positive("noise", noise), size, x == x)
+    return dict(sorted(told.items(), key=lambda item: item[1].condition))
+
+
+def _visible(
+    names: tuple[str, ...], slope: Array, noise: float, size: Array, inside: NDArray[np.bool_]
+) -> Visible:
+    """`inside` says which parameters are not at a bound; of the others nothing is known."""
+    which = np.flatnonzero(inside)
+    J = slope.reshape(-1, size.size)[:, which] * (size[which] / max(noise, 1e-15))
+    _, s, V = np.linalg.svd(np.linalg.qr(J, "r"))  # the triangle has the same values, and is small
+    s = np.pad(s, (0, which.size - s.size))
+    shows = s > max(1.0, 1e-8 * s.max(initial=0.0))
+    root = V[shows].T / s[shows] * size[which][:, None]
+    covariance = np.full((size.size, size.size), np.inf)
+    covariance[np.ix_(which, which)] = root @ root.T
+    hidden = which[np.linalg.norm(V[~shows], axis=0) > 1e-3]
+    covariance[hidden], covariance[:, hidden] = np.inf, np.inf
+    directions = np.zeros((shows.size - np.count_nonzero(shows), size.size))
+    directions[:, which] = V[~shows]
+    rows = directions
+    for i in range(len(rows)):  # Gauss and Jordan: the same span, with few entries in a row
+        j = int(np.argmax(np.abs(rows[i])))
+        rows = rows - np.outer(rows[:, j] - (np.arange(len(rows)) == i), rows[i] / rows[i, j])
+    null = tuple(_sentence(names, row, size) for row in rows)
+    condition = float(s[0] / s[-1]) if s.size and s[-1] > 0.0 else math.inf
+    return Visible(names, covariance, int(shows.sum()), null, directions, condition)
+
+
+def _sentence(names: Sequence[str], row: Array, size: Array) -> str:
+    parts = np.flatnonzero(np.abs(row) > 1e-2 * np.abs(row).max()).tolist()
+    if len(parts) == 1:
+        return f"{names[parts[0]]} does not show"
+    if len(parts) == 2:
+        i, j = parts
+        factor = -row[j] * size[j] / (row[i] * size[i])
+        return f"of {names[i]} and {names[j]} only {names[j]} {factor:+.4g} {names[i]} shows"
+    change = ", ".join(f"{names[i]} by {100.0 * row[i]:+.3g} %" for i in parts)
+    return f"together {change} do not show"
+
+
+def whiteness(residual: Array) -> float:
+    """How often white noise is as coloured as this, shape (n, T): the test of Ljung and Box (1978).
+    Below `ALARM` something is left to explain, by however little it moved the answer."""
+    from scipy.special import gammaincc
+
+    n, T = residual.shape
+    lags = np.arange(1, min(LAGS, T - 1) + 1)
+    power = np.maximum(np.sum(residual**2, axis=1), 1e-300)
+    share = np.array([np.sum(residual[:, k:] * residual[:, :-k], axis=1) for k in lags]) / power
+    Q = T * (T + 2.0) * np.sum(share**2 / (T - lags)[:, None])
+    return float(gammaincc(0.5 * n * lags.size, 0.5 * Q))
+
+
+def late(found: Fit, log: Log) -> tuple[float, float]:
+    """By how much the measurements are late, and its standard deviation [s]: the residual against
+    the rate of the simulated signals, what the parameters explain taken out."""
+    rate = -np.gradient(log.measured - found.residual, log.dt, axis=1).ravel()
+    others = found.slope.reshape(rate.size, -1)
+    others = others / np.maximum(np.linalg.norm(others, axis=0), 1e-300)
+    rate -= others @ np.linalg.lstsq(others, rate, rcond=1e-8)[0]
+    power = float(rate @ rate)
+    return float(rate @ found.residual.ravel()) / power, found.noise / math.sqrt(power)

@@ -1,0 +1,220 @@
+"""Does shaping change the answer? Decision processes as arrays, solved exactly.
+
+With the potential of a state subtracted and that of the next one added, discounted, a telescoped
+sum remains: Q'(s, a) = Q(s, a) - phi(s), and the best action stays (Ng, Harada and Russell, Policy
+invariance under reward transformations, 1999). At the end of an episode the sum leaves gamma^T
+times the last potential, which depends on where it ended: there it has to be 0.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numba
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from course.check import count, finite, positive, refused, vector
+from course.compiled import MATRIX, VECTOR, loop
+from course.sim_to_real.motion import CUBE
+from course.sim_to_real.transfer import discount
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Process:
+    """A finite decision process.
+
+    Attributes:
+        transition: probability of the next state, shape (S, A, S).
+        reward: of each step, shape (S, A, S).
+        gamma: discount, in [0, 1).
+        terminal: states in which an episode has ended, shape (S,): they keep to themselves and pay
+            nothing.
+
+    Raises:
+        ValueError: for rows that don't sum to 1, a terminal state that pays or can be left, a
+            discount of 1.
+    """
+
+    transition: Array
+    reward: Array
+    gamma: float
+    terminal: NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        P = vector("transition", self.transition, (None, None, None), low=0.0, high=1.0)
+        S, A, _ = P.shape
+        if P.shape[2] != S:
+            raise refused("transition.shape", P.shape, f"({S}, {A}, {S})")
+        R = vector("reward", self.reward, P.shape)
+        ends = vector("terminal", self.terminal, (S,)) != 0.0
+        discount(self.gamma)
+        rows = P.sum(axis=2)
+        if np.abs(rows - 1.0).max() > 1e-9:
+            at = np.unravel_index(int(np.abs(rows - 1.0).argmax()), rows.shape)
+            raise refused(f"sum of transition[{at[0]}, {at[1]}]", float(rows[at]), "1")
+        for s in np.flatnonzero(ends).tolist():
+            if np.any(P[s, :, s] != 1.0):
+                raise refused(f"transition[{s}]", "one that leaves", "a terminal state that stays")
+            if np.any(R[s] != 0.0):
+                raise refused(f"reward[{s}]", float(np.abs(R[s]).max()), "0 in a terminal state")
+        for name, value in (("transition", P), ("reward", R), ("terminal", ends)):
+            object.__setattr__(self, name, value)
+
+    def backup(self, value: ArrayLike) -> Array:
+        """Q of a value (S,): reward of a step and discounted value of the next state, (S, A)."""
+        target = self.reward + self.gamma * np.asarray(value, dtype=float)
+        return np.asarray(np.einsum("ijk,ijk->ij", self.transition, target))
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Value (S,), Q (S, A), a best policy (S,), and how many sweeps it took."""
+
+    value: Array
+    q: Array
+    policy: NDArray[np.int64]
+    sweeps: int
+
+
+def value_iteration(process: Process, tolerance: float = 1e-12) -> Solution:
+    """Bellman's iteration, then the exact value of the policy that it found (Puterman, 1994).
+
+    Args:
+        process: any.
+        tolerance: of the value at the end, relative to its size.
+    """
+    value, sweeps = np.zeros(process.transition.shape[0]), 0
+    while True:
+        following = process.backup(value).max(axis=1)
+        change, value, sweeps = np.abs(following - value).max(), following, sweeps + 1
+        small = positive("tolerance", tolerance) * max(1.0, float(np.abs(value).max()))
+        if change * process.gamma <= small * (1.0 - process.gamma):
+            break
+    policy = process.backup(value).argmax(axis=1)
+    exact = evaluate_policy(process, policy)
+    return Solution(exact, process.backup(exact), policy, sweeps)
+
+
+def evaluate_policy(process: Process, policy: ArrayLike) -> Array:
+    """The value of a policy by a linear solve, shape (S,).
+
+    Args:
+        process: any.
+        policy: an action for each state, whole numbers (S,), or probabilities (S, A).
+    """
+    S, A, _ = process.transition.shape
+    chosen = vector("policy", policy, (S,), (S, A), low=0.0)
+    if chosen.ndim == 1:
+        if np.any(chosen != np.round(chosen)) or chosen.max() >= A:
+            raise refused("policy", chosen, f"whole numbers from 0 to {A - 1}")
+        chosen = np.eye(A)[chosen.astype(int)]
+    elif np.abs(chosen.sum(axis=1) - 1.0).max() > 1e-9:
+        raise refused("policy", chosen, "rows that sum to 1")
+    P = np.einsum("ij,ijk->ik", chosen, process.transition)
+    r = np.einsum("ij,ijk,ijk->i", chosen, process.transition, process.reward)
+    return np.asarray(np.linalg.solve(np.eye(S) - process.gamma * P, r))
+
+
+def shaped(process: Process, phi: ArrayLike, *, free_end: bool = False) -> Process:
+    """The process with gamma phi(next) - phi(state) added to its rewards.
+
+    Args:
+        process: any; what a terminal state pays stays 0.
+        phi: potential of each state, shape (S,).
+        free_end: keep the potential of terminal states as it is, which is the mistake; it counts
+            as 0 otherwise.
+    """
+    potential = vector("phi", phi, process.terminal.shape).copy()
+    if not free_end:
+        potential[process.terminal] = 0.0
+    added = process.gamma * potential[None, None] - potential[:, None, None]
+    added = np.where(process.terminal[:, None, None], 0.0, added)
+    return replace(process, reward=process.reward + added)
+
+
+def grid(n: int, gamma: float = 0.95, pay: float = 1.0, step: float = 0.0) -> Process:
+    """n x n cells, state = n row + column, four moves; the last cell ends the episode and pays.
+
+    Args:
+        n: from 2 on.
+        gamma: discount.
+        pay: for entering the last cell.
+        step: reward of each move, such as -1.
+    """
+    S = count("n", n, 2) ** 2
+    P = np.zeros((S, 4, S))
+    for s in range(S - 1):
+        for a, (down, right) in enumerate(((1, 0), (-1, 0), (0, 1), (0, -1))):
+            row, column = np.clip((s // n + down, s % n + right), 0, n - 1)
+            P[s, a, n * row + column] = 1.0
+    P[S - 1, :, S - 1] = 1.0
+    ends = np.arange(S) == S - 1
+    reward = np.full((S, 4, S), finite("step", step))
+    reward[:, :, S - 1] += finite("pay", pay)
+    reward[S - 1] = 0.0
+    return Process(P, reward, gamma, ends)
+
+
+def _learn(P, R, ends, numbers, draws, optimal, q):
+    """Q-learning from state 0; returns the steps until the greedy walk is optimal, or -1."""
+    gamma, rate, chance = numbers[0], numbers[1], numbers[2]
+    S, A = q.shape
+    state, limit = 0, draws.shape[0]
+    for k in range(limit):
+        action = int(draws[k, 1] * A)
+        if draws[k, 0] >= chance:
+            action = int(np.argmax(q[state]))
+        following, rest = 0, draws[k, 2]
+        while following < S - 1 and rest >= P[state, action, following]:
+            rest -= P[state, action, following]
+            following += 1
+        ahead = 0.0 if ends[following] > 0.0 else gamma * np.max(q[following])
+        q[state, action] += rate * (R[state, action, following] + ahead - q[state, action])
+        state = following
+        if ends[state] > 0.0:
+            state = 0
+        if k % 20 == 19:  # the greedy walk from the start, where each state has one best successor
+            s, walked = 0, 0
+            while ends[s] == 0.0 and walked <= S:
+                s = int(np.argmax(P[s, np.argmax(q[s])]))
+                walked += 1
+            if ends[s] > 0.0 and walked <= optimal:
+                return k + 1
+    return -1
+
+
+_learn_loop = loop(_learn, numba.int64(CUBE, CUBE, VECTOR, VECTOR, MATRIX, numba.int64, MATRIX))
+
+
+def learning_steps(
+    process: Process, rng: np.random.Generator, optimal: int, *, start: ArrayLike = 0.0,
+    most: int = 100_000, rate: float = 0.5, chance: float = 0.1,
+) -> float:  # fmt: skip
+    """Steps of Q-learning (Watkins, 1989) until its greedy walk from state 0 is a shortest one.
+
+    Shaped by phi it does what it does unshaped with values that start at phi (Wiewiora, 2003): so a
+    potential that is too high makes it try everything, one that is too low nothing new.
+
+    Args:
+        process: with moves that are certain, such as `grid`.
+        rng: of the exploration.
+        optimal: length of a shortest walk.
+        start: of Q, a number or one for each state (S,).
+        most: steps after which it is given up.
+        rate, chance: of learning, and of a random action.
+
+    Returns:
+        Steps; infinite if they were not enough.
+    """
+    S, A, _ = process.transition.shape
+    q = np.tile(np.broadcast_to(vector("start", start, (), (S,)), (S,))[:, None], (1, A))
+    numbers = np.array([process.gamma, finite("rate", rate, 0.0, 1.0), chance])
+    steps = _learn_loop(
+        np.ascontiguousarray(process.transition), np.ascontiguousarray(process.reward),
+        process.terminal.astype(float), numbers, rng.random((count("most", most, 1), 3)),
+        count("optimal", optimal, 1), q,
+    )  # fmt: skip
+    return float(steps) if steps > 0 else np.inf

@@ -1,0 +1,230 @@
+"""PPO learns to push a point to a disc while one watches, an iteration a picture.
+
+All iterations are computed at a change, about a second, and then shown. Every policy is judged on
+the same starts: the most likely actions, one episode each.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numba import objmode
+from numba.extending import register_jitable
+
+from course.learning import Diverged, Settings, evaluate, first_finished, one_thread, ppo
+from course.measure.success import wilson
+from course.simulations import pen as draw
+from course.simulations.model import Model, Preset
+from course.simulations.record import Field, Record, menu, slider, switch
+from course.vector_env import PointReachVector
+from course.vector_env.point import DISCOUNT, MAX_STEPS, NEAR, RADIUS, optimum
+
+ITERATIONS, POINTS = 24, 32  # of a run; that learn side by side
+HORIZON, PARTS = 64, 4  # steps of each point in an iteration; minibatches
+STARTS, FIRST, SHOWN = 64, 1000, 12  # episodes that judge, seed of the first, those drawn
+PICTURE, PAUSE = 0.5, 2.0  # s
+REWARDS = ("sparse", "distance", "potential", "hover")
+SPARSE, DISTANCE, POTENTIAL, HOVER = range(4)
+LEFT_OUT: tuple[dict[str, Any], ...] = (
+    {},
+    {"trace": 0.0},
+    {"discount": 0.9},
+    {"scale_rewards": False},
+)
+# What is told of each iteration: share of successes and its band, the same read from the first
+# episodes to finish, mean return, share of the most that the prize can be worth, divergence of the
+# policy from the one before and its standard deviation.
+SUCCESS, LOW, HIGH, READ, RETURN, SHARE, MOVED, SPREAD = range(8)
+
+CONTROLS = Record(
+    rate=slider("Step size, 1e-3", 5.0, 0.5, 20.0, 0.5, "", 1),
+    epochs=slider("Epochs", 10, 1, 15, 1),
+    seed=slider("Seed", 0, 0, 9, 1),
+    reward=menu("Reward", ("for the disc alone", "minus the distance", "potential of distance",
+                           "a bonus for being near"), POTENTIAL),
+    left_out=menu("Broken", ("nothing", "lambda 0", "discount 0.9", "no reward scaling")),
+    first=switch("Count the first to finish too", False),
+)  # fmt: skip
+STATE = Record(
+    told=Field(0.0, shape=(ITERATIONS, 8)), best=Field(0.0), time=Field(0.0, unit="s"),
+    paths=Field(0.0, shape=(ITERATIONS, SHOWN, 2, MAX_STEPS + 1), unit="m"),
+    steps=Field(0, shape=(ITERATIONS, SHOWN)), there=Field(0, shape=(ITERATIONS, SHOWN)),
+)  # fmt: skip
+
+
+def judged(policy, envs):
+    """One episode each, and the way that each point went as its goal sees it, (2, n, steps + 1)."""
+    seen = []
+
+    def act(observations):
+        seen.append(observations[:, :2].copy())
+        return policy(observations)
+
+    played = evaluate(act, envs, FIRST, discount=DISCOUNT)
+    last = envs.task.goal - envs.task.p  # of those whose episode ended with the last step of all
+    rows = -np.stack([*seen, last.T], axis=-1).transpose(1, 0, 2)
+    ways = np.empty((2, envs.num_envs, MAX_STEPS + 1))
+    for i, n in enumerate(played.steps):
+        ways[:, i, : n + 1], ways[:, i, n + 1 :] = rows[:, i, : n + 1], rows[:, i, n, None]
+    return played, ways
+
+
+@lru_cache(maxsize=128)
+def learned(rate, epochs, seed, reward, left_out, first):
+    """All iterations: what is told, the best return, ways, steps and successes of those shown."""
+    settings = Settings(horizon=HORIZON, minibatches=PARTS, hidden=(16, 16), rate=1e-3 * rate,
+                        epochs=epochs, **LEFT_OUT[left_out])  # fmt: skip
+    kind = REWARDS[reward]
+    envs = PointReachVector(POINTS, kind, autoreset_mode="SameStep")
+    test = PointReachVector(STARTS, kind)
+    starts, _ = test.reset(seed=FIRST)
+    prize = optimum(starts).mean()
+    best = 0.0 if reward == DISTANCE else optimum(starts, kind).mean()
+    told, paths = np.zeros((ITERATIONS, 8)), np.zeros((ITERATIONS, SHOWN, 2, MAX_STEPS + 1))
+    steps, there = np.zeros((2, ITERATIONS, SHOWN), dtype=np.int64)
+    k = -1
+    with one_thread():
+        try:
+            for k, now in enumerate(
+                ppo(envs, settings, steps=ITERATIONS * POINTS * HORIZON, seed=seed)
+            ):
+                played, ways = judged(now.policy, test)
+                good = int(played.success.sum())
+                read = (first_finished(now.policy, test, STARTS, FIRST).success.mean()
+                        if first else 0.0)  # fmt: skip
+                worth = np.where(played.success, DISCOUNT ** (played.steps - 1.0), 0.0).mean()
+                told[k] = (good / STARTS, *wilson(good, STARTS), read, played.returns.mean(),
+                           worth / prize, now.kl, now.spread)  # fmt: skip
+                paths[k] = ways[:, :SHOWN].transpose(1, 0, 2)
+                steps[k], there[k] = played.steps[:SHOWN], played.success[:SHOWN]
+        except Diverged:  # the last good one stays
+            for each in (told, paths, steps, there):
+                each[k + 1 :] = each[k]
+    return told, best, paths, steps, there
+
+
+@register_jitable
+def initial(controls, state):
+    """Learn."""
+    c = controls
+    values = np.array([c["rate"], 1.0 * c["epochs"], 1.0 * c["seed"], 1.0 * c["reward"],
+                       1.0 * c["left_out"], 1.0 * c["first"]])  # fmt: skip
+    with objmode(told="float64[:,:]", best="float64", paths="float64[:,:,:,:]",
+                 steps="int64[:,:]", there="int64[:,:]"):  # fmt: skip
+        told, best, paths, steps, there = learned(float(values[0]), *map(int, values[1:]))
+    state["told"][:], state["best"], state["paths"][:] = told, best, paths
+    state["steps"][:], state["there"][:] = steps, there
+
+
+def advance(state, controls, seconds):
+    """The run is shown again and again."""
+    state["time"] = (state["time"] + seconds) % (ITERATIONS * PICTURE + PAUSE)
+
+
+TITLE = "A point learns to reach a disc"
+word, colour = draw.words_table(), draw.colours_table()
+_SAND = colour("#f7f5ef")[0]
+_WAYS, _ITERATION, _PERCENT_OF, _RETURN, _OPTIMUM, _TRUE, _FIRST = word(
+    "common starts, seen from the goal", "iteration", "successes [%]", "return",
+    "exact optimum", "one episode each", "first to finish",
+)  # fmt: skip
+_STEPS, _GOOD, _READ, _WORTH, _BEST, _OF, _KL, _STD = word(
+    "steps so far", "success", "first to finish", "return", "optimum", "of the prize",
+    "divergence", "action spread",
+)  # fmt: skip
+_BAND, _TO, _CLOSE, _PERCENT, _NOT, _NONE, _NUMBER = word(
+    " % (", "-", ")", " %", "not counted", "not known", "iteration "
+)
+_SCENE = (0.1, 4.4, 0.35, 4.65)
+_UPPER, _LOWER = (5.35, 8.85, 3.05, 4.6), (5.35, 8.85, 0.55, 2.1)
+
+
+def frame(pen, state, controls):
+    """Ways of this iteration's policy; success and return of all iterations up to it."""
+    told, now = state["told"], int(min(state["time"] / PICTURE + 1e-9, ITERATIONS - 1.0))
+    phase = min(1.4 * max(state["time"] / PICTURE - now, 0.0), 1.0)
+    reach = 1.2 * NEAR if controls["reward"] == HOVER else 2.1
+    draw.area(pen, _SCENE, (-reach, reach, -reach, reach))
+    draw.box(pen, -reach, reach, -reach, reach, _SAND, draw.GREY)
+    draw.title(pen, -reach, reach, _WAYS)
+    if controls["reward"] == HOVER:
+        draw.spot(pen, 0.0, 0.0, NEAR, draw.NONE, draw.GREY, 1.2)
+    draw.spot(pen, 0.0, 0.0, RADIUS, draw.GREEN, draw.INK, 1.0, 0.8)
+    for i in range(SHOWN):
+        x, y = state["paths"][now, i, 0], state["paths"][now, i, 1]
+        count = int(phase * state["steps"][now, i]) + 1
+        ink = draw.BLUE if state["there"][now, i] else draw.ORANGE
+        draw.curve(pen, x[:count], y[:count], ink, 1.6, 0.8)
+        draw.spot(pen, x[0], y[0], 0.008 * reach, draw.GREY)
+        draw.spot(pen, x[count - 1], y[count - 1], 0.01 * reach, ink)
+    draw.text(pen, -0.96 * reach, -0.94 * reach, _NUMBER, draw.INK, 13.0)
+    draw.number(pen, now + 1.0, 0)
+    at, rows = np.arange(1.0, now + 2.0), told[: now + 1]
+    draw.chart(pen, _UPPER, (0.0, 1.0 * ITERATIONS, 0.0, 100.0), 0, _PERCENT_OF, 0, 6, 5)
+    for k in range(now + 1):
+        draw.segment(pen, k + 1.0, 100.0 * told[k, LOW], k + 1.0, 100.0 * told[k, HIGH],
+                     draw.BLUE, 4.0, 0.3)  # fmt: skip
+    draw.curve(pen, at, 100.0 * rows[:, SUCCESS], draw.BLUE, 2.2)
+    if controls["first"]:
+        draw.curve(pen, at, 100.0 * rows[:, READ], draw.ORANGE, 2.0, 1.0, 5.0, 3.0)
+    low = min(0.0, 1.1 * np.min(told[:, RETURN]))
+    high = max(max(state["best"], np.max(told[:, RETURN])), 0.0) - 0.1 * low
+    draw.chart(pen, _LOWER, (0.0, 1.0 * ITERATIONS, low, 1.15 * high), _ITERATION, _RETURN, 0, 6, 4)
+    if controls["reward"] != DISTANCE:
+        draw.segment(pen, 0.0, state["best"], 1.0 * ITERATIONS, state["best"], draw.GREEN, 2.0,
+                     1.0, 5.0, 3.0)  # fmt: skip
+    draw.curve(pen, at, rows[:, RETURN], draw.BLUE, 2.2)
+    draw.window(pen)
+    draw.key(pen, 5.35, 4.82, _TRUE, draw.BLUE, 2.2)
+    if controls["first"]:
+        draw.key(pen, 7.2, 4.82, _FIRST, draw.ORANGE, 2.0, 1.0, 5.0, 3.0)
+    if controls["reward"] != DISTANCE:
+        draw.key(pen, 5.35, 2.32, _OPTIMUM, draw.GREEN, 2.0, 1.0, 5.0, 3.0)
+    draw.reading(pen, _STEPS, (now + 1.0) * POINTS * HORIZON, 0)
+    draw.reading(pen, _GOOD, 100.0 * told[now, SUCCESS], 0)
+    draw.words(pen, _BAND)
+    draw.number(pen, 100.0 * told[now, LOW], 0, _TO)
+    draw.number(pen, 100.0 * told[now, HIGH], 0, _CLOSE)
+    draw.reading(pen, _READ, 100.0 * told[now, READ], 0, _PERCENT, 0 if controls["first"] else _NOT)
+    draw.reading(pen, _WORTH, told[now, RETURN], 2)
+    draw.reading(pen, _BEST, state["best"], 2, 0, _NONE if controls["reward"] == DISTANCE else 0)
+    draw.reading(pen, _OF, 100.0 * told[now, SHARE], 0, _PERCENT)
+    draw.reading(pen, _KL, told[now, MOVED], 3)
+    draw.reading(pen, _STD, told[now, SPREAD], 2)
+
+
+def drag(controls, state, x, y):
+    """The pointer chooses the iteration, along either chart; its ways are shown to their ends."""
+    now = (x - _UPPER[0]) / (_UPPER[1] - _UPPER[0]) * ITERATIONS - 1.0
+    state["time"] = (min(max(round(now), 0.0), ITERATIONS - 1.0) + 0.9) * PICTURE
+
+
+PRESETS = {
+    "Potential": Preset({}, "Paid for coming nearer, which changes no best policy. Random pushes "
+        "at first; in fifty thousand steps all arrive, and get nine tenths of what the prize can "
+        "be worth. Drag along a chart to see an iteration again."),
+    "The disc alone": Preset({"reward": SPARSE}, "A prize and nothing else: chance finds the disc "
+        "a few times in a hundred episodes. In as many steps nothing is learned."),
+    "Minus the distance": Preset({"reward": DISTANCE}, "Paid at each step: in an episode far more "
+        "than the prize of 1, which hardly counts. By the time that the potential of the same "
+        "distance has brought all to the disc, this has brought next to none."),
+    "Lambda 0": Preset({"left_out": 1}, "An action is judged by the critic one step later, and "
+        "the critic knows nothing yet: nothing is learned. The trace looks further."),
+    "One epoch": Preset({"epochs": 1}, "Each batch is used once and thrown away. The divergence "
+        "is small: the policy hardly moves in an iteration."),
+    "Discount 0.9": Preset({"left_out": 2}, "It sees about ten steps ahead, where a way takes "
+        "twenty or so. It learns sooner, and then some never arrive."),
+    "No reward scaling": Preset({"left_out": 3}, "Differences of the potential are of a few "
+        "hundredths. Seed 0 learns nothing; seed 1 arrives. One seed tells nothing of a method."),
+    "Hovering": Preset({"reward": HOVER}, "A bonus of 0.02 for every step within the circle, more "
+        "than a prize put off loses. The return rises as it should, and hardly one arrives: it is "
+        "the reward that is wrong."),
+    "First to finish": Preset({"first": True, "seed": 2}, "The first 64 episodes to finish are "
+        "those that succeed; failures take a hundred steps. The orange curve is what such a loop "
+        "reads, blue what is true of the same policies."),
+}  # fmt: skip
+
+MODEL = Model(
+    TITLE, draw.Paper(TITLE, word, colour, room=30_000), CONTROLS, STATE, PRESETS, initial,
+    advance, frame, drag, live_drag=True,
+)  # fmt: skip

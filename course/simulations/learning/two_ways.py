@@ -1,0 +1,136 @@
+"""A hundred runs of a cloned policy that has to pass a disc, left or right as it was shown.
+
+The policies are those on record (`course.learning.recorded`): chunks of eight steps, cloned from
+a hundred demonstrations of which about half pass either side. The runs are made at a change.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+from numba import objmode
+from numba.extending import register_jitable
+
+from course.learning import Commit, Drawn, TwoWays, one_thread, recorded, roll
+from course.learning.recorded import CHUNK, DEMONSTRATIONS, HEADS, SEED
+from course.measure.success import wilson
+from course.simulations import pen as draw
+from course.simulations.model import Model, Preset
+from course.simulations.record import Field, Record, menu, slider
+
+RUNS, PICTURE, PAUSE = 100, 0.15, 1.5  # of a policy; s for a step; s
+TASK = TwoWays()
+CONTROLS = Record(
+    head=menu("Policy", tuple(HEADS)),
+    executed=slider("Steps executed of 8", 8, 1, CHUNK, 1),
+    noise=slider("Noise", 0.0, 0.0, 0.1, 0.01, "m"),
+    sampled=slider("Steps of the sampler", 10, 1, 20, 1),
+)
+STATE = Record(
+    shown=Field(0.0, shape=(RUNS, TASK.steps + 1, 2), unit="m"), side=Field(0, shape=(RUNS,)),
+    ways=Field(0.0, shape=(RUNS, TASK.steps + 1, 2), unit="m"), time=Field(0.0, unit="s"),
+    band=Field((0.0, 0.0)),
+)  # fmt: skip
+
+
+@lru_cache(maxsize=8)
+def policy(head):
+    """The policy on record, by its number in the menu."""
+    return recorded(tuple(HEADS)[head])
+
+
+@lru_cache(maxsize=64)
+def driven(head, executed, noise, sampled):
+    """Ways (RUNS, steps + 1, 2), which side each passed, and the band of the successes."""
+    task, rng = TwoWays(noise=noise), np.random.default_rng(SEED + 5)
+    with one_thread():
+        made = policy(head)
+        made = replace(made, steps=sampled) if isinstance(made, Drawn) else made
+        starts = task.starts(RUNS, rng)
+        ways = roll(task, Commit(made, executed), starts, task.steps, rng).states
+    side = task.sides(ways)
+    return ways, side, np.array(wilson(int(np.sum(side != 0)), RUNS))
+
+
+@lru_cache(maxsize=1)
+def demonstrated():
+    """What was cloned, (RUNS, steps + 1, 2)."""
+    return TASK.demonstrate(DEMONSTRATIONS, SEED).states
+
+
+@register_jitable
+def initial(controls, state):
+    """Run the policy from all starts."""
+    c = controls
+    values = np.array([1.0 * c["head"], 1.0 * c["executed"], c["noise"], 1.0 * c["sampled"]])
+    with objmode(ways="float64[:,:,:]", side="int64[:]", band="float64[:]",
+                 shown="float64[:,:,:]"):  # fmt: skip
+        head, executed, noise, sampled = values.tolist()
+        ways, side, band = driven(int(head), int(executed), round(noise, 9), int(sampled))
+        shown = demonstrated()
+    state["ways"][:], state["side"][:], state["band"][:] = ways, side, band
+    state["shown"][:] = shown
+
+
+def advance(state, controls, seconds):
+    """The runs are shown again and again."""
+    state["time"] = (state["time"] + seconds) % (TASK.steps * PICTURE + PAUSE)
+
+
+TITLE = "Two ways round a disc"
+word, colour = draw.words_table(), draw.colours_table()
+_SAND = colour("#f7f5ef")[0]
+_DONE, _SHOWN, _GOOD, _LEFT, _RIGHT, _HIT, _EXECUTED, _BAND, _TO, _CLOSE = word(
+    "a hundred runs of the policy", "demonstrations", "success", "pass left", "pass right",
+    "hit or elsewhere", "plans in a run", " % (", "-", ")",
+)  # fmt: skip
+_SCENE, _VIEW = (0.1, 8.9, 0.5, 4.6), (-0.3, 1.5, -0.42, 0.42)
+
+
+def frame(pen, state, controls):
+    """All runs up to this step over the demonstrations; how many passed, and on which side."""
+    now = int(min(state["time"] / PICTURE + 1e-9, 1.0 * TASK.steps))
+    draw.area(pen, _SCENE, _VIEW)
+    draw.box(pen, *_VIEW, _SAND, draw.GREY)
+    draw.title(pen, _VIEW[0], _VIEW[3], _DONE)
+    draw.spot(pen, 1.0, 0.0, TASK.reach, draw.NONE, draw.GREEN, 1.5)
+    for i in range(RUNS):
+        draw.curve(pen, state["shown"][i, :, 0], state["shown"][i, :, 1], draw.GREY, 0.8, 0.25)
+    draw.spot(pen, TASK.centre, 0.0, TASK.radius, draw.GREY, draw.INK, 1.0, 0.5)
+    for i in range(RUNS):
+        x, y = state["ways"][i, : now + 1, 0], state["ways"][i, : now + 1, 1]
+        ink = draw.BLUE if state["side"][i] != 0 else draw.ORANGE
+        draw.curve(pen, x, y, ink, 1.2, 0.6)
+        draw.spot(pen, x[now], y[now], 0.006, ink)
+    draw.window(pen)
+    draw.key(pen, 0.2, 0.25, _SHOWN, draw.GREY, 1.5)
+    good = np.sum(state["side"] != 0)
+    draw.reading(pen, _GOOD, 100.0 * good / RUNS, 0)
+    draw.words(pen, _BAND)
+    draw.number(pen, 100.0 * state["band"][0], 0, _TO)
+    draw.number(pen, 100.0 * state["band"][1], 0, _CLOSE)
+    draw.reading(pen, _LEFT, 1.0 * np.sum(state["side"] > 0), 0)
+    draw.reading(pen, _RIGHT, 1.0 * np.sum(state["side"] < 0), 0)
+    draw.reading(pen, _HIT, 1.0 * (RUNS - good), 0)
+    draw.reading(pen, _EXECUTED, np.ceil(TASK.steps / controls["executed"]), 0)
+
+
+PRESETS = {
+    "The mean": Preset({}, "Half pass left, half right: what is nearest to both is straight "
+        "ahead. The disc is hit though no demonstration did."),
+    "A mixture": Preset({"head": "mixture"}, "Several normal distributions, one drawn: both "
+        "ways, and nothing between."),
+    "A flow": Preset({"head": "flow"}, "Noise is carried to an action in ten steps of Euler. "
+        "With one step it is the mean again."),
+    "A flow in one step": Preset({"head": "flow", "sampled": 1}, "A single step goes to the mean "
+        "of the actions, whatever the noise: most hit the disc. With two steps more "
+        "than half pass."),
+    "Diffusion": Preset({"head": "diffusion"}, "Noise is taken away bit by bit; ten steps do."),
+    "Noise, eight blind steps": Preset({"head": "flow", "noise": 0.05}, "Each step is "
+        "disturbed, and eight are made before it looks again. Look after every second."),
+}  # fmt: skip
+
+MODEL = Model(
+    TITLE, draw.Paper(TITLE, word, colour, room=30_000), CONTROLS, STATE, PRESETS, initial,
+    advance, frame,
+)  # fmt: skip

@@ -1,0 +1,353 @@
+"""Chapter 7's simulation: a table under a depth camera, from the picture to the poses of parts.
+
+The chain is that of `course.perception`. Each part is looked for in the cluster that has most of
+its pixels, which the truth tells.
+"""
+
+import math
+import time
+from typing import Any
+
+import numpy as np
+from numba import objmode
+from numba.extending import register_jitable
+
+from course import perception as chapter
+from course.check import one_of
+from course.kinematics.chain import compose
+from course.perception.pose import STATUS, pose_of, some_of
+from course.rigid_body.quaternion import exp, to_matrix
+from course.simulations import pen as draw
+from course.simulations.model import Model, Preset
+from course.simulations.record import Field, Record, menu, slider
+
+CAMERA = chapter.Camera(160, 120, 300.0, 300.0, 79.5, 59.5)
+BASELINE, TILT, RATE = 0.075, 0.6, 4.0  # [m]; of the table to the picture [rad]; pictures a second
+PARTS, ROOM, EDGE = 6, 160 * 120, 49  # parts and points at most; points of an outline
+NOTHING, BOX, CAN = range(3)
+BELOW, PLANE, NOISE = -3, -2, -1  # kinds of points; from 0 on the number of a cluster
+LOST = len(STATUS)
+# What `told` holds, where the plane is in the table's frame, and `found` of each part.
+PIXELS, VOXELS, ABOVE, CLUSTERED, CLUSTERS, NORMAL, OFF = 0, 1, 2, 3, 4, 5, 8
+SHIFT, TURN, SHIFT_SIGMA, TURN_SIGMA, THROUGH, TRUST, X, Y, YAW = range(9)
+
+
+def _placed(*pieces):
+    """The field of parts: kind, half lengths (of a can its radius twice), x, y [m], yaw [rad]."""
+    return np.array([*pieces, *[(0.0,) * 7] * (PARTS - len(pieces))])
+
+
+_BLOCK, _THIN, _SMALL = (BOX, 0.04, 0.025, 0.02), (BOX, 0.04, 0.015, 0.003), (BOX, 0.02, 0.012)
+_ROUND, _FLAT = (CAN, 0.025, 0.025, 0.03), (CAN, 0.035, 0.035, 0.009)
+_THREE = (*_BLOCK, -0.08, 0.02, 0.5), (*_ROUND, 0.09, 0.07, 0.0), (*_FLAT, 0.08, -0.07, 0.0)
+CONTROLS = Record(
+    voxel=slider("Voxel size", 5.0, 2.0, 20.0, 0.5, "mm", 1),
+    tolerance=slider("Plane tolerance", 8.0, 1.0, 30.0, 0.5, "mm", 1),
+    eps=slider("DBSCAN eps", 15.0, 3.0, 50.0, 0.5, "mm", 1),
+    least=slider("Neighbours", 12, 1, 80, 1),
+    distance=slider("Camera distance", 0.8, 0.5, 1.5, 0.05, "m"),
+    noise=slider("Noise", 0.05, 0.0, 0.3, 0.01, "px"),
+    window=slider("Correlated over", 1, 1, 7, 1, "px"),
+    scale=slider("Depth scale", 1.0, 0.98, 1.02, 0.005, "", 3),
+    clusters=menu("Clusters by", ("DBSCAN", "pixels")),
+    plane=menu("Plane by", ("RANSAC", "linear fit")),
+    pick=menu("Picked", tuple(f"part {k + 1}" for k in range(PARTS)), live=True),
+    pieces=Field(_placed(*_THREE), low=-4.0, high=4.0, unit="m, rad"),
+)
+STATE = Record(
+    points=Field(0.0, shape=(3, ROOM), unit="m"),  # voxels in the table's frame
+    kinds=Field(0, shape=(ROOM,)),
+    told=Field(0.0, shape=(9,)),
+    found=Field(0.0, shape=(PARTS, 9)),
+    time=Field(0.0, unit="s"),
+    held=Field(0),  # 1 the picked part, -1 its knob; 0 nothing
+    grip=Field(0.0, shape=(2,), unit="m"),
+)
+MILLISECONDS: dict[str, float] = {}  # of each stage of the last picture
+
+
+def scene(pieces, distance):
+    """Table and parts before the camera; the parts about their origins; poses; the table's pose."""
+    table = np.array([0.0, 0.0, distance, *exp(np.array([math.pi - TILT, 0.0, 0.0]))])
+    parts, poses = [], []
+    for kind, a, b, c, x, y, yaw in pieces[pieces[:, 0] != NOTHING]:
+        can = kind == CAN
+        parts.append(chapter.shape("cylinder", a, c) if can else chapter.shape("box", a, b, c))
+        stands = np.array([x, y, c, *exp(np.array([0.0, 0.0, yaw]))])
+        poses.append(compose(table[:, None], stands[:, None])[:, 0])
+    there = [part.moved(pose) for part, pose in zip(parts, poses, strict=True)]
+    return chapter.together([chapter.shape("plane").moved(table), *there]), parts, poses, table
+
+
+def _plane(z, points, cells, tolerance, linear, rng):
+    """The table, by one of two ways; for the fit what stands on it is left out, bit by bit."""
+    if not linear:
+        return chapter.ransac_plane(cells, tolerance, rng)[0]
+    plane = chapter.inverse_depth_plane(z, CAMERA)
+    for width in (8.0, 4.0, 2.0, 1.0):
+        on = np.zeros(z.shape, bool)
+        on[z > 0.0] = np.abs(plane[:3] @ points + plane[3]) < width * tolerance
+        plane = chapter.inverse_depth_plane(z, CAMERA, on) if on.sum() > 100 else plane
+    return plane
+
+
+def look(values, pieces):
+    """One picture and all that is made of it: points, kinds, told and found, as the state has."""
+    voxel, tolerance, eps, distance, noise, scale, *whole = values.tolist()
+    least, window, by_pixels, linear, picture = map(int, whole)
+    rng, sensor = np.random.default_rng(picture), chapter.Sensor(BASELINE, noise, window)
+    shapes, parts, poses, table = scene(pieces, distance)
+    exact, ids = chapter.render(shapes, CAMERA)
+    z, clock = scale * chapter.sense(exact, CAMERA, sensor, rng), [time.perf_counter()]
+    points, pixels = chapter.back_project(z, CAMERA)
+    cells, _ = chapter.voxel_mean(points, voxel)
+    clock.append(time.perf_counter())
+    plane = _plane(z, points, cells, tolerance, linear, rng)
+    height, high = (plane[:3] @ some + plane[3] for some in (cells, points))
+    clock.append(time.perf_counter())
+    up, over = height > tolerance, high > tolerance
+    kinds, labels = np.where(height < -tolerance, BELOW, PLANE), np.full(z.size, NOISE)
+    if up.any() and over.any():
+        some, inner = np.ascontiguousarray(cells[:, up]), points[:, over]
+        if by_pixels:
+            above = np.zeros(z.size)
+            above[pixels[over]] = inner[2]
+            labels = chapter.components(above.reshape(z.shape), CAMERA, eps).ravel()
+            enough = np.bincount(labels[labels >= 0]) >= least
+            labels = np.append(np.where(enough, np.cumsum(enough) - 1, NOISE), NOISE)[labels]
+            kinds[up] = labels[pixels[over]][chapter.Cloud.of(inner).nearest(some)[1]]
+        else:
+            kinds[up] = chapter.dbscan(some, eps, least)[0]
+            labels[pixels[over]] = kinds[up][chapter.Cloud.of(some).nearest(inner)[1]]
+    clock.append(time.perf_counter())
+    back, on = to_matrix(table[3:]).T, np.abs(high) < tolerance
+    counts = pixels.size, height.size, up.sum(), (kinds >= 0).sum(), max(labels.max() + 1, 0)
+    told = np.array([*counts, *(back @ plane[:3]), plane[:3] @ table[:3] + plane[3]])
+    on_table = some_of(points[:, on], np.maximum(sensor.sigma(points[2, on], CAMERA), 1e-7))
+    found = np.where(np.arange(9) == TRUST, 1.0 * LOST, np.zeros((PARTS, 9)))
+    for number, k in enumerate(np.flatnonzero(pieces[:, 0])):
+        part, votes = parts[number], labels[(ids.ravel() == number + 1) & (labels >= 0)]
+        cluster = (labels == np.bincount(votes, minlength=1).argmax()).reshape(z.shape)
+        best = votes.size and pose_of(z, CAMERA, sensor, part, cluster, plane, on_table)
+        if best:
+            C, along = np.diag(best.covariance), back @ best.R[:, 0]
+            spread = np.array([math.sqrt(C[:3].sum()), math.sqrt(C[5])])
+            place, turn = (back @ (best.p - table[:3]))[:2], math.atan2(along[1], along[0])
+            found[k] = (*chapter.apart(part, poses[number], best.pose),
+                        *np.where(spread < math.inf, spread, -1.0),
+                        best.see_through, STATUS.index(best.status), *place, turn)  # fmt: skip
+    spans = 1e3 * np.diff([*clock, time.perf_counter()])
+    MILLISECONDS.update(zip(("grid", "plane", "clusters", "poses"), spans, strict=True))
+    return back @ (cells - table[:3, None]), kinds, told, found
+
+
+@register_jitable
+def measure(controls, state):
+    """Take the picture of this moment, and do with it all that the controls say."""
+    c, pieces = controls, controls["pieces"].copy()
+    values = np.array([
+        1e-3 * c["voxel"], 1e-3 * c["tolerance"], 1e-3 * c["eps"], c["distance"], c["noise"],
+        c["scale"], 1.0 * c["least"], 1.0 * c["window"], 1.0 * c["clusters"], 1.0 * c["plane"],
+        1.0 * math.floor(RATE * state["time"]),
+    ])  # fmt: skip
+    with objmode(points="float64[:,:]", kinds="int64[:]", told="float64[:]", found="float64[:,:]"):
+        points, kinds, told, found = look(values, pieces)
+    state["points"][:, : kinds.size], state["kinds"][: kinds.size] = points, kinds
+    state["told"][:], state["found"][:] = told, found
+
+
+def advance(state, controls, seconds):
+    """The camera takes pictures at its rate; the newest one counts."""
+    before = math.floor(RATE * state["time"])
+    state["time"] += seconds
+    if math.floor(RATE * state["time"]) > before:
+        measure(controls, state)
+
+
+def spent():
+    """What the last picture has cost."""
+    return "one picture: " + ", ".join(f"{stage} {ms:.1f} ms" for stage, ms in MILLISECONDS.items())
+
+
+TITLE = "A table under a depth camera"
+word, colour = draw.words_table(), draw.colours_table()
+_SKY, _GOLD, _PINK, _SAND, _PALE, _STONE = colour(
+    "#56b4e9", "#e69f00", "#cc79a7", "#f7f5ef", "#d4d4d4", "#9a9a9a"
+)
+_INKS = (_PALE, _STONE, draw.INK, draw.BLUE, _GOLD, _PINK, _SKY, draw.PURPLE)  # from BELOW on
+_FOUND = (draw.GREEN, draw.ORANGE, draw.ORANGE, draw.RED)
+_TRUST = word(*STATUS, "lost")[0]
+_COUNTS = word("pixels measured", "voxels", "above the plane", "in clusters", "clusters")[0]
+_PLANE_OFF, _PICKED, _MM, _AND, _DEGREES, _PERCENT, _BLIND, _NONE = word(
+    "plane is off", "picked part", " mm", ", ", "°", " %", "not seen", "none"
+)
+_OF_PART = word("error, place", "error, turn", "predicted", "predicted turn", "see-through")[0]
+_UNITS = ((1e3, _MM), (180.0 / math.pi, _DEGREES)) * 2 + ((100.0, _PERCENT),)
+_Y, _HEIGHT, _SIDE, _TOP = word("y [m]", "height [mm]", "from the side", "from above")
+_KEYS = word("below", "plane", "noise", "a cluster", "true", "found")[0]
+_SCENE, _VIEW = (0.1, 5.6, 0.1, 4.6), (-0.32, 0.32, -0.23, 0.2936)
+_PROFILE, _HEIGHTS = (6.25, 8.85, 2.5, 4.4), (-0.23, 0.2936, -30.0, 90.0)
+
+
+@register_jitable
+def _outline(pen, p, x, y, yaw, ink, width, on):
+    """A part from above, dashed or not."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    t = np.linspace(0.0, 2.0 * math.pi, EDGE)
+    wide = np.maximum(np.abs(np.cos(t)), np.abs(np.sin(t))) if p[0] == BOX else np.ones(EDGE)
+    a, b = p[1] * np.cos(t) / wide, p[2] * np.sin(t) / wide
+    draw.curve(pen, x + c * a - s * b, y + s * a + c * b, ink, width, 1.0, on, 4.0)
+
+
+@register_jitable
+def _dots(pen, kinds, x, y, size):
+    """Points by their kinds, as short lines: one item a colour, however many they are."""
+    many = len(_INKS) + BELOW
+    for k in range(len(_INKS)):
+        some = (kinds == k + BELOW) if k < -BELOW else ((kinds >= 0) & (kinds % many == k + BELOW))
+        left, right = np.stack((x[some] - size, y[some]), 1), np.stack((x[some] + size, y[some]), 1)
+        draw.segments(pen, left, right, _INKS[k], 2.6)
+
+
+@register_jitable
+def _knob(p):
+    """Where one takes a part to turn it."""
+    far = p[1] + 0.022
+    return p[4] + far * math.cos(p[6]), p[5] + far * math.sin(p[6])
+
+
+def frame(pen, state, controls):
+    """Points from above and from the side, true and found outlines, keys and numbers."""
+    told, pieces, pick = state["told"], controls["pieces"], controls["pick"]
+    n, found = int(told[VOXELS]), state["found"][pick]
+    x, y, z = state["points"][0, :n], state["points"][1, :n], state["points"][2, :n]
+    draw.area(pen, _SCENE, _VIEW)
+    draw.box(pen, *_VIEW, _SAND, draw.GREY)
+    draw.title(pen, _VIEW[0], _VIEW[3], _TOP)
+    _dots(pen, state["kinds"][:n], x, y, 0.0018)
+    for k in range(PARTS):
+        p, at = pieces[k], state["found"][k]
+        if p[0] != NOTHING:
+            _outline(pen, p, p[4], p[5], p[6], draw.INK, 1.6, 5.0)
+            if at[TRUST] < LOST:
+                ink, width = _FOUND[int(at[TRUST])], 3.4 if k == pick else 2.0
+                _outline(pen, p, at[X], at[Y], at[YAW], ink, width, 0.0)
+    if pieces[pick, 0] != NOTHING:
+        u, v = _knob(pieces[pick])
+        draw.segment(pen, pieces[pick, 4], pieces[pick, 5], u, v, draw.INK, 1.2)
+        draw.spot(pen, u, v, 0.006, _GOLD, draw.INK)
+    draw.area(pen, _PROFILE, _HEIGHTS)
+    draw.axes(pen, _Y, _HEIGHT, _SIDE, 4, 4)
+    _dots(pen, state["kinds"][:n:2], y[::2], 1e3 * z[::2], 0.0023)  # half of them are enough
+    for k in range(3):  # the plane, and what counts as on it
+        up, slope = (k - 1) * controls["tolerance"] - 1e3 * told[OFF], -1e3 * told[NORMAL + 1]
+        draw.segment(pen, _VIEW[2], up + slope * _VIEW[2], _VIEW[3], up + slope * _VIEW[3],
+                     draw.RED, 1.2, 1.0, 4.0 * (k != 1), 3.0)  # fmt: skip
+    draw.window(pen)
+    for k in range(6):
+        ink, width, on = (*_INKS[:4], draw.INK, draw.GREEN)[k], 5.0 - k // 4 * 2.8, 5.0 * (k == 4)
+        x0, y0 = 6.2 + 1.5 * (k % 2), 1.3 - 0.35 * (k // 2)
+        draw.key(pen, x0, y0, _KEYS + k, ink, width, 1.0, on, 4.0)
+    for k in range(5):
+        draw.reading(pen, _COUNTS + k, told[k], 0)
+    draw.reading(pen, _PLANE_OFF, 1e3 * abs(told[OFF]), 1, _MM)
+    draw.words(pen, _AND)
+    draw.number(pen, math.degrees(math.acos(min(told[NORMAL + 2], 1.0))), 1, _DEGREES)
+    draw.reading(pen, _PICKED, 0.0, 0, 0, _TRUST + int(found[TRUST]))
+    for k in (SHIFT, SHIFT_SIGMA, TURN, TURN_SIGMA, THROUGH):
+        instead = _NONE if found[TRUST] == LOST else (_BLIND if found[k] < 0.0 else 0)
+        draw.reading(pen, _OF_PART + k, _UNITS[k][0] * found[k], 2, _UNITS[k][1], instead)
+
+
+@register_jitable
+def _put(controls, state, x, y, yaw):
+    """The picked part goes to a place, and a new picture is taken."""
+    p = controls["pieces"][controls["pick"]]
+    p[4], p[5] = min(max(x, _VIEW[0]), _VIEW[1]), min(max(y, _VIEW[2]), _VIEW[3])
+    p[6] = (yaw + math.pi) % (2.0 * math.pi) - math.pi
+    measure(controls, state)
+
+
+def grab(controls, state, x, y):
+    """The picked part's knob is in hand, or a part; on the bare table a thin one begins."""
+    u, v = draw.values_at(_SCENE, _VIEW, x, y)
+    state["held"], pieces, vacant = 0, controls["pieces"], -1
+    a, b = _knob(pieces[controls["pick"]])
+    for k in range(PARTS - 1, -1, -1):
+        p = pieces[k]
+        if p[0] == NOTHING:
+            vacant = k
+        elif math.hypot(p[4] - u, p[5] - v) < max(p[1], p[2]):
+            controls["pick"], state["held"] = k, 1
+    if math.hypot(a - u, b - v) < 0.015 and pieces[controls["pick"], 0] != NOTHING:
+        state["held"] = -1
+    elif state["held"] == 0 and vacant >= 0 and x < _SCENE[1]:
+        pieces[vacant, :4], pieces[vacant, 4], pieces[vacant, 5] = np.array(_THIN), u, v
+        controls["pick"], state["held"] = vacant, 1
+    state["grip"][:] = pieces[controls["pick"], 4:6] - np.array([u, v])
+
+
+def drag(controls, state, x, y):
+    """What is in hand follows the pointer, or turns to it."""
+    u, v = draw.values_at(_SCENE, _VIEW, x, y)
+    p = controls["pieces"][controls["pick"]]
+    if state["held"] > 0:
+        _put(controls, state, u + state["grip"][0], v + state["grip"][1], p[6])
+    elif state["held"] < 0:
+        _put(controls, state, p[4], p[5], math.atan2(v - p[5], u - p[4]))
+
+
+def press(controls, state, key):
+    """Arrows move the picked part by 5 mm, + and - turn it by 5 degrees."""
+    p = controls["pieces"][controls["pick"]]
+    dx, dy = 0.005 * ((key == 1) - (key == 0)), 0.005 * ((key == 2) - (key == 3))
+    turn = math.radians(5.0) * ((key == 4) - (key == 5))
+    _put(controls, state, p[4] + dx, p[5] + dy, p[6] + turn)
+
+
+PRESETS = {
+    "Clean": Preset({}, "Dashed is the truth. Drag a part, turn it by its knob, click on the bare "
+        "table for a thin one; arrows, + and - do it too. Then play: new noise in each picture."),
+    "Small parts lost": Preset({"tolerance": 10.0, "least": 50, "eps": 17.0, "pieces": _placed(
+        (*_SMALL, 0.003, -0.1, 0.07, 0.5), (*_SMALL, 0.006, -0.1, -0.06, 0.5),
+        (*_SMALL, 0.008, 0.0, 0.07, 0.9), (*_SMALL, 0.01, 0.0, -0.08, 0.3),
+        (*_BLOCK, 0.1, 0.0, 0.3))},
+        "The plane takes the lowest, the cluster's least neighbours the others. Take 4 mm and 12: "
+        "all are found. Then raise the noise, and see what that asks of the table."),
+    "Table in clusters": Preset({"tolerance": 3.0, "noise": 0.1, "window": 3}, "Tighter than the "
+        "noise: the bare table stands above the plane, in lumps where the noise is correlated. "
+        "8 mm cure it, and take the thin parts along."),
+    "Touching": Preset({"pieces": _placed((*_BLOCK, -0.03, 0.0, 0.0), (*_BLOCK, 0.051, 0.0, 0.0))},
+        "Two parts, one cluster, and the same pose fits anywhere along it. Nothing is seen through "
+        "it; what tells is how much it leaves over: ambiguous. Pull them apart."),
+    "Cut off": Preset({"pieces": _placed((*_BLOCK, 0.245, 0.0, 0.4), (*_ROUND, -0.08, 0.05, 0.0))},
+        "What is left in the picture fits a part that lies across, and nothing is seen through "
+        "it. What warns is the picture's edge, and a place that is not seen. Pull it in."),
+    "Symmetric part": Preset({"pieces": _placed((*_ROUND, -0.06, 0.03, 0.0),
+        (*_BLOCK, 0.08, 0.0, 0.4))}, "The picture is the same however the can is turned: not "
+        "seen, which is another thing than a small number. Pick part 2."),
+    "Two planes": Preset({"pieces": _placed((*_BLOCK, -0.1, 0.0, 0.4),
+        (BOX, 0.12, 0.16, 0.012, 0.12, 0.03, 0.0))}, "A plate of 24 mm beside the table: a plane "
+        "that slants through both has most points within 8 mm. Take 4 mm; then the linear fit."),
+    "Scale error": Preset({"scale": 1.01}, "Depths 1 % too long: each pose is about 8 mm off, with "
+        "less than 0.1 mm predicted and nothing seen through. Only a length known from "
+        "outside tells."),
+}  # fmt: skip
+
+MODEL = Model(
+    TITLE, draw.Paper(TITLE, word, colour, room=280_000), CONTROLS, STATE, PRESETS, measure,
+    advance, frame, drag, grab, press, live_drag=True, aside=spent,
+)  # fmt: skip
+
+
+def simulation(preset: str = "Clean") -> Any:
+    """The simulation of this chapter as a panel for a notebook; it starts paused.
+
+    Raises:
+        ValueError: there is no such preset.
+    """
+    from course.simulations.panel import Panel
+
+    panel = Panel(MODEL)
+    panel.choose(one_of("preset", preset, MODEL.presets))
+    return panel

@@ -1,0 +1,421 @@
+"""Chapter 11's simulation: the whole pipeline at work, and whose part of the error is whose.
+
+A run is computed at every change, with common random numbers: once as it is, once with each stage
+ideal, and for other seeds to count successes. A drag moves the target of the running experiment:
+what was seen and done before stays as it was.
+"""
+
+import math
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+from numba import objmode
+from numba.extending import register_jitable
+
+from course import pipeline as chapter
+from course.check import one_of
+from course.measure.success import wilson
+from course.pipeline import blame, drive, theory
+from course.pipeline.run import Run, successes, tip_of
+from course.pipeline.stages import Path, Stages, plan_path
+from course.planning import plan as planner
+from course.simulations import pen as draw
+from course.simulations.model import Model, Preset
+from course.simulations.record import Field, Record, menu, slider, switch
+
+SECONDS, PAUSE, SHOWN, SEED = 4.0, 0.8, 400, 3  # s, s, pictures, of the run shown
+COUNTED, FEWER = 16, 2  # seeds that are counted, and where a run is dear
+MANY, DEAR = 2_000, 10_000  # checks in a run that make it dear; beyond which it is not replayed
+FRAMES, TREE, PLANS, LINE, MOVES = 200, 300, 12, 40, 24  # most of each that are shown
+TO = (-0.1, 0.5)  # where a target drifts to, and beyond [m]
+NEAREST, FARTHEST = 0.25, 0.85  # of a target [m]
+NEVER = 1e9  # s
+ROOM = 0.06  # that a target keeps from a disc [m]
+ARM, DISCS = chapter.Scenario().arm, chapter.Scenario().discs
+STAGES = chapter.STAGES
+# What can break at an interface, as words; the first is for none.
+CONTRACTS = (
+    "none", "pictures are older than was agreed", "pictures do not arrive",
+    "it is less exact than was agreed",
+    "errors do not agree with the bias", "errors do not agree with the covariance", "no path",
+    "its path takes longer than there is time", "it is late",
+    "it keeps less from the discs than was agreed", "the torque is not that of the law",
+    "the arm is faster than any path", "energy rises unforced", "the arm diverged",
+    "another contract",
+)  # fmt: skip
+REASONS = ("success", "touched a disc", "beside the target", "the plan is late", "no plan",
+           "the arm diverged", "stopped")  # fmt: skip
+# What `told` holds: share of successes and its band, checks, age of what is acted upon [s], the
+# largest stable step of the physics [s], energy that came from nowhere, how it ended, the contract
+# broken first, whose repair alone cures (0 for nobody's), plans; then the signed parts [m].
+SHARE, LOW, HIGH, CHECKS, AGE, LIMIT, GAINED, ENDED, BROKEN, CURED, ASKED, REPLAYED, PARTS = range(
+    13
+)
+
+CONTROLS = Record(
+    noise=slider("Perception Noise", 0.05, 0.0, 0.2, 0.005, "m", 3),
+    kp=slider("Control Kp", 25.0, 1.0, 200.0, 1.0, "N m/rad", 0),
+    kd=slider("Control Kd", 8.0, 0.0, 20.0, 0.5, "N m s/rad", 1),
+    dt=slider("Physics dt", 2.0, 0.5, 20.0, 0.5, "ms", 1),
+    edge=slider("Planner Step", 0.3, 0.01, 0.6, 0.01, "rad", 3),
+    latency=slider("Latency", 100.0, 0.0, 600.0, 20.0, "ms", 0),
+    speed=slider("Target Speed", 0.01, 0.0, 0.1, 0.005, "m/s", 3),
+    filtered=switch("Filter", True),
+    mended=menu("Ideal stage", ("none", *STAGES)),
+    aim=Field((0.15, 0.60), low=-1.0, high=1.0, unit="m"),
+    margin=Field(0.05, low=0.0, high=0.1, unit="m"),
+    bias=Field((-0.003, 0.002), low=-0.05, high=0.05, unit="m"),
+)  # fmt: skip
+STATE = Record(
+    q=Field(0.0, shape=(2, SHOWN + 1), unit="rad"),
+    reference=Field(0.0, shape=(2, SHOWN + 1), unit="rad"),
+    target=Field(0.0, shape=(2, SHOWN + 1), unit="m"),
+    seen=Field(0.0, shape=(8, FRAMES)),  # arrival, capture [s], picture, estimate, spread xx, yy
+    tree=Field(0.0, shape=(4, TREE), unit="m"),
+    paths=Field(0.0, shape=(2, PLANS, LINE), unit="m"),
+    ready=Field(0.0, shape=(PLANS,), unit="s"),
+    moves=Field(0.0, shape=(3, MOVES)),  # when the target was moved [s], and where to [m]
+    moved=Field(0),
+    told=Field(0.0, shape=(PARTS + 2 * len(STAGES),)),
+    values=Field(0.0, shape=(14,)),  # the controls that this was computed for
+    time=Field(0.7, unit="s"),  # it is first seen on its way, not while it waits for a picture
+)
+
+
+def asked(values):
+    """Scenario and settings that the controls, as numbers, ask for."""
+    noise, kp, kd, dt, edge, latency, speed, filtered, mended, x, y, margin, bx, by = values
+    away = max(math.dist((x, y), TO), 1e-9)
+    far = SECONDS * speed / away
+    u, v = _reachable(x + far * (TO[0] - x), y + far * (TO[1] - y))
+    velocity = (u - x) / SECONDS, (v - y) / SECONDS
+    scenario = chapter.Scenario(target=(x, y), velocity=velocity)
+    settings = chapter.Settings(
+        noise=noise, bias=(bx, by), kp=kp, kd=kd, physics=1e-3 * dt, control=1e-3 * dt, step=edge,
+        latency=1e-3 * latency, filtered=bool(filtered), margin=margin, samples=800,
+    )  # fmt: skip
+    return scenario, chapter.repair(settings, *STAGES[int(mended) - 1 : int(mended)])
+
+
+def agreed(scenario, settings):
+    """What was promised at the interfaces: the chapter's defaults, at this period of control."""
+    promised = chapter.Settings(kp=settings.kp, kd=settings.kd)
+    return replace(promised, physics=settings.physics, control=settings.control)
+
+
+@lru_cache(maxsize=32)
+def counted(values):
+    """`told` of the run as the controls have it."""
+    scenario, settings = asked(values)
+    record = chapter.run(scenario, settings, seed=SEED)
+    told = np.zeros(PARTS + 2 * len(STAGES))
+    told[CHECKS], told[ASKED] = sum(p.value.checks for p in record.plans), len(record.plans)
+    dear = told[CHECKS] > DEAR
+    count = FEWER if told[CHECKS] > MANY else COUNTED
+    good = int(successes(chapter.many(scenario, settings, range(count))).sum())
+    told[SHARE], (told[LOW], told[HIGH]) = good / count, wilson(good, count)
+    told[AGE] = 1e-6 * np.mean([p.arrived - p.captured for p in record.pictures] or [0])
+    posture = record.plans[0].value.goal if record.plans else np.full(2, np.nan)
+    posture = posture if np.isfinite(posture).all() else np.array(scenario.start)
+    told[LIMIT] = theory.step_limit(scenario.arm, posture, settings.kp, settings.kd)
+    told[GAINED] = blame.gained(record, settings.kp, settings.kd)
+    said = record.reason.split(":")[0]
+    diverged = "diverged" in record.reason
+    known = {"": 0, **{name: k for k, name in enumerate(REASONS)}}
+    told[ENDED] = 5 if diverged else known.get(said, 6)
+    broken = blame.contracts(record, agreed(scenario, settings))
+    if broken:
+        what = broken[0].what.split(":")[0]
+        told[BROKEN] = CONTRACTS.index(what) if what in CONTRACTS else len(CONTRACTS) - 1
+    told[REPLAYED] = not dear
+    for stage in () if dear else blame.REPLAYED:
+        k = STAGES.index(stage)
+        better = chapter.run(scenario, chapter.repair(settings, stage), seed=SEED)
+        if not record.success and better.success and told[CURED] == 0.0:
+            told[CURED] = k + 1.0
+        told[PARTS + 2 * k : PARTS + 2 * k + 2] = record.error - better.error
+    told[~np.isfinite(told)] = 0.0
+    return told
+
+
+def shown(values, moves):
+    """What is drawn of the run in which the target was moved, in the order of the state."""
+    scenario, settings = asked(values)
+    tree = np.zeros((4, TREE))
+
+    def grown(world, start, goal, settings, rng):
+        found = planner(world, start, goal, budget=settings.samples, rng=rng, step=settings.step)
+        inner = np.flatnonzero(found.parents >= 0)[:TREE]
+        tree[:, : inner.size] = np.concatenate(
+            [tip_of(scenario.arm, found.nodes[:, k]) for k in (found.parents[inner], inner)]
+        )
+        return found.path, found.state_checks + found.edge_checks, found.status
+
+    def planned(start, goal, scenario, settings, rng) -> Path:
+        return plan_path(start, goal, scenario, settings, rng, grown)
+
+    process = Run(scenario, settings, Stages(plan=planned), SEED)
+    times = np.linspace(0.0, SECONDS, SHOWN + 1)
+    target = scenario.at(0.0)[:, None] + np.outer(scenario.velocity, times)
+    for when, x, y in moves.T:
+        if process.to(when):
+            process.retarget((x, y))
+            target[:, times >= when] = [[x], [y]]
+    process.to(SECONDS)
+    record = process.record()
+    rows = np.minimum((times / (1e-6 * record.step) + 1e-9).astype(int), len(record.log) - 1)
+    seen = np.zeros((8, FRAMES))
+    seen[0] = NEVER
+    pictures = [k for k in np.flatnonzero(record.seen[:, drive.USED] > 0.0)][:FRAMES]
+    table, row = record.timetable, record.seen[pictures]
+    seen[0, : len(pictures)] = 1e-6 * table.arrived[pictures]
+    seen[1, : len(pictures)] = 1e-6 * table.captured[pictures]
+    columns = [drive.PLACE, drive.PLACE + 1, drive.GUESS, drive.GUESS + 1]
+    seen[2:6, : len(pictures)] = row[:, columns].T
+    seen[6:, : len(pictures)] = row[:, [drive.GUESS_SPREAD, drive.GUESS_SPREAD + 2]].T
+    paths, ready = np.zeros((2, PLANS, LINE)), np.full(PLANS, NEVER)
+    for k, crossing in enumerate(record.plans[-PLANS:]):
+        if crossing.value.motion is not None:
+            ready[k] = 1e-6 * crossing.arrived
+            way = crossing.value.waypoints
+            along = np.concatenate(([0.0], np.cumsum(np.linalg.norm(np.diff(way), axis=0))))
+            at = np.linspace(0.0, along[-1], LINE)
+            paths[:, k] = tip_of(scenario.arm, np.stack([np.interp(at, along, w) for w in way]))
+    q, wanted = (record.log[rows, k : k + 2].T.copy() for k in (drive.Q, drive.REFERENCE))
+    return q, wanted, target, seen, tree, paths, ready
+
+
+@register_jitable
+def _reachable(x, y):
+    """The place nearest to (x, y) that the arm reaches well and the discs leave free."""
+    r = math.hypot(x, y)
+    factor = min(max(r, NEAREST), FARTHEST) / max(r, 1e-9)
+    x, y = (x * factor, y * factor) if r > 1e-9 else (NEAREST, 0.0)
+    for u, v, size in DISCS:
+        away = math.hypot(x - u, y - v)
+        if away < size + ROOM:
+            out = (size + ROOM) / max(away, 1e-9)
+            x, y = u + out * max(x - u, 1e-9), v + out * (y - v)
+    return x, y
+
+
+def computed(values, moves):
+    """`told`, and what is drawn, in the order of the state."""
+    key = tuple(values.tolist())
+    return counted(key), *shown(key, moves)
+
+
+@register_jitable
+def _fill(state):
+    """All that is computed into the state."""
+    values, moves = state["values"].copy(), state["moves"][:, : int(state["moved"])].copy()
+    with objmode(
+        told="float64[:]", q="float64[:,:]", wanted="float64[:,:]", target="float64[:,:]",
+        seen="float64[:,:]", tree="float64[:,:]", paths="float64[:,:,:]", ready="float64[:]",
+    ):  # fmt: skip
+        told, q, wanted, target, seen, tree, paths, ready = computed(values, moves)
+    state["told"][:], state["ready"][:] = told, ready
+    state["q"][:], state["reference"][:], state["target"][:] = q, wanted, target
+    state["seen"][:], state["tree"][:], state["paths"][:] = seen, tree, paths
+
+
+@register_jitable
+def initial(controls, state):
+    """The run, its repairs, and the successes of other seeds."""
+    c = controls
+    x, y = _reachable(c["aim"][0], c["aim"][1])
+    v = state["values"]
+    v[0], v[1], v[2], v[3], v[4], v[5] = (
+        c["noise"], c["kp"], c["kd"], c["dt"], c["edge"], c["latency"],
+    )  # fmt: skip
+    v[6], v[7], v[8], v[9], v[10] = c["speed"], 1.0 * c["filtered"], 1.0 * c["mended"], x, y
+    v[11], v[12], v[13] = c["margin"], c["bias"][0], c["bias"][1]
+    _fill(state)
+
+
+def advance(state, controls, seconds):
+    """The run is shown again and again; a target that was moved is back when it begins anew."""
+    state["time"] += seconds
+    if state["time"] > SECONDS + PAUSE:
+        state["time"] -= SECONDS + PAUSE
+        if state["moved"] > 0:
+            state["moved"] = 0
+            _fill(state)
+
+
+TITLE = "The whole pipeline: see, plan, control, move"
+word, colour = draw.words_table(), draw.colours_table()
+_SAND = colour("#f7f5ef")[0]
+_STAGE, _REASON, _CONTRACT = word(*STAGES)[0], word(*REASONS)[0], word(*CONTRACTS)[0]
+_SCENE_TITLE, _PARTS_TITLE, _TIME, _FAR, _MM, _LIMIT, _DT = word(
+    "arm, discs, target", "what an ideal stage takes away", "time [s]", "tip to target [cm]",
+    "[mm]", "limit", "physics dt [ms]",
+)  # fmt: skip
+_TRUE, _SEEN, _BELIEVED, _PATH, _WANTED = word(
+    "target", "pictures", "estimate", "tree, path", "reference"
+)
+_NOW, _GOOD, _AGE, _CHECKS, _STABLE, _ROSE, _END, _FIX, _CURE = word(
+    "tip to target", "successes [%]", "age of a picture", "collision checks", "largest stable dt",
+    "energy from nowhere", "this run", "Fix it: ", "cured alone by",
+)  # fmt: skip
+_NOBODY, _DEAR, _NOTHING, _MILLI, _MS, _BAND, _UP_TO, _CLOSE, _PERCENT, _PLANS = word(
+    "none of five", "not replayed", "nothing to cure", " mm", " ms", " (", " to ", ")", " %",
+    ", plans: ",
+)  # fmt: skip
+_COLOUR = (draw.BLUE, draw.GREEN, draw.ORANGE, draw.PURPLE, draw.RED)
+_SCENE, _VIEW = (0.1, 4.4, 0.35, 4.65), (-0.65, 0.95, -0.5, 1.1)
+_CHART, _SIGNED = (5.2, 8.85, 3.05, 4.5), (5.2, 6.9, 0.75, 2.25)
+_GAUGE = (7.35, 8.85, 0.75, 0.98)
+
+
+@register_jitable
+def _arm(pen, q, ink, width, alpha):
+    """Links and joints of a posture."""
+    l1, l2 = ARM.lengths
+    x, y = l1 * math.cos(q[0]), l1 * math.sin(q[0])
+    u, v = x + l2 * math.cos(q[0] + q[1]), y + l2 * math.sin(q[0] + q[1])
+    draw.curve(pen, np.array([0.0, x, u]), np.array([0.0, y, v]), ink, width, alpha)
+    draw.spots(pen, np.array([0.0, x]), np.array([0.0, y]), 0.02, ink, draw.NONE, 1.5, alpha)
+    return u, v
+
+
+@register_jitable
+def _scene(pen, state, t, now):
+    """The world, what is seen and believed of it, the plan, and the arm; where its tip is."""
+    draw.area(pen, _SCENE, _VIEW)
+    draw.box(pen, *_VIEW, _SAND, draw.GREY)
+    draw.title(pen, _VIEW[0], _VIEW[3], _SCENE_TITLE)
+    for x, y, size in DISCS:
+        draw.spot(pen, x, y, size, draw.GREY, draw.INK, 1.0, 0.6)
+    tree, latest = state["tree"], -1
+    for k in range(PLANS):
+        if state["ready"][k] <= t:
+            latest = k
+    if latest >= 0:
+        for k in range(TREE):
+            if tree[0, k] != tree[2, k] or tree[1, k] != tree[3, k]:
+                draw.segment(pen, tree[0, k], tree[1, k], tree[2, k], tree[3, k], draw.ORANGE,
+                             0.8, 0.45)  # fmt: skip
+        way = state["paths"][:, latest]
+        draw.curve(pen, way[0], way[1], draw.ORANGE, 2.0)
+    seen, last, first = state["seen"], -1, 0
+    for k in range(FRAMES):
+        if seen[0, k] <= t:
+            last = k
+    first = max(0, last - 24)
+    if last >= 0:
+        draw.spots(pen, seen[2, first : last + 1], seen[3, first : last + 1], 0.008, draw.BLUE,
+                   draw.NONE, 1.0, 0.5)  # fmt: skip
+    x, y = state["target"][0, now], state["target"][1, now]
+    draw.spot(pen, x, y, 0.02, draw.GREEN, draw.INK, 1.0, 0.9)
+    if last >= 0:
+        turn = np.linspace(0.0, 2.0 * math.pi, 33)
+        draw.curve(pen, seen[4, last] + 2.0 * math.sqrt(seen[6, last]) * np.cos(turn),
+                   seen[5, last] + 2.0 * math.sqrt(seen[7, last]) * np.sin(turn),
+                   draw.BLUE, 1.6)  # fmt: skip
+    _arm(pen, state["reference"][:, now], draw.ORANGE, 4.0, 0.35)
+    return _arm(pen, state["q"][:, now], draw.INK, 5.0, 1.0)
+
+
+def frame(pen, state, controls):
+    """The scene, the error over time, its signed parts, the step and its limit, the verdict."""
+    told = state["told"]
+    t = min(state["time"], SECONDS)
+    now = int(t / SECONDS * SHOWN + 1e-9)
+    u, v = _scene(pen, state, t, now)
+    far = math.hypot(u - state["target"][0, now], v - state["target"][1, now])
+    l1, l2 = ARM.lengths
+    q, both = state["q"][:, : now + 1], state["q"][0, : now + 1] + state["q"][1, : now + 1]
+    off_x = l1 * np.cos(q[0]) + l2 * np.cos(both) - state["target"][0, : now + 1]
+    off_y = l1 * np.sin(q[0]) + l2 * np.sin(both) - state["target"][1, : now + 1]
+    draw.chart(pen, _CHART, (0.0, SECONDS, 0.0, 30.0), _TIME, 0, _FAR, 5, 4)
+    draw.segment(pen, 0.0, 2.0, SECONDS, 2.0, draw.GREEN, 1.5, 1.0, 4.0, 3.0)
+    times = np.linspace(0.0, SECONDS, SHOWN + 1)
+    draw.curve(pen, times[: now + 1], 100.0 * np.hypot(off_x, off_y), draw.INK, 2.0)
+    draw.chart(pen, _SIGNED, (-17.0, 17.0, -15.0, 15.0), _MM, 0, _PARTS_TITLE, 4, 4)
+    for k in range(len(STAGES)):
+        x, y = 1e3 * told[PARTS + 2 * k], 1e3 * told[PARTS + 2 * k + 1]
+        if math.hypot(x, y) > 0.3:
+            draw.arrow(pen, 0.0, 0.0, x, y, _COLOUR[k], 2.5, 8.0)
+    draw.gauge(pen, _GAUGE, 20.0, controls["dt"], draw.GREY, _DT, 1e3 * told[LIMIT], _LIMIT)
+    draw.window(pen)
+    for k in range(len(STAGES)):
+        draw.key(pen, 7.2, 2.25 - 0.2 * k, _STAGE + k, _COLOUR[k], 3.0)
+    if told[BROKEN] > 0.0:
+        draw.text(pen, 0.2, 0.52, _FIX, draw.INK, 13.0)
+        draw.words(pen, _CONTRACT + int(told[BROKEN]))
+    draw.key(pen, 0.15, 0.15, _SEEN, draw.BLUE, 3.0)
+    draw.key(pen, 1.05, 0.15, _BELIEVED, draw.BLUE, 1.6)
+    draw.key(pen, 2.35, 0.15, _PATH, draw.ORANGE, 2.0)
+    draw.key(pen, 3.6, 0.15, _WANTED, draw.ORANGE, 4.0, 0.35)
+    draw.reading(pen, _NOW, 1e3 * far, 1, _MILLI)
+    draw.reading(pen, _GOOD, 100.0 * told[SHARE], 0)
+    draw.words(pen, _BAND)
+    draw.number(pen, 100.0 * told[LOW], 0, _UP_TO)
+    draw.number(pen, 100.0 * told[HIGH], 0, _CLOSE)
+    draw.reading(pen, _AGE, 1e3 * told[AGE], 0, _MS)
+    draw.reading(pen, _CHECKS, told[CHECKS], 0, _PLANS)
+    draw.number(pen, told[ASKED], 0)
+    draw.reading(pen, _STABLE, 1e3 * told[LIMIT], 2, _MS)
+    draw.reading(pen, _ROSE, 100.0 * told[GAINED], 1, _PERCENT)
+    draw.reading(pen, _END, 0.0, 0, 0, _REASON + int(told[ENDED]))
+    cured = int(told[CURED])
+    nobody = _NOTHING if told[ENDED] == 0.0 else _NOBODY if told[REPLAYED] > 0.0 else _DEAR
+    draw.reading(pen, _CURE, 0.0, 0, 0, _STAGE + cured - 1 if cured > 0 else nobody)
+
+
+def drag(controls, state, x, y):
+    """The target follows the pointer while the run goes on; the rest of the past stays."""
+    u, v = draw.values_at(_SCENE, _VIEW, x, y)
+    t = min(state["time"], SECONDS - 0.01)
+    count = int(state["moved"])
+    # Moves that are close to each other in time are one.
+    if count == 0 or (t - state["moves"][0, count - 1] > 0.05 and count < MOVES):
+        count += 1
+        state["moves"][0, count - 1] = t
+    state["moves"][1, count - 1], state["moves"][2, count - 1] = _reachable(u, v)
+    state["moved"] = count
+    _fill(state)
+
+
+PRESETS = {
+    "All stages": Preset({}, "Seen with noise, planned, tracked, moved. The arrows are what an "
+        "ideal stage would take away. Drag the target while the arm is on its way."),
+    "Noise, no filter": Preset({"filtered": False}, "Each picture is believed as it is: the goal "
+        "jumps, the plan is thrown away, and the arm waits for the next. Turn the filter on."),
+    "Planner step to minimum": Preset({"edge": 0.01}, "Thousands of checks at 20 us each: the "
+        "plan runs out of samples or comes late, and the arm waits."),
+    "Kp high, Kd zero": Preset({"kp": 150.0, "kd": 0.0}, "Overshoots and rings at the rate of the "
+        "arm's modes; only the joints' own friction damps."),
+    "Physics step to maximum": Preset({"dt": 20.0}, "The step is beyond the limit of the posture: "
+        "energy comes from nowhere, and only the torques' limits keep the arm, trembling, where it "
+        "is. More damping lowers the limit; a folded arm raises it."),
+    "Cancelling errors": Preset({"speed": 0.03, "noise": 0.01, "bias": (-0.012, -0.005)},
+        "Bias points ahead, the lag points back: the tip is nearer than either allows. Mend "
+        "perception alone, and it is further away."),
+    "Stale camera": Preset({"latency": 600.0, "speed": 0.06, "noise": 0.01}, "The estimate is "
+        "where the target was. A better camera does not help; one that is sooner does."),
+    "All to extremes": Preset({"noise": 0.2, "filtered": False, "edge": 0.02, "kp": 200.0,
+        "kd": 0.0, "dt": 20.0, "latency": 600.0, "speed": 0.1}, "Nothing works, and no single "
+        "stage cures it. Read the contract that broke first, mend that stage, and read again."),
+}  # fmt: skip
+
+MODEL = Model(
+    TITLE, draw.Paper(TITLE, word, colour, room=30_000), CONTROLS, STATE, PRESETS, initial,
+    advance, frame, drag, live_drag=True,
+)  # fmt: skip
+
+
+def simulation(preset: str = "All stages") -> Any:
+    """The simulation of this chapter as a panel for a notebook; it starts paused.
+
+    Raises:
+        ValueError: there is no such preset.
+    """
+    from course.simulations.panel import Panel
+
+    panel = Panel(MODEL)
+    panel.choose(one_of("preset", preset, MODEL.presets))
+    return panel

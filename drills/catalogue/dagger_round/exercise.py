@@ -1,0 +1,88 @@
+"""A round of DAgger: one state, several, data that leave K open, an expert that saturates."""
+
+from typing import Any
+
+import numpy as np
+
+from drills import picture
+from drills.exercise import Exercise, coarse_slips, slips, value_slips
+from drills.judge import WHOLE, Case, coarse, judge_of
+from drills.report import Shown
+
+
+def cases(rng: np.random.Generator) -> list[Case]:
+    """Plants that grow a little by themselves; the expert's law bends where actions are large."""
+
+    def task(label: str, level: str = "core", *, n: int = 2, m: int = 1, k: int = 8,
+             steps: int = 6) -> Case:  # fmt: skip
+        A = 1.1 * np.linalg.qr(rng.normal(size=(n, n)))[0]
+        B = rng.normal(size=(n, m)) + np.eye(n, m)
+        G = 0.7 * np.linalg.pinv(B) @ A
+
+        def expert(x: Any) -> Any:
+            return -np.tanh(G @ np.asarray(x, dtype=float)) - 0.1
+
+        states, start = rng.normal(size=(n, k)), 2.0 * rng.normal(size=n)
+        labels = np.column_stack([expert(x) for x in states.T])
+        return Case((A, B, expert, states, labels, start, steps), label, level)
+
+    def brake(x: Any) -> Any:
+        return -np.sign(np.asarray(x, dtype=float)[1:])
+
+    whole = (np.array([[1, 1], [0, 1]]), np.array([[0], [1]]), brake, np.array([[0, 1], [1, -1]]),
+             np.array([[-1, 1]]), np.array([1, 2]), 3)  # fmt: skip
+    return [
+        task("one state, one action", "simple", n=1, steps=1), task("one state", "simple", n=1),
+        task("one action", "simple", steps=1), *(task("two states") for _ in range(3)),
+        *(task("three states, two actions", n=3, m=2, k=12, steps=8) for _ in range(3)),
+        task("fewer data than states", "edge", n=3, k=1), task("no steps", "edge", steps=0),
+        Case(whole, WHOLE, "edge"),
+    ]  # fmt: skip
+
+
+def labelled(figure: Any, shown: Shown) -> None:
+    """The first component of all labels."""
+    axes = picture.plane(figure, "sample", "label, first component")
+    for (_, part, _), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
+        axes.plot(np.asarray(part)[0], marker="o", ms=4, **style)
+    axes.axvline(np.shape(shown.args[4])[1] - 0.5, color="0.6", ls=":", label="the round begins")
+    axes.legend()
+
+
+_STORE = "        seen, told = np.column_stack((seen, x)), np.column_stack((told, expert(x)))\n"
+_MOVE = "        x = plant @ x + push @ (K @ x)\n"
+_RETURN = "return seen, told, fit(seen, told)"
+_OLD = "np.shape(states)[1]"
+
+SLIPS = slips(
+    learners_labels=("told, expert(x)", "told, K @ x",
+        "The new labels are the learner's own actions: it is told to do what it does. Ask the "
+        "expert what to do in the states that the learner has come to."),
+    data_replaced=(_RETURN,
+        f"seen, told = seen[:, {_OLD}:], told[:, {_OLD}:]\n    {_RETURN}",
+        "The old data are gone. DAgger aggregates: a fit to the last round alone forgets."),
+    fitted_to_the_new_alone=(_RETURN, f"return seen, told, fit(seen[:, {_OLD}:], told[:, {_OLD}:])",
+        "The fit uses the new data alone. DAgger fits to all: else what was learnt is forgotten."),
+    expert_drives=(_MOVE, _MOVE.replace("(K @ x)", "expert(x)"),
+        "The expert drives: these are states to which it goes, and of them there are data already. "
+        "The learner has to drive."),
+    states_one_late=(_STORE + _MOVE, _MOVE + _STORE,
+        "Each state is kept after the action: the start is missing, and one more is in."),
+    not_fitted_again=(_RETURN, "return seen, told, K",
+        "The data are right, and K is still that of the old ones: fit again."),
+    fitted_after_each_step=(_MOVE, _MOVE + "        K = fit(seen, told)\n",
+        "The learner is fitted again within the round. It drives as it was until the round ends."),
+    both_drive=(_MOVE, _MOVE.replace("(K @ x)", "(0.5 * K @ x + 0.5 * expert(x))"),
+        "Half of each action is the expert's. In this round the learner drives alone."),
+)  # fmt: skip
+
+EXERCISE = Exercise(
+    judge=judge_of(cases, 1e-8, "least squares of well spread data", told=coarse),
+    examples=(
+        "dagger_round([[1.1]], [[1.0]], lambda x: -np.tanh(x), [[1.0]], [[-0.8]], [2.0], 2)",
+    ),
+    picture=labelled,
+    slips=SLIPS
+    + coarse_slips("dagger_round", "A law on the edge of stability then falls over it.")
+    + value_slips("dagger_round", whole=False),
+)

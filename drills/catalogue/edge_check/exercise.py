@@ -1,0 +1,158 @@
+"""Motions of a planar arm among posts: the share up to the first touch, judged by looking there."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drills.attempt import Attempt
+from drills.catalogue.rrt.worlds import paths
+from drills.exercise import Exercise, slips, value_slips
+from drills.judge import WHOLE, Case, judge_of, off
+
+Array = NDArray[np.float64]
+SHARES = np.linspace(0.0, 1.0, 401)
+CLEAR, PACE = 1e-3, 0.1  # [m]; of the gap before a touch [m by share]
+
+
+def swept(args: tuple[Any, ...], shares: Array) -> Array:
+    """Base, joints and tip along the motion, shape (shares, n + 1, 2)."""
+    lengths, _, a, b = (np.asarray(value, dtype=float) for value in args)
+    angle = np.cumsum(a + shares[:, None] * (b - a), axis=1)
+    links = lengths[:, None] * np.stack((np.cos(angle), np.sin(angle)), axis=2)
+    return np.concatenate((np.zeros((len(shares), 1, 2)), np.cumsum(links, axis=1)), axis=1)
+
+
+def gaps(args: tuple[Any, ...], shares: Array) -> Array:
+    """Distance of the arm to the nearest disc, shape (shares,)."""
+    at, discs = swept(args, shares)[:, :, None], np.asarray(args[1], dtype=float)
+    p, along = at[:, :-1], np.diff(at, axis=1)
+    to = discs[:, :2] - p
+    t = np.clip((to * along).sum(axis=3) / (along * along).sum(axis=3), 0.0, 1.0)
+    apart = np.linalg.norm(to - t[..., None] * along, axis=3) - discs[:, 2]
+    return np.asarray(apart.min(axis=(1, 2)))
+
+
+def fair(args: tuple[Any, ...], hit: bool) -> bool:
+    """Whether the motion is free with room to spare, or the first touch comes at a good pace."""
+    lengths, _, a, b = args
+    found, speed = gaps(args, SHARES), float(np.abs(b - a) @ np.cumsum(lengths[::-1])[::-1])
+    near = found < CLEAR + 0.5 * speed / (len(SHARES) - 1)
+    if not near.any() or not hit:
+        return not near.any() and not hit
+    first = max(int(np.argmax(near)), 1)
+    last = first + int(np.argmax(found[first:] < 0.0))
+    pace = np.diff(found[first - 1 : last + 1]) * (len(SHARES) - 1)
+    return bool(found[0] > CLEAR and found[last] < 0.0 and np.all(pace < -PACE))
+
+
+def cases(rng: np.random.Generator) -> list[Case]:
+    """One link first; then arms of up to five among posts of 1 cm and discs of 20 cm."""
+
+    def arm(label: str, n: int, hit: bool, radius: float = 0.01, level: str = "core",
+            turning: tuple[float, ...] = (), count: int = 6) -> Case:  # fmt: skip
+        while True:
+            lengths, a = rng.uniform(0.4, 1.0, n), rng.uniform(-0.5, 0.5, n)
+            a[0] = rng.uniform(-3.0, 3.0)
+            move = np.array(turning or (1.2,) * n) * rng.uniform(0.7, 1.3, n)
+            move *= rng.choice([-1.0, 1.0], n)
+            far, way = np.sqrt(rng.uniform(0.05, 1.0, count)), rng.uniform(0.0, 6.3, count)
+            spots = lengths.sum() * far * np.array([np.cos(way), np.sin(way)])
+            args = lengths, np.column_stack((spots.T, np.full(count, radius))), a, a + move
+            if fair(args, hit):
+                return Case(args, label, level)
+
+    def bent(n: int) -> Case:
+        """A stretched arm whose joints all turn one way: its tip is as fast as the bound."""
+        args = rng.uniform(0.4, 1.0, n), np.zeros((0, 3)), np.zeros(n), rng.uniform(0.7, 1.0, n)
+        post = np.array([[*swept(args, np.array([0.1]))[0, -1], 0.005]])
+        return Case((args[0], post, *args[2:]), "all joints turn one way")
+
+    whole = tuple(map(np.array, ([1, 1], [[-1, 1, 1], [1, 2, 0]], [0, 0], [2, 0])))
+    inside = arm("", 2, True).args
+    return [
+        arm("one link, in the way", 1, True, 0.2, "simple"),
+        arm("one link, free", 1, False, 0.2, "simple"),
+        arm("two links, in the way", 2, True, 0.2, "simple"),
+        *(arm("posts in the way", n, True) for n in (2, 3, 5)),
+        *(arm("posts, free", n, False) for n in (3,)),
+        *(arm("the first joint alone turns", n, True, turning=(1.5, *(0.0,) * (n - 1)))
+          for n in (4,)),
+        bent(2), bent(4),
+        arm("the last joint alone turns", 3, True, turning=(0.0, 0.0, 2.0)),
+        arm("more than a turn", 2, True, turning=(9.0, 3.0), count=1),
+        Case((inside[0], np.vstack((inside[1], [*swept(inside, SHARES)[0, 2], 0.1])), *inside[2:]),
+             "the start touches", "edge"),
+        Case((inside[0], np.zeros((0, 3)), *inside[2:]), "no disc", "edge"),
+        Case((*inside[:3], inside[2].copy()), "no motion", "edge"),
+        Case(whole, WHOLE, "edge"),
+    ]  # fmt: skip
+
+
+def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
+    """Whether the arm is free as far as it is said to be: looked at closely."""
+    said = 0.0 if off(parts[0], 0.0) > 1.0 else float(parts[0])
+    if not said > 0.0 or not len(case.args[1]):
+        return  # the comparison of the values says what is wrong with it
+    shares = np.linspace(0.0, said, 301)
+    found = gaps(case.args, shares)
+    deep, where = -float(found.min()), float(shares[found.argmin()])
+    attempt.require(
+        f"{case.label}: free as far as it is said to be",
+        deep <= 1e-6,
+        sentence=f"The motion is said to be free up to s = {said:.6g}. At s = {where:.6g} a link "
+        f"is {1000.0 * deep:.3g} mm deep in a disc.",
+        call=call,
+    )
+
+
+_REACH = "reach = np.cumsum(lengths[::-1])[::-1]"
+_SPEED = "speed = float(np.abs(move) @ reach)"
+_NEAREST = "np.clip(along, 0.0, lengths[:, None])"
+_ON = "        share += gap / speed"
+
+SLIPS = slips(
+    sampled=(_ON, "        share += 0.1\n        if share > 1.0:\n            return 1.0",
+        "gap >= speed * (1.0 - share)", "speed == 0.0",
+        "You look at some points along the motion, ten or so. What is thinner than the way between "
+        "two of them is passed."),
+    ends_only=(_ON, "        share = 1.0",
+        "Only start and end are looked at: free ends say nothing about the edge."),
+    own_link_only=(_REACH, "reach = lengths",
+        "Your bound takes each joint to move its own link only. It carries all links from there "
+        "to the tip, so its reach is the sum of their lengths."),
+    fastest_joint_only=(_SPEED, "speed = float(np.max(np.abs(move) * reach))",
+        "Only one joint counts in your bound. All turn at once, and what they move adds up."),
+    far_enough_now=("gap >= speed * (1.0 - share)", "gap >= 0.1 * speed * (1.0 - share)",
+        "The rest of the motion is called free too early: the gap must be at least as large as "
+        "what is left of the bound, speed (1 - s)."),
+    joints_only=(_NEAREST, "(along > 0.5 * lengths[:, None]) * lengths[:, None]",
+        "Only joints and tip are looked at. The links between them touch discs too."),
+    centres_for_discs=("apart - discs[:, 2]", "apart",
+        "The gap is that to the centres: take off the radius."),
+    angles_from_the_x_axis=("angle = np.cumsum(a + share * move)", "angle = a + share * move",
+        "The angles are taken from the x axis. Each is measured from the link before it."),
+    shorter_way_round=("move = np.asarray(b, dtype=float) - a",
+        "move = np.arctan2(np.sin(np.asarray(b) - a), np.cos(np.asarray(b) - a))",
+        "The motion is turned into the shorter way round. It goes from a to b as they are given."),
+)  # fmt: skip
+
+EXERCISE = Exercise(
+    judge=judge_of(cases, 1e-6, "a gap of 1e-9 m, closing at 0.1 m a motion", first=honest),
+    examples=(
+        "edge_check([1.0], [[0.0, 0.8, 0.1]], [0.0], [2.0])",
+        "edge_check([1.0, 1.0], [[0.0, 1.9, 0.01]], [0.0, 0.0], [2.0, 0.0])",
+        "edge_check([1.0, 1.0], [[0.0, 1.9, 0.01]], [0.0, 1.0], [2.0, 1.0])",
+    ),
+    picture=lambda figure, shown: paths(
+        figure,
+        shown.args[1],
+        *(
+            swept(shown.args, np.array([float(share)]))[0]
+            for share in (0.0, shown.got[0], shown.expected[0])
+        ),
+    ),
+    slips=SLIPS + value_slips("edge_check", in_part=False, whole=False),
+)

@@ -1,0 +1,9 @@
+import numpy as np
+
+
+def execute_chunks(chunks, every, rate):
+    """What is executed of a chunk policy: committed for some steps, and ensembled over time."""
+    # One whole chunk, then nothing.
+    plans = np.zeros((np.shape(chunks)[0], np.shape(chunks)[2]))
+    plans[: np.shape(chunks)[1]] = chunks[0][: len(plans)]
+    return plans, plans

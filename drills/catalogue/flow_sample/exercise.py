@@ -1,0 +1,93 @@
+"""Samples from a flow: winds, then the exact fields of mixtures, whose time and place matter."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from drills import picture
+from drills.exercise import Exercise, coarse_slips, slips, value_slips
+from drills.judge import WHOLE, Case, coarse, judge_of
+from drills.report import Shown
+
+
+def mixture(centres: Any, width: float) -> Callable[[Any, float], Any]:
+    """The field from a standard normal to equal normals about the centres, on straight lines."""
+
+    def field(x: Any, t: float) -> Any:
+        variance, middles = (1.0 - t) ** 2 + (t * width) ** 2, np.asarray(centres)[:, :, None]
+        away = np.asarray(x, dtype=float)[:, None] - t * middles
+        square = np.sum(away**2, axis=0)
+        share = np.exp(0.5 * (square.min(axis=0) - square) / variance)
+        ways = middles + (t * width**2 - (1.0 - t)) / variance * away
+        return np.sum(share / share.sum(axis=0) * ways, axis=1)
+
+    return field
+
+
+def cases(rng: np.random.Generator) -> list[Case]:
+    """Fields in one to three dimensions, and few and many steps."""
+
+    def flow(label: str, level: str = "core", *, d: int = 2, modes: int = 2, steps: int = 5,
+             n: int = 6, field: Any = None) -> Case:  # fmt: skip
+        field = field or mixture(2.0 * rng.normal(size=(d, modes)), float(rng.uniform(0.2, 0.5)))
+        return Case((field, rng.normal(size=(d, n)), steps), label, level)
+
+    def wind(x: Any, t: float) -> Any:
+        return 1.5 + 0.0 * np.asarray(x)
+
+    def rising(x: Any, t: float) -> Any:
+        return 3.0 * t**2 + 0.0 * np.asarray(x)
+
+    return [
+        flow("a steady wind", "simple", field=wind), flow("a rising wind", "simple", field=rising),
+        flow("one mode", modes=1),
+        *(flow("two modes") for _ in range(3)), flow("two modes, ten steps", steps=10),
+        flow("three modes in three dimensions", d=3, modes=3), flow("one step", "edge", steps=1),
+        flow("one sample", "edge", d=1, n=1), Case((rising, np.array([[1, -2]]), 2), WHOLE, "edge"),
+    ]  # fmt: skip
+
+
+def ends(figure: Any, shown: Shown) -> None:
+    """Where the samples end, first component over the noise it came from."""
+    axes, noise = picture.plane(figure, "noise", "sample"), np.asarray(shown.args[1])[0]
+    for (part,), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
+        axes.plot(noise, np.asarray(part)[0], **style | {"ls": "", "marker": "o"})
+    axes.legend()
+
+
+_MOVE = "x + 0.5 * h * (slope + field(x + h * slope, t + h))"
+
+SLIPS = slips(
+    time_reversed=("t = k * h", "t = 1.0 - k * h", "t + h)", "t - h)",
+        "Time runs backwards: the noise is at 0 and the samples are at 1. Diffusion models count "
+        "the other way."),
+    one_step_too_few=("range(steps)", "range(steps - 1)",
+        "One step too few: the samples stop before time 1."),
+    noise_at_the_end=("return x", "return x + h * np.random.default_rng(0).normal(size=x.shape)",
+        "Noise is added at the end. A flow draws once, at the start; then nothing is random."),
+    time_of_the_wrong_end=("slope = field(x, t)", "slope = field(x, t + h)",
+        "The first slope is taken at the time of the step's end: it belongs to its beginning."),
+    second_slope_too_early=("slope, t + h)", "slope, t)",
+        "The second slope is taken at the time where the step began. It belongs to its end."),
+    euler=(_MOVE, "x + h * slope",
+        "These are Euler's steps: the second slope is missing."),
+    both_slopes_at_one_place=("field(x + h * slope, t + h)", "field(x, t + h)",
+        "The second slope is taken where the step began, at x. It belongs where the first leads."),
+    midpoint=(_MOVE, "x + h * field(x + 0.5 * h * slope, t + 0.5 * h)",
+        "This is the midpoint rule: of second order too, but another method."),
+    sum_for_mean=("0.5 * h *", "h *",
+        "The slopes are summed: take their mean, or each step goes twice as far."),
+)  # fmt: skip
+
+EXERCISE = Exercise(
+    judge=judge_of(cases, 1e-10, "ten steps along a smooth field", told=coarse),
+    examples=(
+        "flow_sample(lambda x, t: 2.0 * t + 0.0 * np.asarray(x), [[0.0, 1.0]], 3)",
+        "flow_sample(lambda x, t: -np.asarray(x), [[1.0]], 1)",
+    ),
+    picture=ends,
+    slips=SLIPS
+    + coarse_slips("flow_sample", "The order of the method can't be seen then.")
+    + value_slips("flow_sample", in_part=False, whole=False),
+)

@@ -1,0 +1,115 @@
+"""Messages in fragments: one, a few, a picture; links from very good to very bad."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drills import picture
+from drills.exercise import Exercise, coarse_slips, slips, value_slips
+from drills.judge import Answer, Case, coarse, judge_of, off
+from drills.report import Shown
+
+Array = NDArray[np.float64]
+
+
+def cases(rng: np.random.Generator) -> list[Case]:
+    """Sizes that fill the last fragment and that don't."""
+
+    def sent(label: str, level: str = "core", *, n: float = 600.0, p: float = -3.0,
+             full: bool = False) -> Case:  # fmt: skip
+        """n and 10^p are those of the middle of the draw."""
+        payload = int(rng.choice([1344, 1472, 8192, 65000]))
+        fragments = max(round(n * rng.uniform(0.7, 1.4)), 2 if n > 1.0 else 1)
+        short = 0 if full else int(rng.integers(1, payload))
+        loss = float(10.0 ** (p + rng.uniform(-0.2, 0.2)))
+        return Case((fragments * payload - short, payload, loss), label, level)
+
+    return [
+        sent("one fragment", "simple", n=1.0, p=-1.0), sent("two", "simple", n=2.0, p=-0.7),
+        sent("a full last one", "simple", n=4.0, p=-1.0, full=True),
+        *(sent("a picture") for _ in range(2)), sent("a picture, a good link", p=-4.0),
+        sent("a picture, a bad link", p=-0.5), sent("a large picture", n=2000.0, p=-3.5),
+        *(sent("a few", n=10.0, p=-2.0) for _ in range(2)), sent("a few, full", n=8.0, full=True),
+        sent("a cable", "edge", p=-12.0), sent("a message on a cable", "edge", n=1.0, p=-13.0),
+        Case((921600, 1472, 0.0), "nothing is lost", "edge"),
+        Case((100, 1472, 0.9), "nine of ten are lost", "edge"),
+    ]  # fmt: skip
+
+
+def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
+    """1e-9 of each value."""
+    return [1e-9 * max(float(value), 1e-15) for value in truth]
+
+
+def told(answers: Sequence[Answer]) -> str:
+    """Coarse values; those wrong by what a difference of numbers near 1 leaves, and only these."""
+    wrong = [a for a in answers if not all(a.right)]
+    if all(off(part, t) < 1e-12 for a in wrong for part, t in zip(a.parts, a.truth, strict=True)):
+        return "digits_cancelled" if wrong else ""
+    return coarse(answers)
+
+
+def over_loss(figure: Any, shown: Shown) -> None:
+    """The three values, each in parts of what is right."""
+    axes = picture.plane(figure, "value: lost, rounds, sent", "in parts of the right one")
+    for values, style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
+        right = np.maximum(np.asarray(shown.expected, dtype=float), 1e-15)
+        axes.plot(np.asarray(values, dtype=float) / right, "o", **style | {"ls": "-"})
+    axes.legend()
+
+
+_COUNT = "n = -(-size // payload)"
+_LOST = "lost = -math.expm1(n * math.log1p(-loss))"
+_MORE = "rounds -= math.expm1(n * math.log1p(-missing))"
+_WHILE = "while n * missing > 1e-18 * rounds:"
+_RETURN = "return lost, rounds, n / (1.0 - loss)"
+
+SLIPS = slips(
+    one_fragment=(_COUNT, "n = 1",
+        "The message is taken for one fragment. It is whole only if each of its fragments is."),
+    rounded_down=(_COUNT, "n = max(size // payload, 1)",
+        "The short fragment at the end is forgotten: round up."),
+    one_too_many=(_COUNT, "n = size // payload + 1",
+        "A fragment too many where the last one is full."),
+    a_part_of_a_fragment=(_COUNT, "n = size / payload",
+        "Fragments are whole: the short one at the end is lost as easily as any other."),
+    proportional=(_LOST, "lost = min(n * loss, 1.0)",
+        "The probabilities of the fragments are added. That is right only while the sum is small; "
+        "multiply the probabilities that each arrives."),
+    all_must_be_lost=(_LOST, "lost = loss**n",
+        "That is the probability that every fragment is lost. One is enough."),
+    digits_cancelled=(_LOST, "lost = 1.0 - (1.0 - loss) ** n",
+        "1 - (1 - p)^n loses its digits on a good link: 1 - p has sixteen, and those of p are at "
+        "their end. -expm1(n log1p(-p)) keeps them."),
+    whole_message_again=(_WHILE, "rounds = math.exp(-n * math.log1p(-loss))\n    while False:",
+        _RETURN, "return lost, rounds, n * rounds",
+        "The whole message is sent again until it gets through at once. Only what is missing is "
+        "sent again."),
+    rounds_of_a_message=(_WHILE, "rounds = math.exp(-n * math.log1p(-loss))\n    while False:",
+        "The rounds are those of sending everything again. In the second round only what is "
+        "missing is sent, so it nearly always succeeds."),
+    rounds_of_one=(_WHILE, "rounds = 1.0 / (1.0 - loss)\n    while False:",
+        "These are the rounds of one fragment. The last one to arrive counts: the largest of n."),
+    two_rounds=(_WHILE, "rounds += lost\n    while False:",
+        "A second round is counted, and no third. Fragments that are sent again are lost as often "
+        "as at first."),
+    first_round_forgotten=("rounds, missing = 1.0, loss", "rounds, missing = 0.0, loss",
+        "Only the repetitions are counted. The first round is one, too."),
+    sent_each_round=(_RETURN, "return lost, rounds, n * rounds",
+        "All fragments are counted in every round. Only what is missing is sent again."),
+    sent_once_more=(_RETURN, "return lost, rounds, n * (1.0 + loss)",
+        "What is sent again may be lost again: n (1 + p + p^2 + ...)."),
+)  # fmt: skip
+
+EXERCISE = Exercise(
+    judge=judge_of(cases, allowed, "a sum of a few terms: rounding", told=told),
+    examples=("fragment_loss(921600, 1472, 1e-3)", "fragment_loss(100, 1472, 0.5)"),
+    picture=over_loss,
+    slips=SLIPS
+    + coarse_slips("fragment_loss", "A cable loses one in a million million.")
+    + value_slips("fragment_loss", swapped=True, whole=False),
+)

@@ -1,0 +1,112 @@
+"""The silent-bug hunt of chapter 11: scenes in which one mistake shows, then all together."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drills import picture
+from drills.exercise import Exercise, coarse_slips, slips, value_slips
+from drills.judge import WHOLE, Case, coarse, judge_of
+from drills.report import Shown
+
+Array = NDArray[np.float64]
+
+
+def cases(rng: np.random.Generator) -> list[Case]:
+    """A part on a belt: standing or moving, left alone or pushed, the camera straight or turned."""
+
+    def scene(label: str, level: str = "core", *, turn: float = 0.0, speed: float = 0.0,
+              push: float = 0.0, n: int = 20, noise: float = 1.0) -> Case:  # fmt: skip
+        c, s = np.cos(turn), np.sin(turn)
+        R, t = np.array([[c, -s], [s, c]]), rng.uniform(-0.3, 0.3, 2)
+        belt = speed * rng.normal(size=2)
+        captured = 0.1 * np.arange(n) + 0.013
+        place = rng.uniform(-0.3, 0.3, 2) + np.outer(captured, belt)
+        place[captured > 0.6] += push * np.array([0.6, -0.8])
+        # At most half of what would make it plan anew: no close calls.
+        place += 1e-3 * noise * rng.uniform(-0.7, 0.7, place.shape)
+        arrived = captured + rng.uniform(0.05, 0.09, n)
+        frames = np.column_stack((captured, arrived, (place - t) @ R))
+        args = frames, noise, np.column_stack((R, t)), belt, rng.uniform(-0.3, 0.3, 2)
+        return Case((*args, 0.05 * np.arange(50)), label, level)
+
+    whole = (np.array([[0, 1, 2, 1], [2, 3, 2, 1], [3, 4, 5, 1]]), 2, np.array([[0, -1, 1],
+             [1, 0, 2]]), np.array([1, 0]), np.array([0, 0]), np.arange(7))  # fmt: skip
+    return [
+        scene("a quiet day", "simple"), scene("one frame", "simple", n=1),
+        *(scene("a turned camera", turn=turn) for turn in (0.5, -1.6, 2.5)),
+        *(scene("a moving belt", speed=0.2) for _ in range(2)),
+        *(scene("pushed", push=push) for push in (0.04, 0.1, -0.2)),
+        scene("pushed on a belt", speed=0.1, push=0.1),
+        scene("turned and pushed", turn=1.0, push=0.1),
+        *(scene("a fine camera, pushed far", noise=0.02, push=push) for push in (0.6, -0.5)),
+        *(scene("all together", turn=turn, speed=0.1, push=0.1) for turn in (0.8, -2.0)),
+        scene("no frames", "edge", n=0),
+        Case(whole, WHOLE, "edge"),
+    ]  # fmt: skip
+
+
+def paths(figure: Any, shown: Shown) -> None:
+    """Both references from above."""
+    axes = picture.plane(figure, "x [m]", "y [m]", equal=True)
+    for (reference,), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
+        axes.plot(*np.asarray(reference, dtype=float).T, marker=".", **style)
+    axes.legend()
+
+
+_TURN = ("seen[:, 2:] @ R.T", "seen[:, 2:] @ R")
+_STAMP = ("ages = now - seen[:, :1]", "ages = now - seen[:, 1:2]")
+_UNIT = ("3.0 * 1e-3 * noise", "3.0 * noise")
+_STALE = (
+    "origin, began = told, now",
+    "began = now if began == -math.inf else began",
+    "goal = target + seconds * belt",
+    "goal = target + (began + seconds - now) * belt",
+)
+
+SLIPS = slips(
+    calibration_transposed=(*_TURN,
+        "The calibration is transposed: right below a camera that is mounted straight. Points are "
+        "rows here, so it is the transpose of R that stands behind them."),
+    stamp_of_arrival=(*_STAMP,
+        "A frame's age is counted from its arrival: right while the belt stands. It shows the part "
+        "where it was when it was captured."),
+    unit_of_noise=(*_UNIT,
+        "The noise comes in millimetres and is compared with metres: it never plans anew, which is "
+        "right while nobody touches the part."),
+    stale_reference=(*_STALE,
+        "A new plan goes on from the old one's start and clock: the reference jumps. It starts "
+        "from where the tip is told to be, now."),
+    stale_and_unit=(*_STALE, *_UNIT,
+        "Frames and stamps are right. Unit and reference are left: the one hides the other, as no "
+        "second plan is ever made."),
+    turn_and_stamp=(*_TURN, *_STAMP, "Planning is right. Perception is left: a turn, and a stamp."),
+    all_still_there=(*_TURN, *_STAMP, *_UNIT, *_STALE,
+        "All four are still there: a turn, a stamp, a unit, a reference."),
+    stale_clock=("origin, began = told, now",
+        "origin, began = told, now if began == -math.inf else began",
+        "goal = target + seconds * belt", "goal = target + (began + seconds - now) * belt",
+        "A new plan starts from the right place, with the old one's clock: it is half done when it "
+        "begins."),
+    stale_start=("origin, began = told, now",
+        "origin, began = (told if began == -math.inf else origin), now",
+        "A new plan starts at the right time from the old one's start: the reference jumps back."),
+    age_twice=(_STAMP[0], "ages = 2.0 * (now - seen[:, :1])",
+        "The age is counted twice: ahead by as much as it was behind."),
+    at_every_tick=(_UNIT[0], "-1.0",
+        "A new plan at every tick: it is always at its slow beginning, and the arm waits."),
+)  # fmt: skip
+
+EXERCISE = Exercise(
+    judge=judge_of(cases, 1e-9, "sums over fifty ticks: rounding", told=coarse),
+    examples=(
+        "reach_target([[0.0, 0.1, 0.2, 0.0]], 1.0, [[0, -1, 0.1], [1, 0, 0]], [0.1, 0.0], "
+        "[0.0, 0.0], [0.0, 0.1, 0.6, 1.1, 2.1])",
+    ),
+    picture=paths,
+    slips=SLIPS + coarse_slips("reach_target", "The next plan begins where this one was.")
+    + value_slips("reach_target", in_part=False),
+)  # fmt: skip

@@ -1,0 +1,106 @@
+"""Evaluation against the exact optimum, the bias of the first to finish, bands against SciPy."""
+
+import importlib.util
+import os
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from course.learning import Settings, band, evaluate, first_finished
+from course.oracles import sb3
+from course.vector_env import PointReachVector, VectorizedEnv
+from course.vector_env.point import PointReach, optimum, plan
+
+MODES = ("SameStep", "NextStep", "Disabled")
+
+
+def best(seen):
+    return plan(seen)[1].astype(np.float32)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_the_best_policy_gets_the_optimum_in_every_mode(mode):
+    envs = PointReachVector(60, autoreset_mode=mode)
+    starts = envs.reset(seed=7)[0]
+    got = evaluate(best, envs, 7)
+    np.testing.assert_allclose(got.returns, optimum(starts), rtol=1e-12)
+    np.testing.assert_array_equal(got.steps, plan(starts)[0])
+    assert got.success.all()
+    loop = VectorizedEnv(PointReach, 60, autoreset_mode=mode)
+    np.testing.assert_array_equal(evaluate(best, loop, 7).returns, got.returns)
+    np.testing.assert_array_equal(evaluate(best, envs, [7 + i for i in range(60)]).steps, got.steps)
+    still = evaluate(lambda seen: np.zeros((60, 2), np.float32), envs, 7, discount=1.0)
+    assert not still.success.any() and np.all(still.steps == 100) and not still.returns.any()
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_the_first_to_finish_are_the_quick_ones(mode):
+    """Goals to the left are not tried for; an episode that fails takes three times as long."""
+
+    def half(seen):
+        return np.where(seen[:, :1] > -0.3, best(seen), 0.0).astype(np.float32)
+
+    n = 200
+    true = evaluate(half, PointReachVector(n, autoreset_mode=mode), 0)
+    told = first_finished(half, PointReachVector(n, autoreset_mode=mode), n, 0)
+    assert len(told.returns) == n
+    share = true.success.mean()
+    assert 0.4 < share < 0.85
+    # In the time in which the slow ones are still going, places of quick ones are taken anew.
+    assert told.success.mean() > share + 0.1
+    # Every episode has its own steps only, not the one that resets.
+    envs = PointReachVector(8, max_steps=10, autoreset_mode=mode)
+    still = first_finished(lambda seen: np.zeros((8, 2), np.float32), envs, 40, 0)
+    assert np.all(still.steps == 10)
+
+
+def test_a_band_is_the_middle_half_and_holds_the_truth_as_often_as_it_says():
+    rng = np.random.default_rng(0)
+    table = rng.normal(size=(8, 3))
+    np.testing.assert_allclose(band(table).middle, stats.trim_mean(table, 0.25), rtol=1e-12)
+    held = 0
+    for k in range(200):
+        got = band(rng.normal(2.0, 1.0, 20), k, draws=400)
+        assert got.low <= got.middle <= got.high
+        held += int(got.low <= 2.0 <= got.high)
+    assert stats.binomtest(held, 200, 0.92).pvalue > 1e-3
+    # One stuck seed of ten moves it little.
+    stuck = np.append(np.full(9, 0.9), 0.0)
+    assert band(stuck).middle == pytest.approx(0.9)
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda envs: evaluate(lambda s: s[:, :1], envs), r"policy\(observations\).shape is"),
+        (lambda envs: evaluate(lambda s: s[:, :2] * np.nan, envs), "action of environment 0 at st"),
+        (lambda envs: evaluate(best, envs, discount=1.5), "discount is 1.5"),
+        (lambda envs: first_finished(best, envs, 0), "episodes is 0"),
+        (lambda envs: band([1.0, 2.0]), r"scores.shape is \(2,\)"),
+        (lambda envs: band([1.0, np.nan, 2.0]), r"scores\[1\] is nan"),
+    ],
+)
+def test_bad_input(call, told):
+    with pytest.raises(ValueError, match=told):
+        call(PointReachVector(3))
+
+
+def test_settings_are_those_of_the_library():
+    """The curve of Stable-Baselines3 starts where ours does and climbs as ours does."""
+    required = os.environ.get("COURSE_REQUIRE_EXTRAS") == "1"
+    if importlib.util.find_spec("stable_baselines3") is None and not required:
+        pytest.skip("PPO was NOT compared with Stable-Baselines3: pip install -e '.[sb3]'")
+    settings = Settings(rate=3e-3, epochs=5, hidden=(16, 16))
+    judge = PointReachVector(128)
+    mean = optimum(judge.reset(seed=10**6)[0]).mean()
+    envs = PointReachVector(64, "potential", autoreset_mode="SameStep")
+    curve = sb3.ppo(
+        envs, settings, lambda policy: evaluate(policy, judge, 10**6).returns.mean() / mean,
+        steps=61_440, seed=0, every=10,
+    )  # fmt: skip
+    assert curve.steps.tolist() == [20_480, 40_960, 61_440]
+    assert np.all(np.diff(curve.seconds) > 0.0)
+    assert curve.scores[0] < 0.4 and 0.5 < curve.scores[-1] <= 1.0
+    with pytest.raises(ValueError, match="shared is False"):
+        sb3.ppo(envs, Settings(shared=False), lambda policy: 0.0, steps=1, seed=0)

@@ -1,0 +1,152 @@
+"""The controller in C++ beside the same law in Python, and the common form under the sanitizer."""
+
+import os
+
+import numpy as np
+import pytest
+
+from course.middleware import controller, launch
+from course.middleware.qos import QoS
+
+REQUIRED = os.environ.get("COURSE_REQUIRE_EXTRAS") == "1" or os.environ.get("CI") == "true"
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory):
+    if controller.compiler() is None and not REQUIRED:
+        pytest.skip("the C++ controller did NOT run: there is no g++ and no clang++")
+    return controller.build(tmp_path_factory.mktemp("cpp"))
+
+
+def settings(joints: int, seed: int = 0) -> np.ndarray:
+    """Target, stiffness, damping and limit, shape (4, joints)."""
+    scale = np.array([[2.0], [50.0], [5.0], [20.0]])
+    return scale * np.random.default_rng(seed).uniform(0.1, 1.0, (4, joints))
+
+
+@pytest.mark.parametrize("joints", [1, 6, 7])
+def test_torques_are_those_of_python_and_nothing_is_allocated(program, joints: int):
+    first = settings(joints)
+    rows = np.random.default_rng(1).normal(0.0, 2.0, (100, 2 * joints))
+    done = controller.drive(program, "update", first, rows)
+    assert (done.code, done.report, all(done.good)) == (0, "", True)
+    expected = [controller.torques(row[:joints], row[joints:], *first) for row in rows]
+    assert np.abs(np.array(done.torque) - expected).max() <= 1e-15
+    assert any(np.any(np.abs(t) == first[3]) for t in expected)  # some are cut off, some are not
+    assert any(np.any(np.abs(t) < first[3]) for t in expected)
+    assert done.allocations == [0] * 100
+
+
+def test_what_is_not_a_number_goes_out_as_no_torque(program):
+    rows = [[np.nan, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, np.inf], [0.1, 0.2, 0.3, 0.4]]
+    done = controller.drive(program, "update", settings(2), rows)
+    assert done.code == 0 and done.good == [False, False, True]
+    assert done.torque[0][0] == 0.0 and done.torque[1][1] == 0.0
+    assert np.isfinite(done.torque).all() and done.torque[0][1] != 0.0
+
+
+def test_sizes_that_disagree_are_refused_when_it_is_configured(program):
+    """The driver hands over as many numbers as the first list has; so an empty arm is the way."""
+    assert controller.drive(program, "update", [[], [], [], []], []).code == 3
+
+
+def test_the_common_form_reads_beyond_its_vectors(program):
+    """Its six targets are right for six joints; not for a seventh, nor without velocities."""
+    targets, six = [[0.5] * 6], [6, *[0.1] * 6, 6, *[0.2] * 6]
+    fine = controller.drive(program, "callback", targets, [six, six])
+    assert fine.code == 0
+    expected = controller.torques([0.1] * 6, [0.2] * 6, [0.5] * 6, [20.0] * 6, [5.0] * 6, [1e9] * 6)
+    assert np.allclose(fine.torque, [expected] * 2, rtol=0, atol=1e-15)
+    assert min(fine.allocations) >= 2  # the vector, and its copy in the message
+    seven = controller.drive(program, "callback", targets, [[7, *[0.1] * 7, 7, *[0.2] * 7]])
+    assert seven.code != 0 and seven.torque == []
+    assert "heap-buffer-overflow" in seven.report
+    empty = controller.drive(program, "callback", targets, [[6, *[0.1] * 6, 0]])
+    assert empty.code != 0 and empty.torque == []
+    assert "null pointer" in empty.report or "SEGV" in empty.report
+    # It runs once a message: three messages, three commands, however much time passes.
+    assert len(controller.drive(program, "callback", targets, [six] * 3).torque) == 3
+
+
+def test_the_stub_is_short():
+    stub = controller.SOURCE.parent / "ros2_control_stub.hpp"
+    assert len(stub.read_text().splitlines()) <= 100
+
+
+# --- Launch files ---------------------------------------------------------------------------------
+
+
+def test_the_usual_file_sets_no_rate_and_no_quality_of_service():
+    found = launch.nodes(launch.USUAL)
+    assert len(found) == 5 and len({node.package for node in found}) == 5
+    assert all(launch.overrides(node.parameters) == {} for node in found)
+    # All that reaches the nodes; "rate" is a number that one of them may read.
+    named = [name for node in found for name in node.parameters]
+    assert named == ["profile", "model", "timeout_ms", "rate", "max_force"]
+    assert "best effort" in launch.USUAL and "1 kHz" in launch.USUAL  # only in comments
+
+
+def test_ours_sets_what_it_says_name_by_name():
+    found = launch.nodes(launch.OURS)
+    ends = [launch.overrides(node.parameters) for node in found]
+    picture = QoS("best_effort", depth=1)
+    poses = QoS("best_effort", depth=1, deadline=0.1)
+    status = QoS(
+        depth=1, durability="transient_local",
+        liveliness="manual_by_topic", liveliness_lease_duration=0.01,
+    )  # fmt: skip
+    assert ends == [
+        {("/camera/image", "publisher"): picture},
+        {("/camera/image", "subscription"): picture, ("/object_poses", "publisher"): poses},
+        {("/object_poses", "subscription"): poses},
+        {("/safety/status", "subscription"): status},
+        {("/safety/status", "publisher"): status},
+    ]
+    assert launch.silent(found) == {}
+    allowed = [sorted(launch.to_be_allowed(node.parameters)) for node in found]
+    late = ["durability", "liveliness", "liveliness_lease_duration"]
+    assert allowed == [[], ["deadline"], ["deadline"], late, late]
+    swapped = launch.OURS.replace(
+        '"/safety/status", "publisher", STATUS', '"/safety/status", "publisher", POSES'
+    )
+    assert launch.silent(launch.nodes(swapped)) == {
+        "/safety/status": ("reliability", "durability", "liveliness")
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("qos_overrides./a.publisher.reliable", "reliable", "parameter is 'qos_overrides./a.pub"),
+        ("qos_overrides.a.publisher.depth", 1, "parameter is 'qos_overrides.a.pub"),
+        ("qos_overrides./a.writer.depth", 1, "parameter is"),
+        ("qos_overrides./a.publisher.deadline", 0.1, "deadline is 0.1, allowed is a whole number"),
+        ("qos_overrides./a.publisher.reliability", "RELIABLE", "reliability is 'RELIABLE'"),
+        ("qos_overrides./a.subscription.depth", 0, "depth is 0"),
+    ],
+)
+def test_a_wrong_override_is_named(name: str, value, told: str):
+    with pytest.raises(ValueError, match=told):
+        launch.overrides({name: value})
+
+
+def test_a_parameter_that_was_copied_is_not_tuned():
+    parameters = launch.Parameters({"stiffness": 100.0, "never_declared": 1})
+    copied = parameters.declare("stiffness", 20.0)
+    assert (copied, parameters.declare("damping", 5.0)) == (100.0, 5.0)
+    heard = []
+    parameters.told.append(lambda name, value: heard.append((name, value)))
+    parameters.set("stiffness", 200.0)
+    assert (copied, parameters.value["stiffness"]) == (100.0, 200.0)
+    assert heard == [("stiffness", 200.0)]
+    for name, value in (("never_declared", 2), ("stiffness", "soft")):
+        with pytest.raises(ValueError, match=name):
+            parameters.set(name, value)
+
+
+@pytest.mark.parametrize("limit", [[-1.0], [np.nan]])
+def test_bad_input(limit):
+    with pytest.raises(ValueError, match=r"limit\[0\]"):
+        controller.torques([0.0], [0.0], [0.0], [1.0], [1.0], limit)
+    with pytest.raises(ValueError, match="velocity"):
+        controller.torques([0.0], [], [0.0], [1.0], [1.0], [1.0])

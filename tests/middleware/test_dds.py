@@ -1,0 +1,116 @@
+"""Quality of service on Cyclone DDS: confined to this machine, and of one mind with ours."""
+
+import importlib.util
+import os
+from collections import Counter
+
+import pytest
+
+from course.middleware import QoS, compatible
+from course.oracles import cyclonedds, qos_matrix, slow_reader
+
+pytestmark = pytest.mark.skipif(
+    importlib.util.find_spec("cyclonedds") is None
+    and os.environ.get("COURSE_REQUIRE_EXTRAS") != "1",
+    reason="nothing was run on Cyclone DDS: pip install -e '.[oracles]'",
+)
+
+
+def test_nothing_leaves_the_machine():
+    said = cyclonedds.read_back()
+    assert said["interfaces"] == "lo (index 1 priority 2 mc {})"
+    assert said["address"] == "udp/127.0.0.1"
+    assert (said["multicast"], said["peers"], said["groups"]) == ("false", "127.0.0.1", "0")
+    assert said["domain"] == str(1 + os.getpid() % 230) and said["tag"] == f"course-{os.getpid()}"
+
+
+def test_every_pair_is_judged_as_cyclone_does():
+    rows = qos_matrix.pair_rows()
+    assert [row for row in rows if not row.agree] == []
+    tally = Counter(row.policy for row in rows)
+    assert tally == {
+        "reliability": 4, "durability": 16, "liveliness": 9, "destination_order": 4,
+        "ownership": 4, "deadline": 9, "liveliness_lease_duration": 9, "several": 3,
+    }  # fmt: skip
+    silent = Counter(row.policy for row in rows if row.named)
+    assert silent == {  # one side of the diagonal; both of ownership, which has no order
+        "reliability": 1, "durability": 6, "liveliness": 3, "destination_order": 1,
+        "ownership": 2, "deadline": 3, "liveliness_lease_duration": 3, "several": 2,
+    }  # fmt: skip
+    # Only one reliability pair is silent, and its reverse is heard.
+    (lost,) = (row for row in rows if row.policy == "reliability" and row.named)
+    assert (lost.offered, lost.requested) == ("best_effort", "reliable")
+
+
+def test_an_event_names_one_policy_of_several():
+    offered = QoS("best_effort")
+    requested = QoS(durability="transient_local", deadline=0.1, ownership="exclusive")
+    (found,) = cyclonedds.verdicts([(offered, requested)])
+    assert len(compatible(offered, requested)) == 4
+    assert found == cyclonedds.Verdict(False, "reliability", "reliability", 0)
+
+
+def test_what_is_kept_is_what_cyclone_keeps():
+    rows = qos_matrix.kept_rows(samples=8)
+    assert len(rows) == 23
+    assert [row for row in rows if not row.agree] == []
+
+
+def test_a_late_joiner_gets_one_sample_until_the_durability_service_is_set():
+    kept = QoS(depth=3, durability="transient_local")
+    late = QoS(durability="transient_local")
+    found = [
+        qos_matrix.history(kept, late, 8, late=True, kept_for_late=depth)
+        for depth in (0, None, 3, 5)
+    ]
+    assert found == [[7], [5, 6, 7], [5, 6, 7], [3, 4, 5, 6, 7]]
+
+
+def test_what_time_does():
+    rows = qos_matrix.event_rows()
+    assert [row for row in rows if not row.agree] == []
+
+
+def test_missed_deadlines_are_counted_at_both_ends():
+    """floor(gap / deadline) each, as far as the machine let the gaps be what they should."""
+    for gap in (0.03, 0.07):
+        found = qos_matrix.missed(0.05, gap, 4)
+        assert found.least <= found.offered <= found.most
+        assert found.least <= found.requested <= found.most
+    assert found.least >= 4
+
+
+@pytest.mark.parametrize("reliability", ["reliable", "best_effort"])
+@pytest.mark.parametrize("depth", [1, 2, 5, 10])
+def test_a_queue_that_is_full_is_depth_less_one_periods_old(depth: int, reliability: str):
+    """Reliability changes nothing: what the depth has no room for is gone under either."""
+    found = slow_reader.queue_ages(depth, 3, 20, reliability)
+    filling = [min(2 * (turn + 1), depth - 1) for turn in range(20)]
+    assert found.ages == filling  # two more wait after each turn, until there is no room
+    kept_up = slow_reader.queue_ages(depth, 1, 20, reliability)
+    assert (kept_up.ages, kept_up.lost) == ([0] * 20, 0.0)
+    newest = slow_reader.queue_ages(depth, 3, 20, reliability, newest=True)
+    assert newest.ages == [0] * 20
+
+
+def test_a_reliable_topic_loses_what_its_depth_lets_go():
+    """Between two processes: 40 messages at once to a reader that rests after each."""
+    short = slow_reader.flood(1000, 1, 40, 0.02, "reliable")
+    long = slow_reader.flood(1000, 40, 40, 0.002, "reliable")
+    assert short.lost > 0.0 and short.received < 40
+    assert (long.received, long.lost) == (40, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("call", "told"),
+    [
+        (lambda: qos_matrix.history(QoS(), QoS(), 0), "samples is 0"),
+        (lambda: qos_matrix.missed(gaps=0), "gaps is 0"),
+        (lambda: slow_reader.queue_ages(0, 3, 1), "depth is 0"),
+        (lambda: slow_reader.flood(10, 1, 0), "messages is 0"),
+        (lambda: slow_reader.flood(10, 1, pause=-1.0), "pause is -1.0"),
+    ],
+)
+def test_bad_input(call, told):
+    with pytest.raises(ValueError, match=told):
+        call()

@@ -1,0 +1,216 @@
+"""The chain: right poses are found, wrong ones do not pass, and the covariance is what happens."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from course.perception.camera import Sensor, render, sense, shape, together
+from course.perception.pose import STANDING, apart, locate, see_through, stand_in
+from course.perception.registration import DIRECTIONS
+from course.rigid_body.quaternion import exp
+from tests.budget import examples
+from tests.perception.looks import BOX, CAMERA, CYLINDER, SENSOR, SPHERE, error, on_table
+
+HEIGHT = {"box": 0.03, "cylinder": 0.05, "sphere": 0.04}
+SMALL = shape("box", 0.03, 0.02, 0.02)
+
+
+def picture(shapes, rng, sensor=SENSOR):
+    return sense(render(shapes, CAMERA)[0], CAMERA, sensor, rng)
+
+
+def turned(pose, *rotvec):
+    moved = shape("sphere", 1.0, pose=(0, 0, 0, *exp(np.array(rotvec)))).moved(pose)
+    return moved.poses[:, 0]
+
+
+@pytest.mark.parametrize(
+    "part", [BOX, CYLINDER, SPHERE, SMALL], ids=["box", "can", "ball", "small"]
+)
+def test_parts_are_found_and_the_covariance_holds(part):
+    rng = np.random.default_rng(1)
+    squares, number, known = 0.0, 0, 0
+    for _ in range(25):
+        height = 0.02 if part is SMALL else HEIGHT[part.kinds[0]]
+        at = (*rng.uniform(-0.15, 0.15, 2) * (1.0, 0.6), height, rng.uniform(-3.0, 3.0))
+        shapes, (pose,) = on_table([(part, *at)])
+        (found,) = locate(picture(shapes, rng), CAMERA, SENSOR, part)
+        blind = bool({"x", "y"} & set(found.unobserved))  # a side that no ray met
+        assert found.status == ("ambiguous" if blind else "found")
+        assert found.see_through < 0.05 and found.agrees > 0.9
+        known += not blind
+        seen = np.isfinite(np.diag(found.covariance))
+        shift, angle = apart(part, pose, found.pose)
+        assert shift < 3e-3 and angle < np.radians(2.0)
+        # In the frame of the found one, so that a symmetric answer counts as the same.
+        near = [turned(pose, 0, 0, k * np.pi / 2) for k in range(4)]
+        truth = min(near, key=lambda p: np.abs(error(found.R, found.p, p)[3:]).max())
+        if part is not CYLINDER and part is not SPHERE:
+            e = error(found.R, found.p, truth)[seen]
+            squares += e @ np.linalg.solve(found.covariance[np.ix_(seen, seen)], e)
+            number += seen.sum()
+    assert known == 25 if not number else known > 12 and 0.5 < squares / number < 1.5
+
+
+def test_anyhow_in_space():
+    rng = np.random.default_rng(2)
+    for k in range(4):
+        shapes, (pose,) = on_table([(BOX, 0.0, 0.0, 0.09, 0.4 + k)], roll=0.3)
+        (found, *_) = locate(picture(shapes, rng), CAMERA, SENSOR, BOX, standing=False)
+        shift, angle = apart(BOX, pose, found.pose)
+        assert found.status == ("ambiguous" if k == 3 else "found")  # there x is not seen
+        assert shift < 1e-3 and angle < np.radians(0.5)
+
+
+def test_see_through_refutes_what_a_residual_does_not():
+    rng = np.random.default_rng(3)
+    for yaw in rng.uniform(-3.0, 3.0, 10):
+        shapes, (pose,) = on_table([(BOX, 0.0, 0.0, 0.03, yaw)])
+        depth = picture(shapes, rng)
+        wrong = turned(pose, 0.0, 0.0, 0.5 * np.pi)
+        assert see_through(depth, CAMERA, SENSOR, BOX.moved(pose)) < 0.012
+        assert see_through(depth, CAMERA, SENSOR, BOX.moved(wrong)) > 0.26
+        away = shape("sphere", 0.01, pose=(0, 0, -1.0, 1, 0, 0, 0))
+        assert see_through(depth, CAMERA, SENSOR, away) == 1.0
+
+
+def test_half_out_of_the_picture_is_not_found():
+    """Every point matched, the residual of a right pose, and up to 90 degrees off: it says cut."""
+    rng = np.random.default_rng(4)
+    worst = 0.0
+    for yaw in (0.4, 1.2, 2.0, 2.8):
+        shapes, (pose,) = on_table([(BOX, 0.45, 0.0, 0.03, yaw)])
+        for found in locate(picture(shapes, rng), CAMERA, SENSOR, BOX):
+            assert found.status in ("cut", "refuted") and found.matched > 0.95
+            assert found.residual < 1.5e-3
+            worst = max(worst, apart(BOX, pose, found.pose)[0])
+    assert worst > 0.02
+
+
+@pytest.mark.parametrize("starts", [1, 4])
+def test_a_nearly_square_box_is_not_found_a_quarter_turn_off(starts):
+    """The residual of the turned one is as good: with few starts it was found, half of the time."""
+    rng = np.random.default_rng(9)
+    statuses = set()
+    for side in (0.0499, 0.0499, 0.0475, 0.046):
+        part = shape("box", 0.05, side, 0.03)
+        shapes, (pose,) = on_table([(part, 0.0, 0.0, 0.03, rng.uniform(-3.0, 3.0))])
+        (found,) = locate(picture(shapes, rng), CAMERA, SENSOR, part, starts=starts)
+        right = apart(part, pose, found.pose)[1] < np.radians(2.0)
+        assert found.status == "ambiguous" or (found.status == "found" and right)
+        statuses.add(found.status)
+    assert statuses == {"found", "ambiguous"}
+
+
+def test_another_part_is_refuted_and_a_table_is_empty():
+    rng = np.random.default_rng(5)
+    cube = shape("box", 0.03, 0.03, 0.03)
+    shapes, (pose, _) = on_table([(BOX, -0.12, 0.0, 0.03, 1.2), (cube, 0.15, 0.0, 0.03, 0.3)])
+    first, second = locate(picture(shapes, rng), CAMERA, SENSOR, BOX)
+    assert first.status == "found" and apart(BOX, pose, first.pose)[0] < 1e-3
+    assert second.status == "refuted" and second.see_through > 0.3
+    assert locate(picture(on_table([])[0], rng), CAMERA, SENSOR, BOX) == []
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_neighbour_that_touches_is_shut_out(side):
+    """The ends of the box are not seen, and the estimate says so instead of a small number."""
+    rng = np.random.default_rng(6)
+    cube = shape("box", 0.03, 0.03, 0.05)
+    shapes, (pose, _) = on_table([(BOX, 0.0, 0.0, 0.03, 0.0), (cube, 0.0, 0.081 * side, 0.05, 0.0)])
+    found = locate(picture(shapes, rng), CAMERA, SENSOR, BOX)[0]
+    e, C = error(found.R, found.p, pose), found.covariance
+    seen = np.isfinite(np.diag(C))
+    assert found.status == "ambiguous" and found.unobserved == ("x",)
+    assert np.all(np.abs(e[seen]) < 5.0 * np.sqrt(np.diag(C)[seen]) + 1e-4)
+
+
+@pytest.mark.parametrize("other", [BOX, shape("box", 0.12, 0.075, 0.03)], ids=["twin", "larger"])
+def test_a_part_within_a_block_is_not_found(other):
+    """Nothing is looked through and all of the pose agrees; what it leaves over tells."""
+    rng, worst = np.random.default_rng(10), 0.0
+    for yaw in rng.uniform(-3.0, 3.0, 6):
+        twin = (BOX, 0.1 * np.sin(yaw), -0.1 * np.cos(yaw), 0.03, yaw)
+        there = [twin, (other, 0.0, 0.0, 0.03, yaw)] if other is BOX else [(other, *twin[1:])]
+        shapes, poses = on_table(there)
+        for found in locate(picture(shapes, rng), CAMERA, SENSOR, BOX):
+            assert found.status in ("ambiguous", "refuted") and found.agrees < 0.9
+            worst = max(worst, min(apart(BOX, p, found.pose)[0] for p in poses) * found.agrees)
+    assert worst > 5e-3
+
+
+def test_a_wrong_scale_is_seen_by_no_test_inside():
+    rng = np.random.default_rng(7)
+    shapes, (pose,) = on_table([(BOX, 0.0, 0.0, 0.03, 0.6)])
+    (found,) = locate(1.01 * picture(shapes, rng), CAMERA, SENSOR, BOX)
+    assert found.status == "found" and found.see_through < 0.012
+    assert apart(BOX, pose, found.pose)[0] > 5e-3 > 50.0 * np.sqrt(found.covariance[0, 0])
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([BOX, CYLINDER, SPHERE, shape("box", 1, 1, 2)]))
+@examples(20)
+def test_symmetric_poses_are_no_distance_apart(seed, part):
+    rng = np.random.default_rng(seed)
+    pose = np.concatenate((rng.standard_normal(3), exp(rng.standard_normal(3))))
+    same = {"box": (0, 0, np.pi), "cylinder": (0, 0, 0.7), "sphere": (1, 2, 0.3)}[part.kinds[0]]
+    assert apart(part, pose, turned(pose, *same))[1] < 1e-7
+    assert apart(part, pose, turned(pose, np.pi, 0.0, 0.0))[1] < 1e-7
+    quarter = apart(part, pose, turned(pose, 0, 0, 0.5 * np.pi))[1]
+    assert abs(quarter - (0.5 * np.pi if part is BOX else 0.0)) < 1e-7
+    tilt = apart(part, pose, turned(pose, 0.2, 0, 0))[1]
+    assert abs(tilt - (0.0 if part is SPHERE else 0.2)) < 1e-7
+    several = together([part, part])
+    assert abs(apart(several, pose, turned(pose, 0, 0, 3.0))[1] - 3.0) < 1e-7
+
+
+@pytest.mark.parametrize("window", [1, 3])
+def test_the_stand_in_is_the_chain(window):
+    """Spread of the whole chain over its prediction from one exact picture, without noise."""
+    rng = np.random.default_rng(8)
+    sensor = Sensor(baseline=0.075, noise=0.05, window=window)
+    shapes, (pose,) = on_table([(BOX, 0.0, 0.0, 0.03, 0.6)])
+    bias, C = stand_in(CAMERA, sensor, BOX, pose[:, None])
+    assert np.abs(bias).max() < 1e-6
+    errors = []
+    for _ in range(30):
+        (found,) = locate(picture(shapes, rng, sensor), CAMERA, sensor, BOX)
+        truth = min(
+            (pose, turned(pose, 0, 0, np.pi)), key=lambda p: error(found.R, found.p, p)[5] ** 2
+        )
+        errors.append(error(found.R, found.p, truth))
+    moving = [DIRECTIONS.index(name) for name in STANDING]
+    flip = np.abs(errors)[:, moving]
+    ratio = np.sqrt(np.mean(flip**2, axis=0) / np.diag(C[:, :, 0])[moving])
+    assert 0.6 < ratio.min() and ratio.max() < 1.4
+
+
+def test_a_coarse_step_is_a_bias_that_noise_cures():
+    _, (pose,) = on_table([(BOX, 0.0, 0.0, 0.03, 0.6)])
+    moved = []
+    for noise in (0.0, 0.1, 0.4):
+        sensor = Sensor(baseline=0.075, noise=noise, step=0.5)
+        bias, _ = stand_in(CAMERA, sensor, BOX, pose[:, None], standing=False)
+        moved.append(np.abs(bias[:3]).max())
+    assert moved[0] > 1e-4 and moved[1] < 0.6 * moved[0] and moved[2] < 1e-5 * moved[0]
+    behind = pose * np.array([1, 1, -1, 1, 1, 1, 1])
+    _, C = stand_in(CAMERA, SENSOR, BOX, behind[:, None])
+    assert np.isinf(np.diag(C[:, :, 0])[[0, 1, 5]]).all()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"depth": np.ones((3, 3))}, "shape"),
+        ({"depth": np.full((240, 320), 800.0)}, "millimetres"),
+        ({"depth": np.zeros((240, 320))}, "at least one measurement"),
+        ({"depth": np.full((240, 320), -1.0)}, "depth"),
+        ({"part": shape("plane")}, "no plane"),
+        ({"table": (0.0, 0.0, 2.0, 1.0)}, "unit length"),
+        ({"starts": 0}, "starts"),
+    ],
+)
+def test_bad_input_is_named(change, words):
+    given = {"depth": np.ones((240, 320)), "camera": CAMERA, "sensor": SENSOR, "part": BOX}
+    with pytest.raises(ValueError, match=words):
+        locate(**(given | change))

@@ -1,0 +1,53 @@
+"""What the charts of poses show, on smaller sizes."""
+
+import numpy as np
+
+from course import charts
+from course.charts.perception import left_out
+
+
+def test_a_prism_comes_home_from_half_its_period():
+    home, steps = charts.build("icp_basin", turns=15, points=300)
+    for n in (3, 4, 6):
+        series = home[f"{n} sides"]
+        x, end = np.array(series.x), np.abs(series.y)
+        assert np.all(end[x < 0.85 * 180 / n] < 3.0)
+        assert np.all(np.abs(end[x > 1.15 * 180 / n] - 360 / n) < 3.0)
+    assert np.median(steps["points"].y) > 3.0 * np.median(steps["planes"].y)
+
+
+def test_closest_points_are_sure_and_rays_are_honest():
+    panel, shared = charts.build("pose_covariance", runs=20)
+    assert np.abs(np.array(panel["along the rays"].y) - 1.0).max() < 0.5
+    assert max(panel["closest points"].y) > 10.0
+    assert np.all(np.diff(shared["six directions"].y) > 0.5)
+
+
+def test_a_residual_does_not_tell_what_see_through_tells():
+    residual, through = charts.build("silently_wrong", turns=4)
+    assert max(residual["cut off"].y) < 1.5 * max(residual["right"].y)
+    assert max(residual["cut off"].x) > 0.02
+    assert max(through["right"].y) < 0.012 and min(through["quarter turn"].y) > 0.2
+    assert min(through["scale 1 % off"].x) > 5e-3 and max(through["scale 1 % off"].y) < 0.012
+
+
+def test_averages_lag_and_predictions_say_their_error():
+    mean, late = charts.build("tracking", runs=200)
+    for series in mean.series:
+        assert np.abs(np.array(series.y) / series.expected - 1.0).max() < 0.25
+    assert late["last picture"].y[-1] > 3.0 * late["predicted"].y[-1]
+    ratio = np.array(late["predicted"].y) / np.array(late["its own word"].y)
+    assert np.all((ratio > 0.3) & (ratio < 1.3))
+
+
+def test_what_a_picture_leaves_out_is_below_what_the_gripper_needs(monkeypatch):
+    known = left_out.known_part()
+    assert known.check() == []
+    assert all(effect.measured() > 0.0 for effect in known.left_out)
+    scene = left_out.scene(left_out.YAWS[1], left_out.ASIDE[1])
+    for none in ("DISTORTED", "SPEED", "DAZZLED"):
+        monkeypatch.setattr(left_out, none, 0.0)
+    for look in (left_out.through_a_lens, left_out.moving, left_out.dazzled):
+        assert np.allclose(look(scene, 1), left_out.plain(scene, 1), atol=1e-12), look.__name__
+    monkeypatch.setattr(left_out, "DISTORTED", 40.0)  # nobody has calibrated it
+    assert left_out.change(left_out.through_a_lens) > known.tolerance.value

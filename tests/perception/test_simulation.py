@@ -1,0 +1,113 @@
+"""Chapter 7's simulation: what each preset says is so, measured against the scene's truth."""
+
+import math
+
+import numpy as np
+import pytest
+
+from course.perception import render
+from course.simulations import perception as table
+from course.simulations.model import Experiment
+
+MODEL, LOST, CLUSTERS, OFF = table.MODEL, table.LOST, table.CLUSTERS, table.OFF
+SHIFT, TURN, SHIFT_SIGMA, TURN_SIGMA, THROUGH, TRUST = range(6)
+
+
+def seen(preset, **values):
+    """The counts, and what is said of each part: its status, and the row of numbers."""
+    experiment = Experiment(MODEL)
+    experiment.choose(preset)
+    if values:
+        experiment.set(**values)
+    found = experiment.state["found"][experiment.controls["pieces"][:, 0] > 0]
+    return (
+        experiment.state["told"],
+        [(*table.STATUS, "lost")[int(row[TRUST])] for row in found],
+        found,
+    )
+
+
+@pytest.mark.parametrize(("clusters", "plane"), [(0, 0), (1, 1)])
+def test_clean_is_right_and_knows_how_right(clusters, plane):
+    told, status, found = seen("Clean", clusters=clusters, plane=plane)
+    assert told[CLUSTERS] == 3 and status == ["found"] * 3
+    assert abs(told[OFF]) < 3e-4 and found[:, THROUGH].max() < 0.02
+    assert found[0, SHIFT] < min(5e-4, 4.0 * found[0, SHIFT_SIGMA])
+    assert found[0, TURN] < 4.0 * found[0, TURN_SIGMA] < math.radians(1.0)
+
+
+def test_points_are_of_what_they_are_said_to_be():
+    """The kinds of the points against what the exact picture shows there."""
+    experiment = Experiment(MODEL)
+    state, controls = experiment.state, experiment.controls
+    shapes, _, _, pose = table.scene(controls["pieces"], controls["distance"])
+    ids = render(shapes, table.CAMERA)[1]
+    n = int(state["told"][table.VOXELS])
+    points = pose[:3, None] + table.to_matrix(pose[3:]) @ state["points"][:, :n]
+    u, v = np.rint(table.CAMERA.project(points)).astype(int)
+    truth, kinds = ids[v.clip(0, 119), u.clip(0, 159)], state["kinds"][:n]
+    assert np.mean(truth[kinds == table.PLANE] == 0) > 0.98 and np.sum(kinds >= 0) > 600
+    for k in range(3):
+        assert np.bincount(truth[kinds == k]).max() > 0.98 * np.sum(kinds == k)
+
+
+def test_each_preset_shows_what_its_name_says():
+    told, status, _ = seen("Small parts lost")
+    assert status == ["lost"] * 3 + ["found"] * 2 and told[CLUSTERS] == 2
+    assert "lost" not in seen("Small parts lost", tolerance=4.0, least=12)[1]
+    assert seen("Table in clusters")[0][CLUSTERS] > 15 > 3 == seen("Clean")[0][CLUSTERS]
+    assert seen("Table in clusters", tolerance=8.0)[0][CLUSTERS] == 3
+    told, status, found = seen("Touching")
+    assert told[CLUSTERS] == 1 and status == ["ambiguous"] * 2 and found[0, THROUGH] < 0.01
+    assert found[0, SHIFT] > 0.03 and found[0, SHIFT_SIGMA] < 0.0  # and it says: not seen
+    _, status, found = seen("Cut off")
+    assert status == ["cut", "found"] and found[0, THROUGH] < 0.01
+    assert found[0, SHIFT] > 0.02 and found[0, TURN] > math.radians(80.0)
+    found = seen("Symmetric part")[2]
+    assert found[0, TURN_SIGMA] < 0.0 < found[1, TURN_SIGMA] and found[0, SHIFT] < 5e-4
+    told, status, _ = seen("Two planes")
+    assert 8e-3 < abs(told[OFF]) < 20e-3 and status[0] == "refuted"
+    told, status, found = seen("Two planes", tolerance=4.0)
+    assert abs(told[OFF]) < 1e-3 and found[0, SHIFT] < 1e-3  # of one end nothing is seen
+    assert status[0] == "ambiguous" and found[0, SHIFT_SIGMA] < 0.0
+    assert abs(seen("Two planes", tolerance=4.0, plane=1)[0][OFF]) > 8e-3
+    _, status, found = seen("Scale error")
+    assert status == ["found"] * 3 and found[:, THROUGH].max() < 0.02
+    assert 6e-3 < found[0, SHIFT] < 10e-3 and found[0, SHIFT] > 50.0 * found[0, SHIFT_SIGMA]
+
+
+def at(x, y):
+    """A place of the table [m] in units of the window."""
+    left, right, low, high = table._SCENE
+    a, b, c, d = table._VIEW
+    return left + (x - a) * (right - left) / (b - a), low + (y - c) * (high - low) / (d - c)
+
+
+def test_parts_are_dragged_turned_and_added():
+    now = Experiment(MODEL)
+    now.grab(*at(-0.08, 0.02))
+    now.drag(*at(-0.1, 0.05))
+    np.testing.assert_allclose(now.controls["pieces"][0, 4:], [-0.1, 0.05, 0.5], atol=1e-9)
+    now.grab(*at(-0.1 + 0.062 * math.cos(0.5), 0.05 + 0.062 * math.sin(0.5)))  # its knob
+    now.drag(*at(-0.1, 0.2))
+    for key in ("+", "ArrowRight", "ArrowUp", "-", "-"):
+        now.press(key)
+    assert now.controls["pieces"][0, 4:] == pytest.approx(
+        [-0.095, 0.055, 0.5 * math.pi - math.radians(5.0)]
+    )
+    assert now.state["found"][0, SHIFT] < 1e-3 and now.state["found"][0, TRUST] == 0
+    now.grab(*at(-0.1, -0.08))
+    now.drag(*at(-0.09, -0.1))
+    assert now.controls["pick"] == 3 and now.controls["pieces"][3, 3] == 0.003
+    assert now.state["found"][3, TRUST] == LOST
+    now.set(tolerance=4.0)
+    assert now.state["found"][3, TRUST] < 2 and now.state["found"][3, SHIFT] < 1e-3
+
+
+def test_milliseconds_are_in_the_panel_and_nowhere_else():
+    panel = table.simulation("Touching")
+    assert panel.controls["pieces"][1, 4] == 0.051
+    assert " ms" in panel.aside.value and " ms" not in repr(panel)
+    panel.close()
+    with pytest.raises(ValueError, match="preset"):
+        table.simulation("no such")

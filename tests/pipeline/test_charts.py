@@ -1,0 +1,91 @@
+"""What the charts of chapter 11 say is in what they measured: their stored series are read."""
+
+import numpy as np
+
+from course import charts
+from course.pipeline import theory
+from course.pipeline.blame import FAULTS
+
+
+def test_means_add_up_and_where_they_cancel_the_first_repair_hurts():
+    vectors, every, owned, cancel = charts.stored("error_budget")
+    tip = [vectors["move"].x[-1], vectors["move"].y[-1]]
+    whole = [vectors["together"].x[0], vectors["together"].y[0]]
+    assert np.hypot(*np.subtract(tip, whole)) < 1.0
+    for series in every.series:
+        np.testing.assert_allclose(series.y, series.x, rtol=0.12, atol=0.1)
+    assert owned["perceive"].low[1] > owned["age"].high[1]
+    assert owned["control"].y[2] < 0.0 < owned["control"].low[1]
+    (rms,) = (series.x for series in cancel.series)
+    assert 3.0 * rms[0] < min(rms[1:3]) and rms[3] < 0.05
+
+
+def test_every_library_is_within_the_paired_band():
+    for panel in charts.stored("swap_matrix")[:2]:
+        assert len(panel.series) == 6
+        for series in panel.series:
+            assert series.low[0] <= 0.0 <= series.high[0] or abs(series.x[0]) < 1e-3, series.label
+
+
+def test_pictures_and_their_two_numbers_end_alike():
+    measured, stated = charts.stored("two_numbers")
+    for way in ("along", "across"):
+        np.testing.assert_allclose(measured[way].y, measured[way].x, atol=0.2)
+        widths = [np.ptp(stated[way].x), np.ptp(stated[way].y)]
+        assert widths[0] > 1.3 * widths[1]
+
+
+def test_the_arms_own_limit_is_that_of_theory_and_energy_tells_before_the_tip():
+    _, limits, worked, energy = charts.stored("step_map")
+    for series in limits.series:
+        assert len(series.y) == 5 and np.all(np.diff(series.y) < 0.0)
+    small = charts.build("step_map", points=3, tested=2, seeds=1)[1]
+    for series in small.series:
+        np.testing.assert_allclose(series.y, series.expected, rtol=0.005)
+    for series in energy.series:
+        won, x = np.array(series.y), np.array(series.x)
+        assert won[x < 0.95].max() < 1e-4 and won[x > 1.2].min() > 0.003
+        assert np.array(worked[series.label].y)[(x > 1.0) & (x < 1.5)].min() > 0.8
+
+
+def test_the_gain_of_looking_again():
+    small = charts.build("look_and_move", most=8, chains=100, looks=600)
+    measured = np.array(small[0]["measured"].y)
+    np.testing.assert_allclose(measured, [theory.look_limit(k) for k in range(9)], rtol=2e-3)
+    for series in small[1].series:
+        np.testing.assert_allclose(series.y, series.expected, rtol=0.12)
+
+
+def test_contracts_first_are_right_more_often_and_need_fewer_replays():
+    named, replays, *_ = charts.stored("whose_fault")
+    assert [str(name) for name in named["contracts first"].y] == [f.name for f in FAULTS]
+    assert np.mean(named["contracts first"].x) > 0.95 > 0.6 > np.mean(named["last error"].x)
+    assert np.mean(replays["contracts first"].x) < 0.7 * np.mean(replays["replays only"].x)
+
+
+def test_what_a_filter_and_a_step_of_the_planner_do():
+    success, plans, _, late = charts.stored("noise_and_filter")
+    at = list(success["with the filter"].x).index(50.0)
+    assert success["with the filter"].low[at] > 0.8 > 0.3 > success["without"].y[at]
+    assert plans["without"].y[at] > 30.0 * plans["with the filter"].y[at]
+    dear, cheap = late["20 us"], late["1 us"]
+    assert dear.y[-1] > dear.y[0] and max(cheap.high) < max(dear.high)
+
+
+def test_the_narrow_proposal_deceives_and_the_wide_one_does_not():
+    ranks, price, alarm, width = charts.build("rare_failure", repeats=40, plainly=5)
+    off = {name: np.array(alarm[name].x) for name in ("narrow proposal", "width kept")}
+    assert np.mean(off["narrow proposal"] < -3.0) > 0.05 > np.mean(off["width kept"] < -3.0)
+    assert price["narrow proposal, true"].y[0] > 2.0 * price["narrow proposal, stated"].y[0]
+    assert price["width kept, true"].y[0] < 1.5 * price["width kept, stated"].y[0]
+    assert np.array(width["narrow proposal"].x).min() < 0.9 and len(ranks.series) == 2
+
+
+def test_both_physics_meet_and_ours_is_faster():
+    motion, seen, times = charts.stored("pipeline_speed")
+    for series in motion.series:
+        assert np.all(np.diff(series.y) < 0.0)
+    assert 10.0 * motion["ours"].x[2] < motion["MuJoCo"].x[2]
+    assert max(seen["our camera"].y[-1], seen["MuJoCo's rays"].y[-1]) < 20.0
+    (bars,) = times.series
+    assert bars.x[0] > 100.0

@@ -1,0 +1,100 @@
+"""Chapter 11's simulation: what each preset says is so, and a target that is moved."""
+
+import numpy as np
+import pytest
+
+from course import pipeline as chapter
+from course.pipeline.run import tip_of
+from course.simulations import pipeline as whole
+from course.simulations.model import Experiment
+
+
+def seen(preset, **values):
+    experiment = Experiment(whole.MODEL)
+    experiment.choose(preset)
+    if values:
+        experiment.set(**values)
+    return experiment, experiment.state["told"]
+
+
+def distance(experiment):
+    """From tip to target at the end, by what is drawn [m]."""
+    state = experiment.state
+    return float(np.hypot(*(tip_of(whole.ARM, state["q"]) - state["target"])[:, -1]))
+
+
+def test_the_arrows_and_the_rate_are_those_of_the_chapter():
+    experiment, told = seen("All stages")
+    scenario, settings = whole.asked(tuple(experiment.state["values"].tolist()))
+    seed = whole.SEED
+    record = chapter.run(scenario, settings, seed=seed)
+    assert distance(experiment) == pytest.approx(record.distance, abs=1e-12)
+    for k, stage in enumerate(chapter.STAGES):
+        mended = chapter.run(scenario, chapter.repair(settings, stage), seed=seed)
+        arrow = told[whole.PARTS + 2 * k : whole.PARTS + 2 * k + 2]
+        assert arrow == pytest.approx(record.error - mended.error, abs=1e-12)
+    # Its band holds the share of other seeds.
+    others = chapter.many(scenario, settings, range(100, 150))
+    assert told[whole.LOW] <= np.mean(chapter.successes(others)) <= told[whole.HIGH]
+
+
+@pytest.mark.parametrize(
+    ("preset", "broken", "cure"),
+    [
+        ("All stages", "none", None),
+        ("Noise, no filter", "its path takes longer than there is time", "perceive"),
+        ("Planner step to minimum", "no path", None),
+        ("Stale camera", "pictures are older than was agreed", "age"),
+        ("All to extremes", "it is less exact than was agreed", None),
+    ],
+)
+def test_what_each_preset_breaks_first_and_what_cures_it(preset, broken, cure):
+    _, told = seen(preset)
+    assert whole.CONTRACTS[int(told[whole.BROKEN])] == broken
+    assert (told[whole.ENDED] == 0.0) == (preset == "All stages")
+    assert told[whole.CURED] == (0 if cure is None else 1 + chapter.STAGES.index(cure))
+    assert told[whole.SHARE] == 1.0 if preset == "All stages" else told[whole.LOW] < 0.1
+
+
+def test_what_the_notes_say():
+    first, told = seen("Cancelling errors")
+    parts = told[whole.PARTS :].reshape(-1, 2)
+    assert distance(first) < 0.5 * np.hypot(*parts[[0, 3]].T).min()
+    assert distance(seen("Cancelling errors", mended=1)[0]) > 3.0 * distance(first)
+    plain, ringing = (seen(p)[0] for p in ("All stages", "Kp high, Kd zero"))
+    late = slice(300, None)  # the last second, when the reference stands
+    swing = [np.ptp(e.state["q"][0, late]) for e in (plain, ringing)]
+    assert swing[1] > 3.0 * swing[0]
+    beyond, told = seen("Physics step to maximum")
+    assert told[whole.LIMIT] < 1e-3 * beyond.controls["dt"] and told[whole.GAINED] > 0.05
+    assert seen("Physics step to maximum", dt=5.0)[1][whole.GAINED] < 1e-3
+    stiffer = seen("Physics step to maximum", kd=16.0)[1]
+    assert stiffer[whole.LIMIT] < told[whole.LIMIT]
+    filtered = seen("Noise, no filter", filtered=True)[1]
+    assert filtered[whole.SHARE] > 0.8
+
+
+def test_a_target_that_is_moved_changes_nothing_that_was():
+    experiment, _ = seen("All stages")
+    before = experiment.state["q"].copy()
+    experiment.advance(0.5)
+    experiment.drag(2.5, 3.7)
+    state, now = experiment.state, 120
+    assert np.array_equal(state["q"][:, : now + 1], before[:, : now + 1])
+    assert not np.allclose(state["q"][:, -1], before[:, -1])
+    assert np.ptp(state["target"][:, now:], axis=1) == pytest.approx([0.0, 0.0], abs=1e-12)
+    jump = np.hypot(*(state["target"][:, now] - state["target"][:, now - 1]))
+    assert distance(experiment) < 0.5 * jump  # the filter believes in slow targets
+    experiment.advance(whole.SECONDS + whole.PAUSE)
+    assert np.array_equal(state["q"], before)
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0), (-9.0, 9.0), (9.0, 0.5)])
+def test_any_place_of_the_pointer_is_one_that_the_arm_reaches(place):
+    experiment, _ = seen("All stages")
+    experiment.advance(1.0)
+    experiment.drag(*place)
+    target = experiment.state["target"][:, -1]
+    assert np.isfinite(experiment.state["q"]).all()
+    assert whole.NEAREST - 1e-9 <= np.hypot(*target) <= whole.FARTHEST + 0.2
+    assert all(np.hypot(*(target - disc[:2])) > disc[2] for disc in np.array(whole.DISCS))

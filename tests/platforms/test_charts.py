@@ -1,0 +1,119 @@
+"""What the charts of chapter 3 say: sentences hold for their rows, laws for small runs."""
+
+import math
+
+import numpy as np
+import pytest
+
+from course import charts
+from course.charts.platforms import smooth, table
+from course.platforms import AS_SHIPPED, FAIR, theory
+from course.platforms.models import MODELS, VERDICTS
+
+ROWS = table.stored_rows()
+
+
+def changed(rows, factor: float, *names: str):
+    """The rows with the errors of some engines as shipped or fair (or both) multiplied."""
+    return [[*r[:4], r[4] * (factor if {r[1], r[2]} & {*names} else 1.0), *r[5:]] for r in rows]
+
+
+@pytest.mark.parametrize("sentence", table.SENTENCES)
+def test_every_sentence_of_the_table_holds(sentence: str) -> None:
+    assert table.SENTENCES[sentence](ROWS)
+    assert sentence in charts.read("platforms_table")
+
+
+def test_a_sentence_fails_on_another_table() -> None:
+    """Errors, costs and verdicts handed on by some rows break every one of them."""
+    for holds in table.SENTENCES.values():
+        shifts = [[*ROWS[k:], *ROWS[:k]] for k in (1, 3, 7, 22)]
+        moved = [[[*r[:4], *o[4:]] for r, o in zip(ROWS, rows, strict=True)] for rows in shifts]
+        assert not all(holds(rows) for rows in moved)
+    first, second = list(table.SENTENCES.values())[:2]
+    assert not first(changed(ROWS, 1.03, "Drake")) and first(changed(ROWS, 1.01, "Drake"))
+    assert not second(changed(ROWS, 1.01, "as shipped"))
+
+
+def test_the_table_is_complete_and_its_verdicts_follow_from_its_errors() -> None:
+    for name in table.TABLE:
+        fair, shipped = (table.errors(ROWS, name, s) for s in ("fair", "as shipped"))
+        assert list(fair) == list(table.ENGINES) and list(shipped) == list(table.ENGINES[1:])
+    for row in ROWS:
+        assert (row[8] == "good") == (row[4] <= row[6])
+    assert all(table.costs(ROWS, name)["MuJoCo"] == 1.0 for name in table.TABLE)
+
+
+def test_a_small_table_is_measured_as_the_stored_one() -> None:
+    found = charts.build("platforms_table", scenes=("tumble",))[0].data["rows"]
+    for engine in list(smooth.here().values())[1:]:
+        for settings in (FAIR, AS_SHIPPED):
+            found.append(table._row(engine, "brake", table.TABLE["brake"](), settings, 1e-3))
+    for row in found:
+        (same,) = (r for r in ROWS if r[:3] == row[:3])
+        assert row[4] == pytest.approx(same[4], rel=1e-3), row[:3]
+
+
+def test_same_scheme_same_error_and_order_one() -> None:
+    *scenes, agree = charts.build("platform_accuracy", steps=(4e-3, 2e-3), share=0.2)
+    for panel in scenes:
+        own = np.array(panel["own code"].y)
+        assert math.log2(own[0] / own[1]) == pytest.approx(1.0, abs=0.15)
+        for name in [n for n in smooth.here() if n != "own code"]:
+            np.testing.assert_allclose(panel[name].y, own, rtol=0.02)
+        assert panel["MuJoCo, RK4"].y[1] < 1e-3 * own[1]
+    assert max(agree["MuJoCo"].y) < 1e-8
+    for panel in charts.stored("platform_accuracy")[:3]:
+        assert min(panel["PyBullet, as shipped"].y) > 2.0 * max(panel["PyBullet"].y)
+
+
+def test_the_braking_law_and_the_cones() -> None:
+    fair, shipped = charts.stored("platform_braking")
+    for name in ("own code", "MuJoCo", "Drake", "PyBullet"):
+        x, y = (np.array(v) for v in (fair[name].x, fair[name].y))
+        law = [theory.stopped_short(dt=dt) for dt in x]
+        np.testing.assert_allclose(y[x <= 4e-3], np.array(law)[x <= 4e-3], rtol=0.06)
+    assert min(shipped["Drake, as shipped"].y) > 0.8 > 0.1 > max(shipped["Drake, points"].y)
+    way, turn = charts.stored("platform_cone")
+    bounds = {"own code": 0.1, "MuJoCo, elliptic": 0.5, "Drake": 0.1, "MuJoCo, pyramid": 14.0}
+    for label, bound in bounds.items():
+        assert np.max(np.abs(turn[label].y)) < bound
+    assert max(way["MuJoCo, pyramid"].y) == pytest.approx(math.sqrt(2.0), rel=0.01)
+    assert min(way["PyBullet, cone off"].y) == pytest.approx(math.sqrt(0.5), rel=0.01)
+    assert np.all(np.array(turn["PyBullet, cone off"].y)[1:4] < -8.0)
+
+
+def test_creep_follows_its_law_on_a_small_scan() -> None:
+    rest, held = charts.build("platform_creep", ratios=(1.0, 30.0), dt=2e-3)
+    for panel in (rest, held):
+        line = panel["MuJoCo, elliptic"]
+        np.testing.assert_allclose(line.y, line.expected, rtol=1e-4)
+        assert panel["MuJoCo, pyramidal"].y[0] > 1.2 * line.y[0]
+    assert rest["own code"].y[0] < 1e-9
+
+
+def test_squeezes_and_towers() -> None:
+    for panel in charts.stored("platform_grasp")[:4]:
+        assert max(panel["falls"].x) < 1.0 and min(panel["held"].x) > 0.97
+    loose = charts.stored("platform_grasp")[4]
+    one = [x for x, dt in zip(loose["held"].x, loose["held"].y, strict=True) if dt == 1.0]
+    gone = [x for x, dt in zip(loose["falls"].x, loose["falls"].y, strict=True) if dt == 1.0]
+    assert min(one) < max(gone)  # no threshold
+    ratio = charts.stored("platform_sag")[1]
+    for label in ("MuJoCo, as shipped", "Drake"):
+        squares = [theory.sag_growth(n, "inverse mass") for n in np.array(ratio[label].x, int)]
+        np.testing.assert_allclose(ratio[label].y, squares, rtol=0.05)
+    assert ratio["PyBullet"].y[-1] < 0.3 * theory.sag_growth(8, "inverse mass")
+
+
+def test_readers_effects_and_costs() -> None:
+    rows = table.stored_rows("platform_readers")
+    assert {r[1] for r in rows} == {m.name for m in MODELS} and {r[3] for r in rows} <= {*VERDICTS}
+    ours = {r[1]: r[3] for r in rows if r[0] == "chapter 4"}
+    assert all(ours[m.name] == "refused" for m in MODELS if m.kind == "impossible")
+    rest = {r[2]: r for r in table.stored_rows("platform_effects") if r[:2] == ["PyBullet", "rest"]}
+    assert rest["friction"][5] > 1e3 * rest["friction"][6]
+    assert rest["damping"][5] == pytest.approx(rest["damping"][6], rel=1e-6)
+    small = charts.build("platform_scaling", scenes=("field",), most=4, repeats=1)
+    assert small[0]["own code"].y[-1] > 5.0 * small[0]["MuJoCo"].y[-1]
+    assert all(0.0 <= share <= 1.0 for series in small[1].series for share in series.y)

@@ -1,0 +1,272 @@
+"""Drake and PyBullet as engines: the same scheme errs alike, and what each adapter says is so."""
+
+import functools
+import os
+from collections import namedtuple
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from course.oracles import installs
+from course.oracles.drake import Drake
+from course.oracles.engines import engines
+from course.oracles.pinocchio import Arm
+from course.oracles.pybullet import PyBullet
+from course.oracles.quiet import quiet
+from course.platforms import AS_SHIPPED, FAIR, NO_CONTACTS, measures, prepared, scenes
+
+SEMI_IMPLICIT = {
+    "own code": "semi_implicit_euler",
+    "MuJoCo": "Euler",
+    "Drake": "discrete",
+    "PyBullet": "semi-implicit Euler",
+}
+Version = namedtuple("Version", "major minor")
+OTHERS = ("Drake", "PyBullet")
+
+
+@functools.cache
+def engine(name):
+    found = engines()[name]
+    if missing := found.missing():
+        assert os.environ.get("COURSE_REQUIRE_EXTRAS") != "1", missing
+        pytest.skip(missing)
+    return found
+
+
+def test_all_engines_have_a_name_a_version_and_a_scheme():
+    found = engines()
+    assert list(found) == list(SEMI_IMPLICIT)
+    for name, one in found.items():
+        assert one.name == name and SEMI_IMPLICIT[name] == one.schemes[0]
+        assert bool(one.version()) == one.available() == (not one.missing())
+        assert len({change.key for change in one.changes}) == len(one.changes)
+
+
+@pytest.mark.parametrize("minor", [11, 12, 13])
+def test_what_is_missing_is_said(minor, monkeypatch):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    monkeypatch.setattr(
+        "course.oracles.pybullet.sys", SimpleNamespace(version_info=Version(3, minor))
+    )
+    assert "make platforms" in Drake().missing()
+    said = PyBullet().missing()
+    assert said == f"no wheel for Python 3.{minor}" if minor > 11 else "make platforms" in said
+    assert PyBullet().version() == Drake().version() == ""
+    with pytest.raises(ImportError, match=r"no wheel|make platforms"):
+        PyBullet().build(scenes.tumble(), 1e-3)
+    assert installs.install("PyBullet").missing == said
+
+
+# --- the same scheme and step ---------------------------------------------------------------------
+
+SMOOTH = {"tumble": 1.0, "chain": 1.0, "arm": 0.3}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+@pytest.mark.parametrize(("kind", "duration"), SMOOTH.items())
+def test_with_the_same_scheme_an_engine_errs_as_mujoco_does(name, kind, duration):
+    """Within 2 % of the error, which halves with the step; as shipped PyBullet is elsewhere."""
+    scene, one = scenes.SCENES[kind](duration=duration), engine(name)
+    for dt in (1e-3, 5e-4):
+        ours, theirs = (
+            measures.position_error(e, scene, dt, FAIR.using(SEMI_IMPLICIT[e.name]))
+            for e in (one, engine("MuJoCo"))
+        )
+        assert ours == pytest.approx(theirs, rel=0.02)
+        assert theirs > 1e-4
+    halved = measures.position_error(one, scene, 1e-3) / ours
+    assert halved == pytest.approx(2.0, abs=0.15)
+    shipped = measures.position_error(one, scene, 1e-3, AS_SHIPPED)
+    if name == "PyBullet":
+        assert shipped > 50.0 * ours
+    else:
+        assert shipped == measures.position_error(one, scene, 1e-3)
+
+
+@pytest.mark.parametrize(("kind", "duration"), SMOOTH.items())
+def test_the_references_of_drake_and_mujoco_meet_the_truth(kind, duration):
+    scene = scenes.SCENES[kind](duration=duration)
+    fifth = measures.position_error(engine("Drake"), scene, 1e-3, FAIR.using("runge_kutta5"))
+    fourth = measures.position_error(engine("MuJoCo"), scene, 2e-4, FAIR.using("RK4"))
+    assert fifth < 1e-9 and fourth < 1e-9
+    adaptive = FAIR.using("runge_kutta3", accuracy=1e-6)
+    assert measures.position_error(engine("Drake"), scene, 0.1, adaptive) < 1e-4
+
+
+def test_inverse_dynamics_are_those_of_pinocchio():
+    """PyBullet's only with the inertias of the file."""
+    scene, rng = scenes.arm(), np.random.default_rng(0)
+    q, v, a = rng.normal(size=(3, 7))
+    assert scene.chain
+    truth = Arm(scene.chain, scene.gravity).inverse_dynamics(q, v, a)
+
+    def off(tau):
+        return np.abs(np.array(tau) - truth).max() / np.abs(truth).max()
+
+    run = engine("Drake").build(scene, 1e-3)
+    plant, context = run.plant, run.context
+    plant.SetPositions(context, q)
+    plant.SetVelocities(context, v)
+    from pydrake.multibody.tree import MultibodyForces
+
+    forces = MultibodyForces(plant)
+    plant.CalcForceElementsContribution(context, forces)
+    assert off(plant.CalcInverseDynamics(context, a, forces)) < 1e-13
+    import pybullet
+
+    for settings, low, high in ((FAIR, 0.0, 1e-9), (FAIR.using(but=("inertia",)), 1e-3, 1.0)):
+        run = engine("PyBullet").build(scene, 1e-3, settings)
+        state = [x.tolist() for x in (q, v, a)]
+        tau = pybullet.calculateInverseDynamics(run.bodies[0], *state, physicsClientId=run.client)
+        assert low <= off(tau) < high
+        run.close()
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_torques_are_taken_as_they_are(name):
+    """Gravity is held, so the arm stays."""
+    from course import kinematics
+
+    scene = scenes.arm()
+    run = engine(name).build(scene, 1e-3)
+    still = np.zeros(7)
+    assert scene.chain
+    start = run.state()
+    tau = kinematics.inverse_dynamics(scene.chain, start.q, still, still, gravity=scene.gravity)
+    run.set_torque(tau)
+    run.run(100)
+    assert np.abs(run.state().q - start.q).max() < 1e-9
+    assert run.contacts() is NO_CONTACTS
+    run.close()
+
+
+# --- contact --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", OTHERS)
+@pytest.mark.parametrize("dt", [1e-3, 2e-3])
+def test_a_block_stops_short_by_the_law_of_the_first_step(name, dt):
+    """By mu g dt / v0 of the way, as a force that acts from the first step on gives it."""
+    mu, speed = 0.5, 2.0
+    way = speed**2 / (2.0 * mu * scenes.GRAVITY)
+    law = mu * scenes.GRAVITY * dt / speed
+    found = measures.stop(engine(name), 0.4, dt)
+    assert 1.0 - found.distance / way == pytest.approx(law, rel=0.1)
+    assert abs(np.degrees(found.turn)) < 0.3
+
+
+def test_a_stiff_contact_that_has_not_settled_brakes_at_once_with_lagged_and_hops_with_sap():
+    """Put down just touching and sent off: the first impacts are hundreds of weights.
+
+    `lagged` makes friction of them, and hardly any speed is left; `sap` gives it back in a hop, so
+    that the way is right. Settled before, the same block is stopped by the law with both.
+    """
+    one, scene, dt = engine("Drake"), scenes.brake(), 2e-3
+    way = scene.truth(10.0)[0, 0]
+    for approximation, short, hop in (("lagged", (0.5, 1.0), None), ("sap", (-0.02, 0.02), 0.01)):
+        settings = FAIR.using(approximation=approximation, modulus=1e8)
+        run = one.build(scene, dt, settings)
+        run.run(30)
+        if hop:
+            assert run.state().q[2, 0] - scene.start.q[2, 0] > hop
+        run.run(400)
+        assert short[0] < 1.0 - run.state().q[0, 0] / way < short[1], approximation
+        settled = 1.0 - measures.stop(one, 0.0, dt, settings).distance / way
+        assert settled == pytest.approx(0.5 * scenes.GRAVITY * dt / 2.0, rel=0.3)
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_reported_contacts_carry_the_weight_and_oppose_the_slip(name):
+    scene = scenes.tower(2)
+    run = engine(name).build(scene, 1e-3)
+    assert run.contacts() is NO_CONTACTS
+    run.run(300)
+    found = run.contacts()
+    for lower, weight in ((-1, 2.0), (0, 1.0)):
+        pair = found.bodies[0] == lower
+        assert set(found.bodies[1, pair]) == {lower + 1}
+        assert found.normal[2, pair] == pytest.approx(1.0, abs=1e-4)
+        assert found.force[2, pair].sum() == pytest.approx(weight * scenes.GRAVITY, rel=1e-2)
+    assert (found.gap < 0.0).all() and found.gap.min() > -1e-3
+    assert run.energy() == pytest.approx(scene.energy(run.state()), rel=1e-12)
+    run.close()
+    run = prepared(engine(name), scenes.brake(0.3), 1e-3)
+    run.run(50)
+    found = run.contacts()
+    assert found.force[:, :].sum(axis=1) == pytest.approx(
+        scenes.GRAVITY * np.array([-0.5 * np.cos(0.3), -0.5 * np.sin(0.3), 1.0]), rel=0.05
+    )
+    assert (np.sum(found.slip * found.tangential_force, axis=0) <= 0.0).all()
+    run.close()
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_guided_finger_stays_on_its_rail_and_feels_its_force(name):
+    """Apart, 50 g under 3 N: half a t squared, and a step's first order."""
+    scene = scenes.grasp(3.0)
+    far = [scenes.replace(b, pose=(5.0 * b.pose[0], *b.pose[1:])) for b in scene.bodies]
+    run = engine(name).build(scenes.replace(scene, bodies=tuple(far)), 1e-4)
+    run.run(500)
+    left, right = run.state().q[:3, 1:].T
+    assert left[0] + 0.15 == pytest.approx(0.5 * 60.0 * 0.05**2, rel=5e-3)
+    assert right == pytest.approx(-left, abs=1e-12) and not left[1:].any()
+    assert run.energy() == pytest.approx(run.scene.energy(run.state()), rel=1e-9)
+    run.close()
+
+
+def test_pybullet_puts_the_load_of_a_face_on_one_corner_and_the_part_turns_about_it():
+    """Four points can share a load in any way: its sweeps end where the first one has it all."""
+    scene = scenes.grasp(1.3 * 0.2 * scenes.GRAVITY)
+    for name, least, most, spins in (("MuJoCo", 0.24, 0.26, False), ("PyBullet", 0.8, 1.0, True)):
+        settings = FAIR.using(numSolverIterations=500) if name == "PyBullet" else FAIR
+        run = engine(name).build(scene, 1e-3, settings)
+        run.run(30)
+        found = run.contacts()
+        for finger in (1, 2):
+            load = found.normal_force[found.bodies[1] == finger]
+            assert len(load) == 4 and least < load.max() / load.sum() < most, name
+        assert (abs(run.state().v[3, 0]) > 1.0) == spins
+        run.close()
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_a_fresh_world_repeats_bit_by_bit_and_pybullet_put_back_does_not(name):
+    found = measures.repeatability(engine(name), scenes.tower(2), 1e-3, 100)
+    assert found.fresh == found.saved == 0.0
+    assert (found.reset > 0.0) == (name == "PyBullet")
+
+
+def test_pybullet_says_nothing_and_gives_back_its_client(capfd):
+    import pybullet
+
+    one = engine("PyBullet")
+    runs = [one.build(scenes.arm(), 1e-3) for _ in range(2)]
+    assert runs[0].client != runs[1].client
+    runs[0].run(1)
+    assert runs[1].state().same(one.build(scenes.arm(), 1e-3).state())
+    for run in runs:
+        run.close()
+        run.close()
+        assert not pybullet.isConnected(run.client)
+    assert capfd.readouterr() == ("", "")
+    with quiet() as said:
+        os.write(1, b"heard")
+    assert said == ["heard"]
+
+
+def test_settings_that_an_engine_lacks_are_refused():
+    for name in OTHERS:
+        with pytest.raises(ValueError, match=r"settings\.options"):
+            engine(name).build(scenes.drop(), 1e-3, FAIR.using(solimp=1))
+        with pytest.raises(ValueError, match="dt is"):
+            engine(name).build(scenes.drop(), 0.0)
+
+
+@pytest.mark.parametrize("name", ["MuJoCo", *OTHERS])
+def test_what_an_install_costs_is_measured_in_a_fresh_process(name):
+    engine(name)
+    found = installs.install(name, processes=1)
+    assert found.size and found.size > {"MuJoCo": 30.0, "Drake": 150.0, "PyBullet": 200.0}[name]
+    assert found.import_time and found.load_time and found.memory and found.memory > 1.0

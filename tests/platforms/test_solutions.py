@@ -1,0 +1,354 @@
+"""The worked answers of chapter 3 against small steps, real engines and trying everything."""
+
+import ast
+import importlib
+import os
+from itertools import permutations
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from course.platforms.choose import Fact, Need, choose
+from drills import cards
+from solutions import platforms as solutions
+from tests.budget import examples
+
+
+def rngs():
+    return st.integers(0, 2**32 - 1).map(np.random.default_rng)
+
+
+def test_the_answers_stand_alone_and_have_their_places():
+    nodes = list(ast.walk(ast.parse(Path(solutions.__file__).read_text(encoding="utf-8"))))
+    imported = {a.name for node in nodes if isinstance(node, ast.Import) for a in node.names}
+    imported |= {str(node.module) for node in nodes if isinstance(node, ast.ImportFrom)}
+    assert imported <= {"numpy", "numpy.typing", "itertools", "collections.abc"}
+    mine = [card for card in cards.cards() if card.chapter == 3 and card.place]
+    assert [card.place for card in mine] == sorted({card.place for card in mine})
+    assert all(card.solution == f"solutions.platforms:{card.entry}" for card in mine)
+
+
+# --- a braking block ------------------------------------------------------------------------------
+
+
+def nearest(shape, p):
+    """The point of a convex set of radius 1 nearest to p: circle, diamond, square."""
+    if shape == 0:
+        return p / max(np.linalg.norm(p), 1.0)
+    if shape == 2:
+        return np.clip(p, -1.0, 1.0)
+    large, small = np.sort(np.abs(p))[::-1]
+    if large + small <= 1.0:
+        return p
+    cut = (large + small - 1.0) / 2.0 if large - small <= 1.0 else large - 1.0
+    return np.sign(p) * np.maximum(np.abs(p) - cut, 0.0)
+
+
+@examples(10)
+@given(rngs())
+def test_the_stops_are_those_of_small_implicit_steps(rng):
+    """Each step's impulse is the one nearest to what would stop the block, within the shape."""
+    speed, mu, frame = rng.uniform([1.0, 0.3, -2.0], [3.0, 0.9, 2.0])
+    angle, dt = rng.uniform(-3.1, 3.1), 5e-4
+    distance, turned = solutions.sliding_stop(speed, angle, frame, mu)
+    for shape in range(3):
+        v = speed * np.array([np.cos(angle - frame), np.sin(angle - frame)])
+        start, x, most = v.copy(), np.zeros(2), 9.81 * mu * dt
+        while v.any():
+            v = v - most * nearest(shape, v / most)
+            x = x + dt * v
+        a = np.arctan2(start[0] * x[1] - start[1] * x[0], start @ x)
+        np.testing.assert_allclose(np.linalg.norm(x), distance[shape], atol=2.0 * speed * dt)
+        np.testing.assert_allclose(a, turned[shape], atol=5e-3)
+
+
+# A contact softer than this one turns less: its friction changes axis over a range of speeds.
+BLOCK = """<mujoco><option timestep="5e-4" cone="{}" impratio="100" tolerance="0"/>
+<default><geom solref=".002 1" solimp=".999 .9999 .001"/></default><worldbody>
+<geom type="plane" size="9 9 1" friction=".5 0 0"/><body pos="0 0 .0999">
+<joint type="slide" axis="1 0 0"/><joint type="slide" axis="0 1 0"/>
+<joint type="slide" axis="0 0 1"/>
+<geom type="sphere" size=".1" mass="1" friction=".5 0 0"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("cone", "row"), [("elliptic", 0), ("pyramidal", 1)])
+def test_mujoco_has_the_circle_and_the_inscribed_pyramid(cone, row):
+    model = mujoco.MjModel.from_xml_string(BLOCK.format(cone))
+    for degrees in (0.0, 22.5, 35.0, 45.0):
+        data, angle = mujoco.MjData(model), np.deg2rad(degrees)
+        mujoco.mj_step(model, data, 200)  # at rest on the floor
+        data.qvel[:2] = np.cos(angle), np.sin(angle)
+        start = data.qpos[:2].copy()
+        mujoco.mj_step(model, data, 1000)
+        x, y = data.qpos[:2] - start
+        distance, turned = solutions.sliding_stop(1.0, angle, 0.0, 0.5)
+        np.testing.assert_allclose(np.hypot(x, y), distance[row], rtol=0.01)
+        np.testing.assert_allclose(np.arctan2(y, x) - angle, turned[row], atol=0.01)
+
+
+def engine(name):
+    """A library of the extra `platforms`; the tests of the project must have it."""
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError:
+        if os.environ.get("COURSE_REQUIRE_EXTRAS") == "1":
+            raise
+        pytest.skip(f"{name} is not installed")
+
+
+@pytest.mark.parametrize(("cone", "row"), [(1, 0), (0, 2)])
+def test_pybullet_has_the_circle_and_without_its_cone_the_pyramid_around(cone, row):
+    bullet = engine("pybullet")
+    for degrees in (0.0, 22.5, 35.0, 70.0):
+        angle, client = np.deg2rad(degrees), bullet.connect(bullet.DIRECT)
+        here = {"physicsClientId": client}
+        bullet.setPhysicsEngineParameter(fixedTimeStep=5e-4, enableConeFriction=cone, **here)
+        bullet.setGravity(0, 0, -9.81, **here)
+        plane = bullet.createCollisionShape(bullet.GEOM_PLANE, **here)
+        floor = bullet.createMultiBody(0.0, plane, **here)
+        ball = bullet.createCollisionShape(bullet.GEOM_SPHERE, radius=0.05, **here)
+        start = [0, 0, 0.05]
+        block = bullet.createMultiBody(1.0, ball, basePosition=start, **here)
+        for body in (floor, block):  # the coefficients are multiplied; a great moment: no rolling
+            bullet.changeDynamics(body, -1, lateralFriction=np.sqrt(0.5), linearDamping=0.0, **here)
+        bullet.changeDynamics(block, -1, localInertiaDiagonal=[1e3] * 3, **here)
+        bullet.resetBaseVelocity(block, [np.cos(angle), np.sin(angle), 0], **here)
+        for _ in range(1000):
+            bullet.stepSimulation(**here)
+        x, y, _ = bullet.getBasePositionAndOrientation(block, **here)[0]
+        bullet.disconnect(client)
+        distance, turned = solutions.sliding_stop(1.0, angle, 0.0, 0.5)
+        np.testing.assert_allclose(np.hypot(x, y), distance[row], rtol=0.01)
+        np.testing.assert_allclose(np.arctan2(y, x) - angle, turned[row], atol=2e-3)
+
+
+# --- drift and swing ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("h", [0.05, 0.2, 0.5])
+def test_the_energy_of_a_symplectic_step_swings_and_does_not_drift(h):
+    """Semi-implicit Euler of an oscillator of rate 1 keeps v^2 + x^2 - h x v."""
+    rate, n = 2.0 * np.arcsin(h / 2.0) / h, 240
+    x, v, energy = 1.0, 0.5, []
+    kept = (v**2 + x**2 - h * x * v) / 2.0
+    for _ in range(n):
+        energy.append((v**2 + x**2) / 2.0)
+        v -= h * x
+        x += h * v
+    drift, swing = solutions.energy_drift(h * np.arange(n), energy, np.pi / rate)
+    assert abs(drift) < 1e-13
+    np.testing.assert_allclose(swing, h / 2.0 * kept / (1.0 - h**2 / 4.0) / 2**0.5, rtol=1e-10)
+
+
+@examples(10)
+@given(rngs(), st.floats(2.0, 6.0))
+def test_the_swing_is_that_of_a_period_sampled_finely(rng, periods):
+    """Smooth products of the phase, whose harmonics nobody wrote down."""
+    a, b, drift = rng.normal(size=3)
+
+    def swing(phase):
+        return np.cos(phase + a) ** 3 + b * np.sin(phase) * np.cos(phase + 1.0)
+
+    t = 0.7 * np.sort(rng.uniform(0.0, periods, 300))
+    energy = 5.0 + drift * t + swing(2.0 * np.pi * t / 0.7)
+    whole = swing(2.0 * np.pi * np.arange(64) / 64)
+    found = solutions.energy_drift(t, energy, 0.7)
+    np.testing.assert_allclose(found, (drift, whole.std()), atol=1e-10)
+
+
+SPRING = """<mujoco><option timestep="{}" gravity="0 0 0"><flag energy="enable" contact="disable"
+eulerdamp="disable"/></option><worldbody><body><joint type="slide" stiffness="{}" damping="{}"/>
+<geom type="sphere" size=".1" mass="1"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-5])
+def test_the_drift_is_what_mujocos_damping_takes(damping):
+    h, rate = 0.002, 10.0
+    model = mujoco.MjModel.from_xml_string(SPRING.format(h, rate**2, damping))
+    data, energy = mujoco.MjData(model), []
+    data.qvel[0] = 1.0
+    for _ in range(2000):
+        mujoco.mj_forward(model, data)
+        energy.append(data.energy.sum())
+        mujoco.mj_step(model, data)
+    period = np.pi * h / 2.0 / np.arcsin(h * rate / 2.0)
+    drift, swing = solutions.energy_drift(h * np.arange(2000), energy, period)
+    np.testing.assert_allclose(drift, -0.5 * damping, rtol=0.01, atol=1e-11)
+    np.testing.assert_allclose(swing, 0.5 * h * rate / 2.0 / 2**0.5, rtol=0.01)
+    assert abs(energy[-1] - energy[0]) / (2000 * h) > 50.0 * abs(drift)  # what two samples say
+
+
+# --- a loaded model -------------------------------------------------------------------------------
+
+
+def test_what_mujoco_loads_is_what_its_file_says_and_a_change_is_found():
+    """MuJoCo diagonalises and orders its bodies depth first; the file's links stand otherwise."""
+    rng = np.random.default_rng(0)
+    masses, rods = 10.0 ** rng.uniform(-3.0, 1.0, 6), rng.uniform(1e-3, 1e-2, (6, 3))
+    inertias: list[np.ndarray] = []
+    for mass, rod in zip(masses, rods, strict=True):
+        Q = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+        Q = np.eye(3) if not inertias else Q  # the first along its own axes
+        inertias.append(mass * Q @ np.diag(rod.sum() - rod) @ Q.T)
+    names = [f"link{k}" for k in range(6)]
+
+    def link(k, inner=""):
+        upper = inertias[k][[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
+        full, mass = " ".join(map(str, upper.tolist())), str(masses[k])
+        return (f'<body name="{names[k]}"><joint/><inertial pos=".1 .2 0" mass="{mass}" '
+                f'fullinertia="{full}"/>{inner}</body>')  # fmt: skip
+
+    tree = link(3, link(0) + link(5, link(1))) + link(4) + link(2)
+    model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{tree}</worldbody></mujoco>")
+    ids = np.arange(6) + 10
+    there = [model.body(k).name for k in range(model.nbody)]
+    assert there[1:] != names
+    loaded_ids = np.array([10 + names.index(one) if one in names else 0 for one in there])
+
+    def faults(tolerance=1e-6):
+        body = model.body_mass, model.body_inertia, model.body_iquat
+        return solutions.audit_model(ids, masses, inertias, loaded_ids, *body, tolerance).tolist()
+
+    assert faults() == [0] * 6
+    model.body("link1").mass[0] *= 1.001
+    model.body("link4").inertia[:] *= 0.999
+    model.body("link2").iquat[:] = [1.0, 0.0, 0.0, 0.0]
+    loaded_ids[there.index("link5")] = 99
+    assert faults() == [0, 1, 2, 0, 2, 4]
+    assert faults(tolerance=0.01) == [0, 0, 2, 0, 0, 4]
+    model.body("link4").mass[0] *= 1.001
+    assert faults()[4] == 3
+    kept, turned = model.body("link0").iquat.copy(), np.zeros(4)
+    for angle, fault in ((1e-7, 0), (2e-3, 2)):  # the diagonal changes by the square
+        small = np.r_[np.cos(angle / 2.0), np.sin(angle / 2.0) * np.ones(3) / 3**0.5]
+        mujoco.mju_mulQuat(turned, small, kept)
+        model.body("link0").iquat[:] = turned
+        assert faults(tolerance=2e-5 if fault else 1e-6)[0] == fault
+
+
+# --- charts and picks -----------------------------------------------------------------------------
+
+
+@examples(30)
+@given(rngs(), st.integers(3, 6))
+def test_the_areas_are_those_of_all_polygons_by_their_corners(rng, n):
+    """The shoelace formula over all orders, those that are turns of one another included."""
+    share, ends = rng.uniform(-0.2, 1.2, n), 10.0 ** rng.uniform(-3.0, 3.0, (2, n))
+    radius = np.clip(share, 0.0, 1.0)
+    turn = 2.0 * np.pi / n * np.arange(n)
+    areas = []
+    for order in permutations(range(n)):
+        x, y = radius[list(order)] * np.cos(turn), radius[list(order)] * np.sin(turn)
+        areas.append((x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2.0)
+    found = solutions.radar_areas(ends[0] * (ends[1] / ends[0]) ** share, *ends)
+    np.testing.assert_allclose(found, (min(areas), max(areas)), atol=1e-11)
+
+
+def test_five_values_change_the_area_by_half_as_much_again():
+    least, largest = solutions.radar_areas([1e4, 1e4, 30.0, 30.0, 30.0], [10.0] * 5, [1e4] * 5)
+    assert largest / least > 1.5
+
+
+@examples(50)
+@given(rngs(), st.floats(0.3, 3.0))
+def test_the_pick_is_that_of_the_chapters_table(rng, spare):
+    """`choose` tries every limit at every value of its row, and just beyond it."""
+    facts, limits = 10.0 ** rng.normal(size=(5, 3)), 10.0 ** rng.normal(size=3)
+    larger, cost = rng.integers(0, 2, 3), 10.0 ** rng.normal(size=5)
+    limits *= np.where(larger, 0.2, 5.0) ** spare
+    facts[rng.uniform(size=(5, 3)) < 0.1] = np.nan
+    cost[rng.uniform(size=5) < 0.1] = np.nan
+    rows = [f"row {k}" for k in range(3)]
+    table = {
+        str(i): {row: Fact(value) for row, value in zip(rows, facts[i], strict=True)}
+        | {"cost": Fact(cost[i])}
+        for i in range(5)
+    }
+    senses = ["at least" if one else "at most" for one in larger]
+    needs = [Need(*pair) for pair in zip(rows, limits, senses, strict=True)]
+    right = choose(table, needs, "cost")
+    pick, need, factor = solutions.pick_engine(facts, limits, larger, cost)
+    assert pick == int(right.pick or -1)
+    if right.turn is None:
+        assert (need, factor) == (-1, 0.0)
+    else:
+        assert rows[need] == right.turn.row
+        np.testing.assert_allclose(factor, right.turn.factor, rtol=1e-12)
+
+
+def test_a_need_that_is_met_exactly_is_met():
+    assert solutions.pick_engine([[2.0, 8.0]], [2.0, 16.0], [1, 0], [1.0]) == (0, 0, 1.0)
+
+
+# --- the hunt -------------------------------------------------------------------------------------
+
+
+@examples(8)
+@given(st.floats(0.2, 0.8), st.floats(0.5, 3.0), st.floats(0.5, 5.0), st.floats(-900.0, 900.0))
+def test_the_fair_comparison_is_the_closed_form_of_the_scheme(mu, block, plank, place):
+    """Sliding: late by half a step each; sticking: the energy of an inelastic impact is gone."""
+    speed, steps, slowing = 2.0, np.array([0.001, 0.004]), 9.81 * mu
+    stuck = speed / slowing / (1.0 + block / plank)
+    times = 0.004 * np.arange(1, 200)
+    slide = times[times < 0.95 * stuck]
+    args = mu, [block, plank], place, speed, steps
+    apart, gained = solutions.compare_engines(*args, slide)
+    np.testing.assert_allclose(apart, -0.5 * slowing * slide * (steps[1] - steps[0]), atol=1e-10)
+    t, pushed = slide[-1], block / plank * slowing * slide[-1]
+    energy = (block * (speed - slowing * t) ** 2 + plank * pushed**2 - block * speed**2) / 2.0
+    np.testing.assert_allclose(gained, [energy, energy], rtol=1e-9)
+    _, gained = solutions.compare_engines(*args, np.array([0.004 * round(1.5 * stuck / 0.004)]))
+    lost = -0.5 * block * plank / (block + plank) * speed**2
+    np.testing.assert_allclose(gained, [lost, lost], rtol=1e-9)
+
+
+def test_the_starter_of_the_hunt_agrees_where_its_author_looked_and_only_there():
+    names: dict = {}
+    exec(cards.card("compare_engines").starter(), names)
+
+    def off(mu=1.0, plank=1e6, place=0.0, steps=(0.01, 0.01), last=0.1):
+        args = mu, [1.0, plank], place, 4.0, np.array(steps), np.array([last])
+        pairs = zip(names["compare_engines"](*args), solutions.compare_engines(*args), strict=True)
+        return [float(np.abs(got - right).max()) for got, right in pairs]
+
+    assert off()[0] < 2e-3
+    assert off(mu=0.4)[0] > 5e-3 and off(steps=(0.01, 0.02))[0] > 1e-3
+    assert off(plank=1.0)[1] > 3.0 * off()[1]
+    both = {"steps": (0.01, 0.02)}
+    assert off(place=1e6, **both)[0] > off(**both)[0] + 0.01
+
+
+def test_the_defaults_of_the_hunt_are_those_of_the_engines():
+    """MuJoCo takes the larger coefficient; PyBullet multiplies them and damps by 0.04 (1 + v)."""
+    body = '<body pos="0 0 1.9"><freejoint/><geom size="1" friction=".8"/></body>'
+    xml = f'<mujoco><worldbody><geom size="1" friction=".3"/>{body}</worldbody></mujoco>'
+    model = mujoco.MjModel.from_xml_string(xml)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert data.contact.friction[0][0] == 0.8
+    bullet = engine("pybullet")
+    for gravity, rough, height in ((-9.81, (0.3, 0.8), 0.05), (0.0, (0.0, 0.0), 9.0)):
+        client = bullet.connect(bullet.DIRECT)
+        here = {"physicsClientId": client}
+        bullet.setPhysicsEngineParameter(fixedTimeStep=1e-3, **here)
+        bullet.setGravity(0, 0, gravity, **here)
+        plane = bullet.createCollisionShape(bullet.GEOM_PLANE, **here)
+        ball = bullet.createCollisionShape(bullet.GEOM_SPHERE, radius=0.05, **here)
+        bodies = [bullet.createMultiBody(0.0, plane, **here)]
+        bodies += [bullet.createMultiBody(1.0, ball, basePosition=[0, 0, height], **here)]
+        for body, mu in zip(bodies, rough, strict=True):
+            bullet.changeDynamics(body, -1, lateralFriction=mu, **here)
+        bullet.changeDynamics(bodies[1], -1, localInertiaDiagonal=[1e3] * 3, **here)
+        bullet.resetBaseVelocity(bodies[1], [2.0, 0, 0], **here)
+        for _ in range(500):
+            bullet.stepSimulation(**here)
+        speed = bullet.getBaseVelocity(bodies[1], **here)[0][0]
+        bullet.disconnect(client)
+        right = 2.0
+        for _ in range(500):
+            right -= 1e-3 * (0.04 * right * (1.0 + right) - rough[0] * rough[1] * gravity)
+        np.testing.assert_allclose(speed, right, atol=0.03 if gravity else 1e-4)

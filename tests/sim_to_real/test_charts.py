@@ -1,0 +1,51 @@
+"""What the charts of chapter 8 say is in what they measured: their stored series are read."""
+
+import numpy as np
+
+from course import charts
+
+
+def test_what_lowers_and_what_lifts_success() -> None:
+    gap, width = charts.stored("success_over_gap")
+    assert gap["no range"].y[-1] < gap["range 0.4"].y[-1] < 0.7 < gap["identified"].y[-1]
+    assert max(gap["no range"].y) < min(gap["range 1"].y[:4])
+    assert min(width["home"].y) > 0.99
+    twin = width["MuJoCo's twin"]
+    assert twin.high[0] < twin.y[-1]
+    (bought,) = charts.stored("robot_time")
+    plain = {name: rate for _, rate, name in bought.lines}
+    told, tried = bought["identified"], bought["fine-tuned"]
+    assert plain["no range"] < plain["range 1"] < min(told.low)
+    assert told.x[0] < 0.02 * tried.x[0] and told.high[0] > max(tried.low)
+
+
+def test_a_mended_delay_hurts_alone_and_the_trace_is_of_these_subsets() -> None:
+    every, shares = charts.stored("mending")
+    assert every["delay first"].y[1] < every["delay first"].y[0] < max(every[""].y)
+    assert shares["delay"].y[0] < shares["delay"].y[2] < shares["load"].y[1]
+    total = sum(shares[part].y[1] for part in ("delay", "friction", "motor", "load", "encoder"))
+    assert np.isclose(total, every["delay first"].y[-1] - every["delay first"].y[0], atol=1e-4)
+
+
+def test_mujocos_delay_fails_where_ours_does_and_both_about_the_limit() -> None:
+    map_, both = charts.stored("late_commands")
+    (limit,) = [s for s in map_.series if s.label == "limit of joint 2"]
+    assert map_.grid is not None
+    here = map_.grid.boundary()[5:12] / np.array(limit.x)[5:12]
+    assert np.all((here > 0.6) & (here < 1.5))
+    for name in ("no range", "range 1"):
+        pair = (s for s in both.series if s.label in (name, f"{name}, MuJoCo"))
+        ours, theirs = (np.array(s.y) for s in pair)
+        assert np.abs(ours - theirs).max() < 0.15
+
+
+def test_the_fit_follows_mujocos_and_the_bar_lies_before_the_residual_tells() -> None:
+    noise, _ = charts.stored("what_finds_the_numbers")
+    ours, theirs = np.array(noise["output error"].y), np.array(noise["mujoco.sysid"].y)
+    assert np.all(np.abs(np.log(ours / theirs)) < np.log(2.0))
+    assert np.all(10.0 * ours < noise["integral"].y)
+    for panel in charts.stored("believed_error_bars"):
+        wrong, claim = (np.array(panel[k].y) for k in ("error", "half-width"))
+        assert wrong[0] < claim[0] and np.all(wrong[3:] > 2.0 * claim[3:])
+    _, bound = charts.build("shaping_speed", n=3, seeds=1, most=1000)
+    assert all(np.allclose(s.y, s.expected, rtol=1e-9) for s in bound.series)

@@ -1,0 +1,101 @@
+"""Chapter 8's simulation: what each preset says is so, by what is counted."""
+
+import numpy as np
+import pytest
+
+from course import sim_to_real as chapter
+from course.control import Gains, joint_system, margins
+from course.measure.success import paired
+from course.sim_to_real import plants
+from course.simulations import sim_to_real as arms
+from course.simulations.model import Experiment
+
+POSED = chapter.tasks(256, 91)  # other tasks than those that the picture counts
+
+
+def seen(preset, **values):
+    """Shares of successes of the simulated and the real arm, and all else that is told."""
+    experiment = Experiment(arms.MODEL)
+    experiment.choose(preset)
+    experiment.set(**values)
+    told = experiment.state["told"]
+    return told[0], told[4], told
+
+
+def better(one, other, plant):
+    """By how much more often other gains succeed on an arm, at least: the same tasks for both."""
+    first, second = (chapter.rollouts(plant, gains, POSED).success for gains in (one, other))
+    return paired(first, second)[1]
+
+
+def gains(kind, gap=0.0, width=0.0, delay=0.01):
+    return arms.policy(kind, gap, width, delay)[0]
+
+
+def test_both_rates_are_those_of_the_chapter_and_their_bands_hold_on_other_tasks():
+    home, real, told = seen("Gap")
+    posed, record = chapter.tasks(arms.COUNTED, arms.SEED), chapter.recorded()["range"][0, 0]
+    assert home == chapter.rollouts(chapter.nominal(), record, posed).rate == 1.0
+    assert real == chapter.rollouts(chapter.real(0.3, 0.01), record, posed).rate
+    assert told[arms.LOW + 4] < chapter.rollouts(chapter.real(0.3, 0.01), record, POSED).rate
+    assert real < told[arms.HIGH + 4] < 0.93 < told[arms.LOW]
+
+
+def test_a_gap_costs_and_a_range_brings_part_of_it_back():
+    assert seen("No gap")[:2] == (1.0, 1.0)
+    home, real, _ = seen("Gap and range")
+    assert home == 1.0 and real > seen("Gap")[1] > seen("Gap", gap=1.0)[1]
+    none, some, wide = (gains(arms.RANGE, width=w) for w in (0.0, 0.4, 1.0))
+    assert better(none, some, chapter.real(0.3, 0.01)) > 0.0
+    far = chapter.real(1.0, 0.01)
+    assert seen("Wide range, far gap")[1] < 0.7
+    at_home = [chapter.rollouts(chapter.nominal(), each, POSED) for each in (none, wide)]
+    assert all(each.rate == 1.0 for each in at_home)
+    assert np.mean(at_home[1].inside) < 0.95 * np.mean(at_home[0].inside)
+    assert better(wide, gains(arms.IDENTIFIED, 1.0), far) > 0.15
+
+
+def test_delay_breaks_what_other_errors_hold():
+    _, real, told = seen("Delay beyond the margin")
+    assert real < 0.15 and told[arms.LIMIT] < 0.02 and told[arms.GAIN] == 0.0
+    _, below, told = seen("Delay beyond the margin", delay=12.0)
+    assert below > 0.7 and told[arms.GAIN] > 1.0
+    _, both, told = seen("Cancelling errors")
+    assert both > real + 0.4 and told[arms.LIMIT] > 0.02 and arms.PARTS[int(told[10])] == "delay"
+    arm, policy = chapter.real(0.3, 0.02), gains(arms.NOMINAL)
+    for part in arms.PARTS[:-1]:
+        some = chapter.rollouts(chapter.mended(arm, ("delay", part)), policy, POSED).rate
+        assert some > 0.4 if part == "load" else some < 0.15, part
+
+
+def test_mending_the_delay_alone_hurts_and_mending_the_load_helps():
+    far = chapter.real(1.0, 0.01)
+    none, delay, load = (gains(k, 1.0) for k in (arms.NOMINAL, arms.DELAY, arms.LOAD))
+    assert better(delay, none, far) > 0.05 and better(none, load, far) > 0.2
+    assert delay[3] < none[3] and seen("Mended delay alone")[1] < 0.35
+    assert arms.PARTS[int(seen("Mended delay alone")[2][arms.PART])] == "load"
+
+
+def test_the_limit_is_that_of_the_loops_matrix():
+    """The frequency response, which is quick, against what the picture has no time for."""
+    arm, policy = chapter.real(0.3, 0.01), gains(arms.NOMINAL)
+    inertia, damping, torque = arm.columns()[[2, 4, 7], 0]
+    kp, ki, kd = torque * policy[3:]
+    law = Gains(kp, ki, kd, plants.FILTER).law(plants.DT)
+    exact = margins(*joint_system(inertia, damping), law, plants.DT).delay
+    assert arms.stability(arm, policy)[0] == pytest.approx(exact, abs=1e-3)
+
+
+def test_the_target_is_dragged_and_the_ghost_is_the_simulated_arm():
+    for scene in arms._SCENES:
+        now = Experiment(arms.MODEL)
+        now.drag(scene[0] + 1.45 * (1.0 - 0.5 / 0.95), scene[2] + 1.45)  # at (-0.5, 0)
+        np.testing.assert_allclose(now.controls["aim"], [-0.5, 0.0], atol=1e-12)
+        end = plants.tip(now.state["q"][:, :, -1].T)  # columns: simulated and real
+        assert np.hypot(*(end[:, 0] - [-0.5, 0.0])) < plants.RADIUS
+    posed = chapter.Tasks(np.reshape(arms.START, (2, 1)), np.array([[-0.5], [0.0]]), arms.SEED)
+    run = chapter.watch(chapter.nominal(), gains(arms.NOMINAL), posed)
+    np.testing.assert_allclose(now.state["q"][arms.SIMULATED], run.q[:, 0], rtol=0, atol=1e-12)
+    panel = arms.simulation("No gap")
+    assert "success, real: 100 % (99-100)" in repr(panel)
+    panel.close()

@@ -1,0 +1,150 @@
+"""Tuning: the draws against their distributions, the search against a known best, the record."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from course.measure.success import wilson
+from course.sim_to_real import (
+    Outcome,
+    Plants,
+    Ranges,
+    around,
+    automatic,
+    improve,
+    nominal,
+    only,
+    plants,
+    real,
+    recorded,
+    rollouts,
+    tasks,
+    tune,
+)
+from course.sim_to_real.tune import GRID, GUESS, SEEDS, WIDTH, remake
+
+CHECKED = tasks(400, 77)
+
+
+def test_each_kind_of_range_has_its_distribution():
+    sampler = Ranges(
+        {"mass": (0.5, 2.0), "payload": (0.1, 0.4), "delay": (0.004, 0.031)}, {"mass": "log"}
+    )
+    drawn = sampler(4000, np.random.default_rng(1))
+    for values, low, high in (
+        (np.log(drawn.mass), np.log(0.5), np.log(2.0)), (drawn.payload, 0.1, 0.4),
+        (drawn.delay, 0.004, 0.031),
+    ):  # fmt: skip
+        assert stats.kstest(values, stats.uniform(low, high - low).cdf).pvalue > 1e-3
+    assert np.all(drawn.torque == 1.0)
+    whole = Ranges({"delay": (0.004, 0.031)}, {"delay": "whole"})(4000, np.random.default_rng(1))
+    times, counts = np.unique(np.round(whole.delay, 12), return_counts=True)
+    assert times.tolist() == [0.01, 0.02, 0.03]
+    assert stats.chisquare(counts).pvalue > 1e-3
+
+
+def test_a_range_reaches_as_far_as_the_gap_and_not_below_nothing():
+    wide, none = around(nominal(), 1.0).bounds, around(real(0.7, 0.01), 0.0).bounds
+    for name in WIDTH:
+        low, high = wide[name]
+        middle, gap = (float(np.ravel(getattr(p, name))[0]) for p in (nominal(), real(1.0, 0.03)))
+        assert low - 1e-12 <= gap <= high + 1e-12
+        if name in plants.DIRECTION:
+            assert max(high - middle, middle - low) == pytest.approx(abs(gap - middle))
+        assert none[name] == (float(np.ravel(getattr(real(0.7, 0.01), name))[0]),) * 2
+    assert all(wide[name][0] == 0.0 for name in ("payload", "coulomb", "noise", "delay"))
+
+
+def test_the_search_finds_a_best_that_is_known():
+    best = GUESS * np.array([1.5, 0.6, 1.2, 0.7, 1.4, 1.1])
+
+    def trial(sets, turn):
+        far = np.sum(np.log(sets / best[:, None]) ** 2, axis=0)
+        inside = plants.SECONDS * np.exp(-far)[:, None]
+        return Outcome(inside > 2.0, inside, inside, np.zeros(inside.shape, dtype=int))
+
+    found = improve(trial, np.random.default_rng(2), rounds=40, samples=64, elites=16)
+    assert np.abs(np.log(found.gains / best)).max() < 0.02
+    assert found.episodes == 40 * 64
+    assert found.cost == pytest.approx(1.0, abs=1e-3)
+
+
+def test_tuned_on_an_arm_it_serves_that_arm_best():
+    """Each of two policies is the better one where it was tuned, by more than chance."""
+    homes = nominal(), real(0.5, 0.01)
+    found = [tune(only(home), 3, rounds=8, episodes=32).gains for home in homes]
+    rates = np.array([[rollouts(home, g, CHECKED).rate for g in found] for home in homes])
+    assert rates[0, 0] >= rates[0, 1]
+    assert wilson(400 * rates[1, 1], 400)[0] > wilson(400 * rates[1, 0], 400)[1]
+    again = tune(only(homes[0]), 3, rounds=8, episodes=32)
+    assert np.array_equal(again.gains, found[0])
+    assert again.episodes == 8 * 48 * 32
+
+
+@pytest.mark.parametrize(("kind", "column"), [("range", 0), ("known", 0)])
+def test_the_record_is_what_tuning_gives(kind, column):
+    stored = recorded()[kind]
+    assert stored.shape == (len(GRID), len(SEEDS) if kind == "range" else 1, 6)
+    made = remake(kind, GRID[column], 0)
+    arms = real(0.5, 0.01)
+    hits = 400 * rollouts(arms, made, CHECKED).rate
+    low, high = wilson(hits, 400)
+    assert low <= rollouts(arms, stored[column, 0], CHECKED).rate <= high
+
+
+def test_boundaries_move_one_by_one_by_their_own_buffers():
+    low, high = 0.8, 0.9
+    got = automatic(1, rounds=9, buffer=32, thresholds=(low, high), most=0.3)
+    start = around(nominal(), 0.0).bounds
+    ends = {(name, 2 * side - 1): b[side] for name, b in start.items() for side in (0, 1)}
+    assert {name for _, name, _, _, _ in got.history} >= {"viscous", "payload"}
+    for _, name, side, mean, now in got.history:
+        moved = (now - ends[name, side]) * side / WIDTH[name]
+        if mean >= high:
+            assert (
+                moved == pytest.approx(0.1) or now == around(nominal(), 0.3).bounds[name][side > 0]
+            )
+        else:
+            assert mean <= low
+            assert -0.1 - 1e-9 <= moved <= 0.0
+        centre = start[name][0]
+        assert (now - centre) * side >= 0.0  # never past the simulator's value
+        ends[name, side] = now
+    assert all((name, -1) not in {(n, s) for _, n, s, _, _ in got.history} for name in ("payload",))
+    assert got.episodes > 9 * 48 * 32
+
+
+def test_no_boundary_opens_where_nothing_succeeds():
+    """With a demand that no policy meets (all of 16 episodes on a hard arm) ranges stay shut."""
+    got = automatic(1, rounds=9, buffer=16, thresholds=(0.9999, 1.0), most=30.0, step=30.0)
+    assert all(low <= high for low, high in got.ranges.bounds.values())
+    shut = [name for _, name, side, mean, now in got.history if mean < 1.0]
+    assert shut  # the first steps are too far, and are taken back
+    for name in set(shut):
+        last = [(side, now) for _, n, side, mean, now in got.history if n == name and mean < 1.0]
+        side, now = last[-1]
+        assert now == around(nominal(), 0.0).bounds[name][side > 0]
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: Ranges({"mass": (1.2, 0.8)}), "mass is"),
+        (lambda: Ranges({"weight": (1.0, 1.0)}), "name of a range is 'weight'"),
+        (lambda: Ranges({"torque": (0.0, 1.0)}), "above 0"),
+        (lambda: Ranges({"delay": (-0.01, 0.01)}), "delay.* is -0.01"),
+        (lambda: Ranges({"delay": (0.0, 0.01)}, {"delay": "normal"}), "kinds"),
+        (
+            lambda: Ranges({"delay": (0.011, 0.019)}, {"delay": "whole"})(
+                1, np.random.default_rng(0)
+            ),
+            "a multiple of 0.01 s",
+        ),
+        (lambda: automatic(0, thresholds=(0.9, 0.8)), "thresholds is"),
+        (lambda: tune(only(Plants()), -1), "seed is -1"),
+        (lambda: remake("best", 0.0), "kind is 'best'"),
+    ],
+)
+def test_bad_input_is_named(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
