@@ -7,12 +7,15 @@ its own, which only falls: whoever needs less lowers it here.
 from __future__ import annotations
 
 import os
+import resource
+import statistics
 import subprocess
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import hypothesis
+import numpy as np
 
 from course import CHAPTERS
 
@@ -39,6 +42,9 @@ SECONDS_OF = {
 # processor time itself is uncertain: the same tests of contact, of the same commit, took 55 and
 # 71 s on two quiet machines of the same kind.
 SPREAD = 1.5
+# Processor time [s] of `yardstick` where the seconds above were set, with two processes at work. A
+# machine on which the same work takes twice as long may take twice the seconds for everything.
+YARDSTICK = 0.018
 
 # Beginnings of the names of tests. What is run with every topic: the frame that all stand in.
 SMOKE = (
@@ -127,9 +133,35 @@ def seconds_allowed(topic: str) -> float:
     return SECONDS_OF.get(topic, SECONDS)
 
 
-def too_costly(seconds: Mapping[str, float]) -> list[str]:
-    """The topics that took more than `SPREAD` times the seconds that they may take."""
-    return [topic for topic, spent in seconds.items() if spent > SPREAD * seconds_allowed(topic)]
+def processor_time() -> float:
+    """Seconds of processor time of this process and of those that it has waited for."""
+    usages = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
+
+
+def yardstick() -> float:
+    """Processor time [s] of a fixed piece of work: objects, text and memory, as in a test."""
+    start = processor_time()
+    words = {f"{i % 977}.{i}": (i, str(i)) for i in range(15_000)}
+    sorted(words, key=lambda word: words[word][1])
+    np.sort(np.cos(np.arange(200_000.0)))
+    return processor_time() - start
+
+
+def slowness(measured: Sequence[float]) -> float:
+    """How many times slower than where the seconds were set, at least 1; `yardstick`s of a run."""
+    return max(1.0, statistics.median(measured) / YARDSTICK) if measured else 1.0
+
+
+def too_costly(seconds: Mapping[str, float], slow: float = 1.0) -> list[str]:
+    """The topics that took more than `SPREAD` times the seconds that they may take.
+
+    Args:
+        seconds: processor time by topic.
+        slow: how many times slower the machine is than that of the seconds.
+    """
+    limit = SPREAD * slow
+    return [topic for topic, spent in seconds.items() if spent > limit * seconds_allowed(topic)]
 
 
 def exercise_topics() -> dict[str, str]:

@@ -10,7 +10,6 @@ many examples, drawn afresh.
 
 import importlib.util
 import os
-import resource
 import shutil
 from collections import defaultdict
 from pathlib import Path
@@ -27,13 +26,17 @@ from tests.budget import (
     TOPICS,
     is_quick,
     is_smoke,
+    processor_time,
     seconds_allowed,
+    slowness,
     too_costly,
     topic_of,
+    yardstick,
 )
 
 # Small matrices are slower with threads, and threads that wait for each other use processor time.
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+for _name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
 # A learner's own settings are not for the tests, which make work folders of their own.
 for _name in [name for name in os.environ if name.startswith("DRILLS_")]:
     del os.environ[_name]
@@ -46,6 +49,7 @@ hypothesis.settings.load_profile("prove" if PROVE else "test")
 # --- Topics, and what they cost -------------------------------------------------------------------
 
 _SECONDS: defaultdict[str, float] = defaultdict(float)
+_YARDSTICKS: list[float] = []  # taken now and then, as the machine's pace changes
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -96,27 +100,28 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = kept
 
 
-def _used() -> float:
-    usages = map(resource.getrusage, (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(usage.ru_utime + usage.ru_stime for usage in usages)
-
-
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None):
-    start = _used()
+    start = processor_time()
+    if start > 10.0 * len(_YARDSTICKS):
+        _YARDSTICKS.append(yardstick())
+        start = processor_time()
     try:
         return (yield)
     finally:
-        _SECONDS[_topic(item)] += _used() - start
+        _SECONDS[_topic(item)] += processor_time() - start
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:
     # A worker of pytest-xdist tells the run that it works for.
     if hasattr(session.config, "workeroutput"):
         session.config.workeroutput["seconds"] = dict(_SECONDS)
+        session.config.workeroutput["yardsticks"] = _YARDSTICKS
         return
-    costly = too_costly(_SECONDS)
-    if session.config.getoption("--quick") and sum(_SECONDS.values()) > SPREAD * QUICK_SECONDS:
+    slow = slowness(_YARDSTICKS)
+    costly = too_costly(_SECONDS, slow)
+    quick = sum(_SECONDS.values()) if session.config.getoption("--quick") else 0.0
+    if quick > SPREAD * slow * QUICK_SECONDS:
         costly.append("the quick tests")
     # Processor time grows too where more wants to run than there are cores: then it only tells.
     quiet = os.getloadavg()[0] < 1.5 * (os.cpu_count() or 1) + 1.0
@@ -128,6 +133,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
 def pytest_testnodedown(node, error) -> None:
     for topic, spent in getattr(node, "workeroutput", {}).get("seconds", {}).items():
         _SECONDS[topic] += spent
+    _YARDSTICKS.extend(getattr(node, "workeroutput", {}).get("yardsticks", ()))
 
 
 # --- The browser ----------------------------------------------------------------------------------
@@ -158,12 +164,15 @@ def pytest_ignore_collect(collection_path: Path) -> bool | None:
 
 def pytest_terminal_summary(terminalreporter) -> None:
     if sum(_SECONDS.values()) > 10.0:
-        terminalreporter.write_sep("-", "processor time by topic")
+        slow = slowness(_YARDSTICKS)
+        title = f"processor time by topic, on a machine {slow:.1f} times as slow"
+        terminalreporter.write_sep("-", title)
         for topic, spent in sorted(_SECONDS.items(), key=lambda entry: -entry[1]):
             allowed = seconds_allowed(topic)
             told = f"{topic:<14} {spent:6.1f} s of {allowed:g}"
-            told += f", fails: above {SPREAD:g} times" if topic in too_costly(_SECONDS) else ""
-            terminalreporter.write_line(told, red=spent > allowed)
+            costly = topic in too_costly(_SECONDS, slow)
+            told += f", fails: above {SPREAD * slow:.1f} times" if costly else ""
+            terminalreporter.write_line(told, red=spent > slow * allowed)
         if terminalreporter.config.getoption("--quick"):
             told = f"{'quick tests':<14} {sum(_SECONDS.values()):6.1f} s of {QUICK_SECONDS:g}"
             terminalreporter.write_line(told, red=sum(_SECONDS.values()) > QUICK_SECONDS)

@@ -529,6 +529,11 @@ def test_a_run_fails_for_seconds_only_beyond_their_spread(monkeypatch) -> None:
     took = {"contact": 71.0, "drills": 1.01 * budget.SPREAD * 150.0}
     assert budget.too_costly(took) == ["drills"]
     assert 71.0 / 55.0 < budget.SPREAD < 2.0  # the spread that was met, and still a bound
+    # Where the yardstick takes twice as long, so may everything; a faster machine wins nothing.
+    assert budget.too_costly(took, slow=budget.slowness([2.0 * budget.YARDSTICK])) == []
+    assert budget.slowness([0.5 * budget.YARDSTICK]) == budget.slowness([]) == 1.0
+    more = {"drills": 2.1 * took["drills"]}
+    assert budget.too_costly(more, slow=2.0) == ["drills"]
 
 
 @pytest.mark.parametrize(
