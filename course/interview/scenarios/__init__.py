@@ -1,0 +1,449 @@
+"""Debugging scenarios that run: one symptom, several causes, and probes that tell them apart.
+
+A scenario is a program in `programs/NAME.py`, which the learner reads, and a table in `NAME.py`:
+its causes, probes and repairs. The program reads a record of numbers (a machine), and a cause is
+one wrong number in it, so that the listing is the same whichever was drawn.
+
+    case = diagnose("explodes", seed=3)
+    case.show(); case.probe("halve_step"); case.conclude("double_contact", "share_stiffness")
+
+What a figure rules out is computed: the probe is run on other machines of every cause, and a cause
+is out if the figure is further from its figures than the probe's noise.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import import_module
+from itertools import combinations
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from course import check
+
+HERE = Path(__file__).parent
+NAMES = ("explodes", "policy", "touch", "gap")
+REFERENCE = tuple(range(2**30, 2**30 + 6))  # seeds of the other machines, which no case has
+
+
+@dataclass(frozen=True)
+class Cause:
+    """What can be wrong: its name, a sentence, and the name of the repair that removes it."""
+
+    name: str
+    words: str
+    repair: str
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Something to try: it returns one finite figure and costs minutes.
+
+    Attributes:
+        name, what: how it is called, and what is done.
+        unit: of the figure; "" for a ratio or a count.
+        minutes: what it costs to somebody who has to write it.
+        run: (cause, seed) -> the figure; it takes as many steps whatever the cause.
+        noise: how far the figure of a machine may lie outside those of others with the same cause.
+    """
+
+    name: str
+    what: str
+    unit: str
+    minutes: int
+    run: Callable[[str, int], float]
+    noise: float
+
+
+@dataclass(frozen=True)
+class Repair:
+    """What can be changed, and a sentence."""
+
+    name: str
+    words: str
+
+
+Named = TypeVar("Named", Cause, Probe, Repair)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One symptom with several causes.
+
+    Attributes:
+        name: one of `NAMES`.
+        title, prompt: what the learner is told; Markdown.
+        symptom_words, unit: what the figure of the symptom is.
+        symptom: (cause, seed, repair or None) -> the figure.
+        spread: how far the figures of the causes may lie apart, as a share of their mean.
+        removed: figure -> whether the symptom is gone.
+        causes, probes, repairs: at least four, eight to twelve, and one for each cause at least.
+        popular: name of the repair that many try first.
+        price: (cause, seed, repair) -> what the repair costs, in `price_words`.
+        price_words: what the price is; 1 is what the machine without a fault costs.
+        affordable: the highest price that is no new fault.
+        path: how many probes the model answer has.
+    """
+
+    name: str
+    title: str
+    prompt: str
+    symptom_words: str
+    unit: str
+    symptom: Callable[[str, int, str | None], float]
+    spread: float
+    removed: Callable[[float], bool]
+    causes: tuple[Cause, ...]
+    probes: tuple[Probe, ...]
+    repairs: tuple[Repair, ...]
+    popular: str
+    price: Callable[[str, int, str], float]
+    price_words: str
+    affordable: float
+    path: int
+
+    def cause(self, name: str) -> Cause:
+        """The cause of that name; ValueError for another."""
+        return _named("cause", name, self.causes)
+
+    def a_probe(self, name: str) -> Probe:
+        """The probe of that name; ValueError for another."""
+        return _named("probe", name, self.probes)
+
+    def repair(self, name: str) -> Repair:
+        """The repair of that name; ValueError for another."""
+        return _named("repair", name, self.repairs)
+
+    def listing(self) -> str:
+        """The program, as the learner reads it."""
+        return (HERE / "programs" / f"{self.name}.py").read_text(encoding="utf-8")
+
+
+def _named(what: str, name: str, members: tuple[Named, ...]) -> Named:
+    check.one_of(what, name, [one.name for one in members])
+    return next(one for one in members if one.name == name)
+
+
+def there() -> tuple[str, ...]:
+    """The names of the scenarios that are written."""
+    return tuple(name for name in NAMES if (HERE / f"{name}.py").exists())
+
+
+@cache
+def scenario(name: str) -> Scenario:
+    """The scenario of that name; ValueError for another."""
+    check.one_of("name", name, there())
+    found: Scenario = import_module(f"{__name__}.{name}").SCENARIO
+    return found
+
+
+# --- What figures say ---------------------------------------------------------------------------
+
+
+@cache
+def figure(name: str, probe: str, cause: str, seed: int) -> float:
+    """The figure of a probe on one machine, kept."""
+    return float(scenario(name).a_probe(probe).run(cause, seed))
+
+
+@cache
+def expected(name: str, probe: str, cause: str) -> tuple[float, float]:
+    """The lowest and highest figure that a cause explains: those of `REFERENCE` and the noise."""
+    noise = scenario(name).a_probe(probe).noise
+    figures = [figure(name, probe, cause, seed) for seed in REFERENCE]
+    return min(figures) - noise, max(figures) + noise
+
+
+def ruled_out(name: str, probe: str, value: float) -> tuple[str, ...]:
+    """The causes that do not explain the figure of a probe."""
+    ranges = {one.name: expected(name, probe, one.name) for one in scenario(name).causes}
+    return tuple(cause for cause, (low, high) in ranges.items() if not low <= value <= high)
+
+
+def tells_apart(name: str, probe: str, one: str, other: str) -> bool:
+    """Whether no figure of a probe is explained by both causes."""
+    (low, high), (lower, higher) = (expected(name, probe, cause) for cause in (one, other))
+    return high < lower or higher < low
+
+
+@cache
+def model_path(name: str) -> tuple[str, ...]:
+    """The probes of the model answer, the same for every cause.
+
+    Greedy: next comes the probe that tells the most pairs of causes apart for its minutes. A pair
+    counts half for every probe before that told it apart: one figure is no proof, and a second
+    witness is worth something.
+    """
+    one = scenario(name)
+    pairs = list(combinations([cause.name for cause in one.causes], 2))
+    apart = {p.name: [tells_apart(name, p.name, *pair) for pair in pairs] for p in one.probes}
+    seen = np.zeros(len(pairs))
+    path: list[str] = []
+    for _ in range(one.path):
+        left = [p for p in one.probes if p.name not in path]
+        best = max(left, key=lambda p: float(0.5**seen @ apart[p.name]) / p.minutes)
+        path.append(best.name)
+        seen += apart[best.name]
+    return tuple(path)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One probe that was run: its figure, what it cost, and all that was spent so far."""
+
+    probe: str
+    figure: float
+    unit: str
+    minutes: int
+    spent: int
+
+    def __str__(self) -> str:
+        return f"{self.probe}: {_number(self.figure, self.unit)} ({self.spent} min spent)"
+
+    def _repr_markdown_(self) -> str:
+        return f"**{self.probe}**: {_number(self.figure, self.unit)} *({self.spent} min spent)*"
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of evidence: a probe, its figure, the causes that it rules out and what is left."""
+
+    probe: str
+    figure: float
+    unit: str
+    ruled_out: tuple[str, ...]
+    left: tuple[str, ...]
+
+
+def evidence(name: str, figures: dict[str, float]) -> tuple[Row, ...]:
+    """What figures, by probe, say one after the other."""
+    left = tuple(one.name for one in scenario(name).causes)
+    rows = []
+    for probe, value in figures.items():
+        out = ruled_out(name, probe, value)
+        left = tuple(cause for cause in left if cause not in out)
+        rows.append(Row(probe, value, scenario(name).a_probe(probe).unit, out, left))
+    return tuple(rows)
+
+
+# --- A case -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Case:
+    """One draw. It holds no cause: that is drawn anew from name and seed where a probe is run."""
+
+    name: str
+    seed: int
+
+
+def drawn(name: str, seed: int) -> Case:
+    """The case of a seed; ValueError for an unknown name or a seed below 0."""
+    return Case(scenario(name).name, check.count("seed", seed))
+
+
+def _sealed(case: Case, act: Callable[[str, int], float]) -> float:
+    """What `act` gives for the drawn cause; what goes wrong in it is told without its lines."""
+    stopped: type[BaseException] | None = None
+    try:
+        return float(act(_cause(case), case.seed))
+    except (Exception, KeyboardInterrupt) as error:
+        stopped = type(error)
+    if stopped is KeyboardInterrupt:
+        raise KeyboardInterrupt
+    raise RuntimeError(f"{case}: the program ended with {stopped.__name__}")
+
+
+def _cause(case: Case) -> str:
+    causes = scenario(case.name).causes
+    draw = np.random.default_rng([zlib.crc32(case.name.encode()), case.seed])
+    return causes[int(draw.integers(len(causes)))].name
+
+
+@dataclass(frozen=True)
+class Tried:
+    """A repair that was made: the symptom after it, whether it is gone, and the price."""
+
+    repair: str
+    symptom: float
+    removed: bool
+    price: float
+    affordable: bool
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer to a diagnosis; the cause is told here and nowhere before.
+
+    Attributes:
+        case, diagnosis: the draw, and the cause that was named.
+        cause: the one that was drawn.
+        before: the figure of the symptom.
+        tried, popular: the repair that was named, and the one that many try first.
+        rows, minutes: the evidence of the probes that were run, and what they cost.
+        model, model_minutes: the same of the model answer.
+    """
+
+    case: Case
+    diagnosis: str
+    cause: str
+    before: float
+    tried: Tried
+    popular: Tried
+    rows: tuple[Row, ...]
+    minutes: int
+    model: tuple[Row, ...]
+    model_minutes: int
+
+    @property
+    def right(self) -> bool:
+        """Whether the cause was named."""
+        return self.diagnosis == self.cause
+
+    @property
+    def supported(self) -> bool:
+        """Whether it was named and the probes left no other."""
+        return self.right and bool(self.rows) and self.rows[-1].left == (self.cause,)
+
+    @property
+    def cured(self) -> bool:
+        """Whether the repair removes the symptom at a price that can be paid."""
+        return self.tried.removed and self.tried.affordable
+
+    @property
+    def points(self) -> int:
+        """Of three: the cause, its evidence, the repair."""
+        return self.right + self.supported + self.cured
+
+    def sentences(self) -> tuple[str, ...]:
+        """The verdict in words."""
+        one = scenario(self.case.name)
+        named = "Right" if self.right else f"Not {self.diagnosis}"
+        told = [f"{named}: it is {self.cause}. {one.cause(self.cause).words}"]
+        if not self.right:
+            against = [row.probe for row in self.rows if self.diagnosis in row.ruled_out]
+            told += [f"{', '.join(against)} had ruled {self.diagnosis} out."] if against else []
+        left = self.rows[-1].left if self.rows else tuple(cause.name for cause in one.causes)
+        told.append(f"Your {self.minutes} minutes of probes leave {' or '.join(left) or 'none'}.")
+        told.append(self._of(self.tried, "Your repair"))
+        if self.popular.repair != self.tried.repair:
+            told.append(self._of(self.popular, "The popular repair"))
+        told.append(f"{self.points} of 3 points: the cause, its evidence, the repair.")
+        return tuple(told)
+
+    def _of(self, tried: Tried, lead: str) -> str:
+        one = scenario(self.case.name)
+        gone = "gone" if tried.removed else "still there"
+        dear = "" if tried.affordable else ", which is too dear"
+        return (
+            f"{lead} {tried.repair}: {one.symptom_words} {_number(self.before, one.unit)} becomes "
+            f"{_number(tried.symptom, one.unit)}, {gone}; {one.price_words}: "
+            f"{tried.price:.3g}{dear}."
+        )
+
+    def __str__(self) -> str:
+        return "\n".join(self.sentences())
+
+    def _repr_markdown_(self) -> str:
+        model = f"**The model answer** ({self.model_minutes} min)\n\n{table(self.model)}"
+        return "\n\n".join((*self.sentences(), table(self.rows), model))
+
+
+def table(rows: tuple[Row, ...]) -> str:
+    """Evidence as a table in Markdown."""
+    lines = ["| probe | figure | rules out | left |", "|---|---:|---|---|"]
+    for row in rows:
+        out, left = (", ".join(names) or "none" for names in (row.ruled_out, row.left))
+        lines.append(f"| {row.probe} | {_number(row.figure, row.unit)} | {out} | {left} |")
+    return "\n".join(lines)
+
+
+def _number(value: float, unit: str) -> str:
+    return f"{value:.3g} {unit}".rstrip()
+
+
+@dataclass
+class Diagnosis:
+    """A session with one case: the probes that were run, in order, and the minutes spent."""
+
+    case: Case
+    figures: dict[str, float] = field(default_factory=dict)
+    minutes: int = 0
+
+    def probe(self, name: str) -> Finding:
+        """Run a probe; the same once more gives the same figure and costs again.
+
+        Raises:
+            ValueError: for a name that is no probe of the scenario.
+        """
+        one = scenario(self.case.name).a_probe(name)
+        self.figures[name] = _sealed(self.case, lambda *drawn: figure(self.case.name, name, *drawn))
+        self.minutes += one.minutes
+        return Finding(name, self.figures[name], one.unit, one.minutes, self.minutes)
+
+    def conclude(self, cause: str, repair: str) -> Verdict:
+        """Name the cause and the repair, and get the answer with its evidence.
+
+        Raises:
+            ValueError: for a name that is no cause or repair of the scenario.
+        """
+        one = scenario(self.case.name)
+        one.cause(cause), one.repair(repair)
+        path = model_path(one.name)
+        model = Diagnosis(self.case)
+        for name in path:
+            model.probe(name)
+        return Verdict(
+            self.case,
+            cause,
+            _cause(self.case),
+            _sealed(self.case, lambda *drawn: one.symptom(*drawn, None)),
+            self._tried(repair),
+            self._tried(one.popular),
+            evidence(one.name, self.figures),
+            self.minutes,
+            evidence(one.name, model.figures),
+            model.minutes,
+        )
+
+    def _tried(self, repair: str) -> Tried:
+        one = scenario(self.case.name)
+        after = _sealed(self.case, lambda *drawn: one.symptom(*drawn, repair))
+        price = _sealed(self.case, lambda *drawn: one.price(*drawn, repair))
+        return Tried(repair, after, one.removed(after), price, price <= one.affordable)
+
+    def show(self) -> Page:
+        """The question, the program, and what can be tried and named."""
+        one = scenario(self.case.name)
+        probes = "\n".join(f"| {p.name} | {p.what} | {p.minutes} |" for p in one.probes)
+        named = [
+            "\n".join(f"* `{entry.name}`: {entry.words}" for entry in entries)
+            for entries in (one.causes, one.repairs)
+        ]
+        return Page(
+            f"**{one.title}**\n\n{one.prompt}\n\n<details><summary>The program</summary>\n\n"
+            f"```python\n{one.listing()}```\n\n</details>\n\n| probe | what is done | minutes |\n"
+            f"|---|---|---:|\n{probes}\n\n<details><summary>What it may be, and what can be "
+            f"changed</summary>\n\n{named[0]}\n\nRepairs\n\n{named[1]}\n\n</details>\n"
+        )
+
+
+class Page(str):
+    """A text in Markdown that a notebook shows as one."""
+
+    def _repr_markdown_(self) -> str:
+        return str(self)
+
+
+def diagnose(name: str, seed: int = 0) -> Diagnosis:
+    """Begin to debug a scenario.
+
+    Raises:
+        ValueError: for an unknown name or a seed below 0.
+    """
+    return Diagnosis(drawn(name, seed))
