@@ -1,0 +1,510 @@
+"""Claims of chapter 12: what is said in interviews, of trials, cycles, contacts and losses."""
+
+import numpy as np
+
+from course.derivations import Symbol, claim
+
+SYMBOLS = {
+    "p": Symbol("probability", 0.05, 0.95),
+    "d": Symbol("half width of the interval", 0.01, 0.2),
+    "D": Symbol("distance [m]"),
+    "a": Symbol("acceleration [m/s^2]"),
+    "b": Symbol("bias of the accelerometer [m/s^2]"),
+    "t": Symbol("time [s]"),
+    "v": Symbol("speed [m/s]"),
+    "m": Symbol("mass [kg]"),
+    "k": Symbol("stiffness [N/m]"),
+    "g": Symbol("gravity [m/s^2]"),
+    "c": Symbol("side of a cell [m]"),
+    "s": Symbol("standard deviation of a sample"),
+    "h": Symbol("sample time [s]"),
+    "r1": Symbol("reward of the first action"),
+    "r2": Symbol("reward of the second action"),
+    "L1": Symbol("length of the first link [m]"),
+    "L2": Symbol("length of the second link [m]"),
+    "L3": Symbol("length of the third link [m]"),
+    "q1": Symbol("first angle [rad]"),
+    "q2": Symbol("second angle, against the first link [rad]"),
+    "q3": Symbol("third angle, against the second link [rad]"),
+}
+
+
+@claim(
+    "A gate of 70 per cent and a hundred trials: what passes is at least that good.",
+    "What is at {worse:.2f} passes with probability {lucky:.2f}, and what is at the gate itself "
+    "with {fair:.2f}. After {passed:.0f} of {n:.0f} the rate lies between {low:.2f} and "
+    "{high:.2f}. A half width d at two standard deviations takes {formula} trials.",
+    ask=("A success rate is near p. How many trials for an interval of half width d, at two "
+         "standard deviations?", "n = 4*p*(1 - p)/d^2", {
+             "p*(1 - p)/d^2": "That is one standard deviation.",
+             "2*p*(1 - p)/d^2": "Two standard deviations are squared.",
+             "4*p/d^2": "The variance of a trial is p (1 - p).",
+             "4*p*(1 - p)/d": "The width falls with the root of n."}),
+    source="E. Wilson, Probable inference, the law of succession, 1927",
+)  # fmt: skip
+def hundred_trials(found):
+    import sympy
+    from scipy.stats import binom
+
+    from course.measure.success import wilson
+
+    p, d, n = sympy.symbols("p d n", positive=True)
+    found.formula = sympy.solve(sympy.Eq(d, 2 * sympy.sqrt(p * (1 - p) / n)), n)[0]
+    gate, worse = found.given("gate", 0.7), found.given("worse", 0.65)
+    tried = int(found.given("n", 100))
+    passed = found.figure("passed", round(gate * tried))
+    lucky = found.figure("lucky", binom.sf(passed - 1, tried, worse))
+    fair = found.figure("fair", binom.sf(passed - 1, tried, gate))
+    low, high = (float(x) for x in wilson(passed, tried))
+    found.figure("low", low)
+    found.figure("high", high)
+    seen = np.mean(found.rng.binomial(tried, worse, 40_000) >= passed)
+    needed = int(found.formula.subs({p: gate, d: 0.05}))
+    draws = found.rng.binomial(needed, gate, 40_000) / needed
+    inside = np.mean(np.abs(draws - gate) < 0.05)
+    found.statement = "Binomial sums, and 40,000 draws of a hundred trials."
+    found.heard(lucky < 0.025)
+    found.corrected(abs(seen - lucky) < 0.01, 0.5 < fair < 0.6, low < worse < high,
+                    0.94 < inside < 0.97)  # fmt: skip
+
+
+@claim(
+    "A simulated accelerometer gives the acceleration of its body, with noise.",
+    "It gives what is felt: the acceleration less gravity, in axes of the sensor. At rest MuJoCo's "
+    "reads {rest:.2f} m/s^2 upward, in free fall nothing. And noise is not what hurts in a "
+    "place that is integrated from it: a constant bias b becomes {formula}, {drift:.1f} m after "
+    "{seconds:.0f} s at {bias:g} m/s^2.",
+    ask=("An accelerometer at rest has a constant bias b. How far is the place off that is "
+         "integrated from it, after t?", "b*t^2/2", {
+             "b*t": "That is the speed.",
+             "b*t^2": "Integrated twice: a half comes with it.",
+             "b*t^2/4": "The mean speed is half of the last."}),
+    source="D. Titterton and J. Weston, Strapdown Inertial Navigation Technology, 2004, ch. 2",
+)  # fmt: skip
+def imu_reads_acceleration(found):
+    import mujoco
+    import sympy
+
+    b, t, w = sympy.symbols("b t w", positive=True)
+    found.formula = sympy.integrate(sympy.integrate(b, (w, 0, w)), (w, 0, t))
+    model = mujoco.MjModel.from_xml_string(
+        "<mujoco><worldbody><geom type='plane' size='2 2 .1'/><body pos='0 0 .1'><freejoint/>"
+        "<geom type='box' size='.1 .1 .1' mass='1'/><site name='s'/></body></worldbody>"
+        "<sensor><accelerometer site='s'/></sensor></mujoco>"
+    )
+
+    def read(height, seconds, turn=(1.0, 0.0, 0.0, 0.0)):
+        data = mujoco.MjData(model)
+        data.qpos[2], data.qpos[3:7] = height, turn
+        while data.time < seconds:
+            mujoco.mj_step(model, data)
+        mujoco.mj_forward(model, data)
+        return data.sensordata.copy(), data.qacc[:3].copy(), data.xmat[1].reshape(3, 3)
+
+    at_rest, still, _ = read(0.1, 1.0)
+    rest = found.figure("rest", at_rest[2], 1e-3)
+    fall = np.linalg.norm(read(5.0, 0.2)[0])
+    off = 0.0
+    for turn in found.rng.normal(size=(6, 4)):
+        felt, acceleration, axes = read(5.0, 0.0, turn / np.linalg.norm(turn))
+        off = max(off, np.abs(felt - axes.T @ (acceleration - model.opt.gravity)).max())
+    bias, seconds = found.given("bias", 0.05), found.given("seconds", 10)
+    dt = 1e-3
+    drift = np.cumsum(np.cumsum(np.full(round(seconds / dt), bias)) * dt)[-1] * dt
+    found.figure("drift", drift, 1e-3)
+    found.statement = "MuJoCo's sensor on a box at rest, falling, and turned at random."
+    found.heard(abs(rest - still[2]) < 0.1)
+    told = float(found.formula.subs({b: bias, t: seconds}))
+    found.corrected(abs(rest - 9.81) < 0.01, fall < 1e-9, off < 1e-9, abs(drift / told - 1) < 1e-3)
+
+
+@claim(
+    "An arm that stops as soon as it feels 10 N presses with about 10 N.",
+    "At {felt:.0f} N it is as fast as before. What moves with mass m and speed v into a stiffness "
+    "k presses with {formula} if nobody brakes: {free:.0f} N at {speed:g} m/s, {mass:g} kg and "
+    "{stiff:.0f} N/m. Braked with {brake:.0f} N from there on, {late_ms:.0f} ms later, it is "
+    "{braked:.0f} N. To stay at {felt:.0f} N it may come with {slow:.3f} m/s.",
+    ask=("A mass m meets a spring k at speed v, with no other force. The largest force?",
+         "F = v*sqrt(k*m)", {
+             "v*sqrt(k/m)": "That is an acceleration.",
+             "k*v": "It is no damper.",
+             "m*v^2/2": "That is the energy.",
+             "v*k*m": "The energies are equal: k x^2 is m v^2."}),
+    source="S. Haddadin and others, Robot collisions, IEEE Transactions on Robotics, 2017",
+)  # fmt: skip
+def stop_at_ten_newtons(found):
+    import sympy
+
+    m, k, v, x = sympy.symbols("m k v x", positive=True)
+    found.formula = k * sympy.solve(sympy.Eq(k * x**2 / 2, m * v**2 / 2), x)[0]
+    mass, speed = found.given("mass", 4), found.given("speed", 0.25)
+    stiff, brake = found.given("stiff", 25_000), found.given("brake", 100)
+    late, limit = found.given("late_ms", 8) / 1000, found.given("felt", 10)
+
+    def peak(start, braking):
+        place, rate, felt, most, now, dt = 0.0, start, None, 0.0, 0.0, 1e-6
+        while rate > 0:
+            force = stiff * place
+            felt = now if felt is None and force >= limit else felt
+            on = braking and felt is not None and now >= felt + late
+            rate -= dt * (force + (brake if on else 0.0)) / mass
+            place += dt * rate
+            most, now = max(most, force), now + dt
+        return most
+
+    free = found.figure("free", peak(speed, False), 1e-4)
+    braked = found.figure("braked", peak(speed, True), 1e-4)
+    slow = found.figure("slow", limit / np.sqrt(stiff * mass))
+    told = float(found.formula.subs({m: mass, k: stiff, v: speed}))
+    found.statement = "A mass that runs into a spring, with and without a brake."
+    found.heard(braked < 1.5 * limit)
+    found.corrected(
+        abs(free / told - 1) < 1e-3, braked < free, abs(peak(slow, False) / limit - 1) < 1e-3
+    )
+
+
+@claim(
+    "An impedance of 2000 N/m is position control.",
+    "It is a spring: a payload of mass m draws it down by {formula}, {sag:.1f} mm for {mass:g} kg. "
+    "Position control removes what stays, by an integral: {left:.0e} mm after {seconds:.0f} s.",
+    ask=("A spring of stiffness k holds a hand. By how much does a payload of mass m draw it "
+         "down?", "m*g/k", {
+             "m/k": "A mass is no force.",
+             "m*g/(2*k)": "A half belongs to the energy.",
+             "k/(m*g)": "Upside down: it gives way less where it is stiff."}),
+    source="N. Hogan, Impedance control, 1985",
+)  # fmt: skip
+def stiff_is_position(found):
+    import sympy
+
+    m, g, k, x = sympy.symbols("m g k x", positive=True)
+    found.formula = sympy.solve(sympy.Eq(k * x, m * g), x)[0]
+    stiff, mass = found.given("stiff", 2000), found.given("mass", 1)
+    seconds, hand, dt = found.given("seconds", 5), 3.0, 1e-4
+
+    def left(integral):
+        place, rate, total = 0.0, 0.0, 0.0
+        for _ in range(round(seconds / dt)):
+            total += integral * -place * dt
+            force = -stiff * place - 150.0 * rate + total - mass * 9.81
+            rate += dt * force / (hand + mass)
+            place += dt * rate
+        return 1000 * abs(place)
+
+    sag = found.figure("sag", left(0.0), 1e-3)
+    removed = found.figure("left", left(8000.0), 0.2)
+    found.statement = "A hand under a payload, with and without an integral."
+    found.heard(sag < 1)
+    found.corrected(abs(sag / float(found.formula.subs({m: mass, g: 9.81, k: stiff})) / 1000 - 1)
+                    < 1e-3, removed < 1e-3 * sag)  # fmt: skip
+
+
+@claim(
+    "A PID controller has to filter its derivative.",
+    "Where samples are noisy: the difference of two of them carries {formula}. A filter with alpha "
+    "{alpha:.2f} leaves {quiet:.2f} of it, and is late: a loop without noise settles in "
+    "{soft:.0f} ms in place of {sharp:.0f}.",
+    ask=("Samples h apart carry white noise of deviation s. The deviation of (y[i] - y[i-1])/h?",
+         "sqrt(2)*s/h", {
+             "s/h": "Two samples are noisy.",
+             "2*s/h": "Variances add up, not deviations.",
+             "sqrt(2)*s*h": "A difference is divided by h.",
+             "sqrt(2)*s": "Mind the unit: it is a rate."}),
+    source="K. Astrom and T. Hagglund, Advanced PID Control, 2006, sec. 3.3",
+)  # fmt: skip
+def derivative_is_filtered(found):
+    import sympy
+
+    s, h = sympy.symbols("s h", positive=True)
+    found.formula = sympy.sqrt(s**2 + s**2) / h
+    dt, noise, alpha = 1e-3, 1e-4, found.given("alpha", 0.04)
+    samples = found.rng.normal(0, noise, 200_000)
+    rates, state = np.diff(samples) / dt, 0.0
+    smooth = np.empty_like(rates)
+    for i, rate in enumerate(rates):
+        state += alpha * (rate - state)
+        smooth[i] = state
+    told = float(found.formula.subs({s: noise, h: dt}))
+    quiet = found.figure("quiet", smooth.std() / rates.std(), 0.03)
+
+    def settled(share):
+        """After which time a step stays within a thousandth of its goal [ms]."""
+        place, rate, last, slope, away = 0.0, 0.0, -1.0, 0.0, 0.0
+        for i in range(2000):
+            error = place - 1.0
+            slope += share * ((error - last) / dt - slope)
+            last = error
+            rate += dt * (-900.0 * error - 40.0 * slope)
+            place += dt * rate
+            away = i if abs(place - 1.0) > 1e-3 else away
+        return 1000 * away * dt
+
+    sharp, soft = found.figure("sharp", settled(1.0)), found.figure("soft", settled(alpha))
+    found.statement = "200,000 noisy samples, and a step of a loop that has no noise."
+    found.heard(soft < sharp)
+    found.corrected(abs(rates.std() / told - 1) < 0.01, soft > 1.1 * sharp,
+                    abs(quiet / (alpha / np.sqrt(2 - alpha)) - 1) < 0.05)  # fmt: skip
+
+
+@claim(
+    "Energy that grows all the time shows that the integration is unstable.",
+    "Something may feed it in. Halve the step: what the integrator adds to ln E in a second is "
+    "halved, {whole:.2f} to {half:.2f}; what a friction with the wrong sign adds stays, "
+    "{fed:.2f} and {fed_half:.2f}.",
+)
+def growing_energy(found):
+    def growth(step, dt, damping):
+        """Growth of ln E per second of an oscillator with 10 rad/s over 4 s."""
+        state = np.array([1.0, 0.0])
+
+        def rate(x, v):
+            return -100.0 * x - damping * v
+
+        for _ in range(round(4 / dt)):
+            state = step(state, dt, rate)
+        return np.log((100 * state[0] ** 2 + state[1] ** 2) / 100) / 4
+
+    def explicit(state, dt, rate):
+        return state + dt * np.array([state[1], rate(*state)])
+
+    def verlet(state, dt, rate):
+        middle = state[1] + dt / 2 * rate(*state)
+        place = state[0] + dt * middle
+        return np.array([place, middle + dt / 2 * rate(place, middle)])
+
+    whole, half = (growth(explicit, dt, 0.0) for dt in (4e-3, 2e-3))
+    fed, fed_half = (growth(verlet, dt, -0.4) for dt in (4e-3, 2e-3))
+    found.figure("whole", whole)
+    found.figure("half", half)
+    found.figure("fed", fed)
+    found.figure("fed_half", fed_half)
+    found.statement = "An oscillator at two steps: explicit Euler, and a damper that drives."
+    found.heard(fed < 0.1)
+    found.corrected(abs(whole / half - 2) < 0.05, abs(fed / fed_half - 1) < 0.05,
+                    abs(fed - 0.4) < 0.02)  # fmt: skip
+
+
+@claim(
+    "When recorded commands are replayed in simulation, an error at the start is latency, one that "
+    "grows is friction.",
+    "It depends on what is replayed. Under torques what grows may be friction or inertia, from the "
+    "first fifth to the last by {rough:.0f} and {heavy:.1f} times. Under positions nothing grows, "
+    "friction {rough_held:.1f} times. And latency shows where the arm is fast, not first: its "
+    "error is delay times speed to {off:.0%}, and nothing at a start from rest.",
+)
+def error_by_its_shape(found):
+    dt, n = 1e-3, 3000
+    turn = 2 * np.pi * np.arange(n) * dt
+    torque, wanted = np.sin(turn) + 0.5 * np.sin(2.3 * turn), 1 - np.cos(turn)
+
+    def replay(law, inertia=0.1, friction=0.05, delay=0):
+        """Places and rates of a joint under a law of sample, place and rate."""
+        place = rate = 0.0
+        seen = np.empty((2, n))
+        for i in range(n):
+            given = law(i - delay, place, rate) if i >= delay else 0.0
+            rate += dt * (given - friction * rate) / inertia
+            place += dt * rate
+            seen[:, i] = place, rate
+        return seen
+
+    def torques(i, place, rate):
+        return torque[i]
+
+    def positions(i, place, rate):
+        return 50.0 * (wanted[i] - place) - 3.0 * rate
+
+    def grown(law, **wrong):
+        """How many times larger the error's root mean square is in the last fifth."""
+        off = (replay(law, **wrong)[0] - replay(law)[0]) ** 2
+        return np.sqrt(off[-n // 5 :].mean() / off[: n // 5].mean())
+
+    rough = found.figure("rough", grown(torques, friction=0.07))
+    heavy = found.figure("heavy", grown(torques, inertia=0.12))
+    held = found.figure("rough_held", grown(positions, friction=0.07))
+    places, rates = replay(torques)
+    late = 10
+    error = places - replay(torques, delay=late)[0]
+    told = late * dt * rates
+    off = found.figure("off", np.sqrt(((error - told) ** 2).mean() / (told**2).mean()), 0.05)
+    found.statement = "Torques and positions replayed on a joint with one parameter off at a time."
+    found.heard(rough > 2 and held > 2)
+    found.corrected(rough > 2, heavy > 2, held < 1.5, off < 0.1)
+
+
+@claim(
+    "A*, RRT and PRM are complete.",
+    "Each in its own sense. A* is complete on its graph: on a grid whose cells of {cell:g} m are "
+    "free only as a whole, a gap of {narrow:g} m was open for {open_narrow:.0%} of the grids' "
+    "places and one of {wide:g} m for {open_wide:.0%}. RRT and PRM find a path with a probability "
+    "that tends to one, and never say that there is none.",
+    ask=("Cells of side c count as free only as a whole. The least width of a gap, along the "
+         "grid, that is open wherever the grid lies?", "2*c", {
+             "c": "Its two sides may both cut a cell.",
+             "c/2": "A cell does not fit.",
+             "3*c": "Two cut cells, and one between: they are cut only in part."}),
+    source="S. LaValle, Planning Algorithms, 2006, sec. 5.1",
+)  # fmt: skip
+def complete_planners(found):
+    import sympy
+    from scipy.ndimage import label
+
+    cell = found.given("cell", 0.1)
+    narrow, wide = found.given("narrow", 0.15), found.given("wide", 0.2)
+
+    def open_share(gap):
+        """Share of 200 places of the grid for which its free cells join the two halves."""
+        found_open = 0
+        for shift in found.rng.uniform(0, cell, 200):
+            edges = np.arange(-10, 11) * cell + shift
+            rows = (edges[:-1] >= -1e-12) & (edges[1:] <= gap + 1e-12)  # wholly within the gap
+            free = np.ones((20, 9), dtype=bool)
+            free[:, 4] = rows
+            areas, _ = label(free)
+            found_open += areas[0, 0] == areas[0, 8]
+        return found_open / 200
+
+    # The first edge lies x < c above the lower side of the gap; a whole cell above it has to fit.
+    c, x = sympy.symbols("c x", positive=True)
+    found.formula = sympy.limit(x + c, x, c, "-")
+    tight = found.figure("open_narrow", open_share(narrow), 0.3)
+    roomy = found.figure("open_wide", open_share(wide), 0.0)
+    shut = open_share(0.09)
+    found.statement = "Free cells of a grid, joined, at drawn places of the grid over a gap."
+    found.heard(tight == 1)
+    found.corrected(0.3 < tight < 0.7, roomy == 1, shut == 0)
+
+
+@claim(
+    "A planner that is twice as fast makes a pick-and-place cycle clearly shorter.",
+    "Moves take the time: one over D with speed v and acceleration a takes {formula}. With "
+    "{moves:.0f} moves of {move:.2f} s and {compute_ms:.0f} ms of computing, in which the planner "
+    "has {plan_ms:.0f} ms, the cycle falls by {won:.1%}; twice the acceleration saves {quick:.0%}.",
+    ask=("A hand moves from rest to rest over D, with speed limit v, which it reaches, and "
+         "acceleration a. How long does it take?", "T = D/v + v/a", {
+             "D/v": "It starts and stops.",
+             "D/v + 2*v/a": "While it speeds up it moves on, at half the speed.",
+             "D/v + v/(2*a)": "That is one of the two ends.",
+             "2*sqrt(D/a)": "That is where the limit is not reached."}),
+    source="Chapter 5 derives the trapezoid",
+)  # fmt: skip
+def computing_and_cycle(found):
+    import sympy
+
+    D, v, a, T = sympy.symbols("D v a T", positive=True)
+    found.formula = sympy.expand(sympy.solve(sympy.Eq(v * (T - v / a), D), T)[0])
+    far, fast, hard = 0.6, 1.0, found.given("acceleration", 2)
+
+    def taken(limit):
+        """Time from rest to rest by small steps, as fast as it may and braking as late as it
+        may [s]."""
+        place, rate, now, dt = 0.0, 0.0, 0.0, 1e-5
+        while place < far - 1e-7 and now < 10:
+            brakes = far - place <= rate * rate / (2 * limit)
+            rate = max(rate - limit * dt, 1e-4) if brakes else min(rate + limit * dt, fast)
+            place, now = place + rate * dt, now + dt
+        return now
+
+    move = found.figure("move", taken(hard), 5e-3)
+    told = float(found.formula.subs({D: far, v: fast, a: hard}))
+    moves, grip = found.given("moves", 4), 0.6
+    computing = found.given("compute_ms", 170) / 1000
+    plan = found.given("plan_ms", 100) / 1000
+    cycle = moves * move + grip + computing
+    won = found.figure("won", plan / 2 / cycle, 0.01)
+    quick = found.figure("quick", moves * (move - taken(2 * hard)) / cycle, 0.01)
+    found.statement = "A move from rest to rest in small steps, and a cycle of four."
+    found.heard(won > 0.1)
+    found.corrected(abs(move / told - 1) < 0.01, won < 0.03, quick > 5 * won)
+
+
+@claim(
+    "The loss -E[A log pi] of reinforcement learning falls while the policy gets better.",
+    "Only its slope means something, and only at the policy that drew the data: there it is that "
+    "of the return, for two actions {formula}. Half a unit of score away the slope is {away:.0%} "
+    "off, in the mean, and what the loss is worth depends on the baseline. Cloning has it with A = "
+    "1 on somebody else's actions: there it is a likelihood, and may be minimised.",
+    ask=("Two actions with rewards r1 and r2; the first is chosen with probability p, the logistic "
+         "function of its score. The slope of the mean reward over the score?",
+         "p*(1 - p)*(r1 - r2)", {
+             "p*(r1 - r2)": "The slope of a logistic function is p (1 - p).",
+             "r1 - r2": "That is over p, not over its score.",
+             "p*(1 - p)*r1": "The other action loses what this one wins."}),
+    source="R. Williams, Simple statistical gradient-following algorithms, 1992",
+)  # fmt: skip
+def loss_of_a_policy(found):
+    import sympy
+
+    r1, r2, z = sympy.symbols("r1 r2 z")
+    p = sympy.symbols("p", positive=True)
+    logistic = 1 / (1 + sympy.exp(-z))
+    slope = sympy.diff(logistic * r1 + (1 - logistic) * r2, z)
+    found.formula = sympy.simplify(slope.subs(z, sympy.log(p / (1 - p))))
+
+    def share(scores):
+        weights = np.exp(scores - scores.max())
+        return weights / weights.sum()
+
+    def gradient(f, scores, step=1e-6):
+        return np.array([(f(scores + step * e) - f(scores - step * e)) / (2 * step)
+                         for e in np.eye(len(scores))])  # fmt: skip
+
+    def off(away):
+        """How far the two slopes are apart, as a share of the return's."""
+        rewards, scores = found.rng.normal(size=(2, 4))
+        drawn = share(scores)
+        gain = drawn * (rewards - drawn @ rewards)
+        at = scores + away * found.rng.normal(size=4)
+        loss = gradient(lambda x: -gain @ np.log(share(x)), at)
+        true = gradient(lambda x: share(x) @ rewards, at)
+        return np.linalg.norm(loss + true) / np.linalg.norm(true)
+
+    def fell(baseline):
+        """How much the loss on its own data falls as a policy of two actions gets better."""
+        rewards = np.array([1.0, 0.0])
+        worth = [-(q * (rewards - baseline)) @ np.log(q) for q in ([0.5, 0.5], [0.9, 0.1])
+                 for q in [np.array(q)]]  # fmt: skip
+        return worth[0] - worth[1]
+
+    found.statement = "Gradients of policies over four actions, by differences."
+    found.heard(fell(0.0) > 0 and fell(1.0) > 0)
+    apart = found.figure("away", np.mean([off(0.5) for _ in range(40)]), 0.2)
+    found.corrected(max(off(0.0) for _ in range(8)) < 1e-6, apart > 0.05)
+
+
+@claim(
+    "In a planar arm each joint is the one before plus a link at the sum of the angles so far.",
+    "So it is, with angles that are measured against the link before: three links end at the "
+    "height {formula}. It agrees with a product of transforms to {digits:.0f} digits. With angles "
+    "against the ground nothing is summed.",
+    ask=("Three links in a plane, each angle against the link before. The height of the tip?",
+         "L1*sin(q1) + L2*sin(q1 + q2) + L3*sin(q1 + q2 + q3)", {
+             "L1*sin(q1) + L2*sin(q2) + L3*sin(q3)": "Those are angles against the ground.",
+             "L1*cos(q1) + L2*cos(q1 + q2) + L3*cos(q1 + q2 + q3)": "That is the other axis.",
+             "(L1 + L2 + L3)*sin(q1 + q2 + q3)": "Each link has a sum of its own."}),
+)  # fmt: skip
+def joints_by_sums(found):
+    import sympy
+
+    lengths = sympy.symbols("L1 L2 L3", positive=True)
+    angles = sympy.symbols("q1 q2 q3", real=True)
+    whole = sympy.eye(3)
+    for length, angle in zip(lengths, angles, strict=True):
+        c, s = sympy.cos(angle), sympy.sin(angle)
+        whole = whole * sympy.Matrix([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+        whole = whole * sympy.Matrix([[1, 0, length], [0, 1, 0], [0, 0, 1]])
+    found.formula = sympy.simplify(whole[1, 2])
+    off = 0.0
+    for _ in range(20):
+        links, turns = found.rng.uniform(0.1, 1, 3), found.rng.uniform(-3, 3, 3)
+        sums = np.cumsum(turns)
+        tip = np.cumsum(links * np.array([np.cos(sums), np.sin(sums)]), axis=1)[:, -1]
+        frame = np.eye(3)
+        for length, turn in zip(links, turns, strict=True):
+            c, s = np.cos(turn), np.sin(turn)
+            frame = frame @ [[c, -s, length * c], [s, c, length * s], [0, 0, 1]]
+        off = max(off, np.abs(tip - frame[:2, 2]).max())
+    found.figure("digits", np.floor(-np.log10(off + 1e-17)), 0.1)
+    found.statement = "Twenty drawn arms, against products of homogeneous transforms."
+    found.heard(off < 1e-14)
+    found.corrected(off < 1e-14)
