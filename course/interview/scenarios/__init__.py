@@ -382,7 +382,7 @@ class Diagnosis:
             ValueError: for a name that is no probe of the scenario.
         """
         one = scenario(self.case.name).a_probe(name)
-        self.figures[name] = _sealed(self.case, lambda *drawn: figure(self.case.name, name, *drawn))
+        self.figures[name] = _sealed(self.case, lambda c, s: figure(self.case.name, name, c, s))
         self.minutes += one.minutes
         return Finding(name, self.figures[name], one.unit, one.minutes, self.minutes)
 
@@ -402,7 +402,7 @@ class Diagnosis:
             self.case,
             cause,
             _cause(self.case),
-            _sealed(self.case, lambda *drawn: one.symptom(*drawn, None)),
+            _sealed(self.case, lambda c, s: one.symptom(c, s, None)),
             self._tried(repair),
             self._tried(one.popular),
             evidence(one.name, self.figures),
@@ -413,8 +413,8 @@ class Diagnosis:
 
     def _tried(self, repair: str) -> Tried:
         one = scenario(self.case.name)
-        after = _sealed(self.case, lambda *drawn: one.symptom(*drawn, repair))
-        price = _sealed(self.case, lambda *drawn: one.price(*drawn, repair))
+        after = _sealed(self.case, lambda c, s: one.symptom(c, s, repair))
+        price = _sealed(self.case, lambda c, s: one.price(c, s, repair))
         return Tried(repair, after, one.removed(after), price, price <= one.affordable)
 
     def show(self) -> Page:

@@ -1,0 +1,90 @@
+"""A slide on a rail between elastic stops: it is let go a little off the middle and should rest."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+@dataclass(frozen=True)
+class Machine:
+    """What is built, and how it is simulated.
+
+    Attributes:
+        mass: of the slide [kg].
+        stiffness: of one stop [N/m].
+        stops: (place [m], direction in which it pushes, +1 or -1) of every contact point.
+        damping: of the brake, which is told the measured speed [N s/m].
+        age: steps from a measurement to its use.
+        friction: coefficient between slide and rail.
+        slow: speed below which friction grows with the speed [m/s].
+        rail, guide: directions of the axes in which force and speed are told, +1 or -1.
+        blend: how much of the new speed moves the slide, from 0 to 1.
+        dt: step [s].
+        start: place at the beginning [m].
+    """
+
+    mass: float
+    stiffness: float
+    stops: Sequence[tuple[float, float]]
+    damping: float
+    age: int
+    friction: float
+    slow: float
+    rail: float
+    guide: float
+    blend: float
+    dt: float
+    start: float
+
+
+@dataclass
+class Log:
+    """What happened, one row a step: x [m], v [m/s], forces [N], contact points that pushed."""
+
+    x: NDArray[np.float64]
+    v: NDArray[np.float64]
+    push: NDArray[np.float64]
+    brake: NDArray[np.float64]
+    rub: NDArray[np.float64]
+    touching: NDArray[np.int64]
+
+
+GRAVITY = 9.81
+
+
+def contact_force(machine: Machine, x: float) -> tuple[float, int]:
+    """The force of the stops [N], and how many contact points push."""
+    force, touching = 0.0, 0
+    for place, direction in machine.stops:
+        depth = direction * (place - x)
+        if depth > 0.0:
+            force += direction * machine.stiffness * depth
+            touching += 1
+    return force, touching
+
+
+def friction_force(machine: Machine, v: float) -> float:
+    """The force of the rail [N]: Coulomb's, made smooth at low speed."""
+    slip = machine.guide * v
+    share = min(max(slip / machine.slow, -1.0), 1.0)
+    return -machine.rail * machine.friction * machine.mass * GRAVITY * share
+
+
+def simulate(machine: Machine, steps: int) -> Log:
+    """Let the slide go and log `steps` steps."""
+    log = Log(*(np.zeros(steps) for _ in range(5)), touching=np.zeros(steps, dtype=np.int64))
+    x, v = machine.start, 0.0
+    measured = [0.0] * machine.age
+    for i in range(steps):
+        measured.append(v)
+        push, touching = contact_force(machine, x)
+        brake = -machine.damping * measured[i]
+        rub = friction_force(machine, v)
+        log.x[i], log.v[i], log.touching[i] = x, v, touching
+        log.push[i], log.brake[i], log.rub[i] = push, brake, rub
+        faster = v + machine.dt * (push + brake + rub) / machine.mass
+        x += machine.dt * (machine.blend * faster + (1.0 - machine.blend) * v)
+        v = faster
+    return log
