@@ -82,7 +82,6 @@ SLOW = (
     "tests/drills/test_sandbox",
     "tests/drills/test_session.py",
     "tests/drills/test_verify.py",
-    "tests/interview/test_questions.py",
     "tests/kinematics/test_solutions.py::test_torques_are_those_of_pinocchio_and_mujoco",
     "tests/kinematics/test_charts.py",
     "tests/learning/test_evaluate.py::test_settings_are",

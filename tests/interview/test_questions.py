@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from course import CHAPTERS, derivations, interview
+from course.derivations import records
 
 TOPICS = sorted(path.name for path in interview.FOLDER.iterdir())
 ALL = [(topic, question) for topic in TOPICS for question in interview.questions(topic)]
+PLACES = {f"{topic}/{question.name}": question for topic, question in ALL}
 BY_NUMBER = {chapter.number: chapter.topic for chapter in CHAPTERS}
+
+SOURCES = Path(__file__).parents[2] / "notebooks" / "source"
 
 HEAD = """+++
 title = "What is it?"
@@ -29,9 +35,9 @@ By RK4 it is $2\\\\sqrt2/\\\\omega$, see `simulate(0.5)`.
 
 
 @pytest.mark.parametrize("topic", TOPICS)
-def test_a_chapter_has_ten_questions_at_three_levels(topic: str) -> None:
+def test_a_chapter_has_twelve_questions_at_three_levels(topic: str) -> None:
     mine = interview.questions(topic)
-    assert len(mine) >= 10
+    assert len(mine) >= 12
     assert {question.level for question in mine} == {1, 2, 3}
     assert len({question.kind for question in mine}) >= 3
 
@@ -46,12 +52,46 @@ def test_a_question_is_complete_and_its_figures_are_there(topic, question) -> No
     # Spoken at 150 words a minute, with time to think.
     assert 40 <= len(question.minute.split()) <= 170
     assert len(question.full.split()) > len(question.minute.split())
-    known = {item.id: item for item in derivations.claims()}
-    for claim, name in question.fields():
-        assert claim in known, claim
-        assert name in derivations.run(claim).finding.figures, (claim, name)
-    text = question.markdown(derivations.figure)
+    # On record: that a check still gives these figures is for the tests of the claims.
+    known = {item.id for item in derivations.claims()}
+    assert {claim for claim, _ in question.fields()} <= known
+    text = question.markdown(records.figure)
     assert question.title in text and "{" not in interview._QUIET.sub("", text.replace("\\{", ""))
+
+
+# The twelve questions that everybody hears, one a chapter, and the drills and scenarios.
+ASKED = {
+    "F142": "role/bin_picking", "F143": "rigid_body/joints_creep", "F144": "contact/wine_glass",
+    "F145": "platforms/hand_and_transfer", "F146": "kinematics/elbow_near_obstacle",
+    "F147": "planning/shelf_in_a_tenth",
+    "F148": "control/undershoots", "F149": "perception/small_and_large",
+    "F150": "sim_to_real/ninety_five_and_twenty", "F151": "learning/folding_two_ways",
+    "F152": "middleware/graph_of_rates", "F153": "pipeline/works_nine_of_ten",
+    "F251": "interview/three_link_chain", "F252": "interview/tree_in_the_plane",
+    "F253": "interview/pid_that_lets_go", "F254": "interview/randomise_a_model",
+    "F255": "interview/explodes_after_a_while", "F256": "interview/right_only_in_simulation",
+    "F257": "interview/swings_at_touch", "F258": "interview/no_way_through",
+}  # fmt: skip
+
+
+def test_every_row_of_the_list_has_its_question() -> None:
+    assert PLACES.keys() >= set(ASKED.values())
+    assert [BY_NUMBER[n] for n in range(12)] == [
+        place.split("/")[0] for place in list(ASKED.values())[:12]
+    ]
+    kinds = [PLACES[place].kind for place in list(ASKED.values())[12:]]
+    assert kinds == ["coding"] * 4 + ["debugging"] * 4
+
+
+def test_the_last_question_of_all_is_the_whole_way() -> None:
+    assert interview.questions("interview")[-1].name == "six_months"
+
+
+@pytest.mark.parametrize("number", range(12))
+def test_every_chapter_has_its_tip(number: int) -> None:
+    # F154 to F165, in the order of the chapters.
+    source = SOURCES / f"{number:02d}_{BY_NUMBER[number]}.py"
+    assert source.read_text(encoding="utf-8").count("# **Interview tip.** ") == 1
 
 
 def _written(tmp_path, text: str) -> interview.Question:
