@@ -37,8 +37,8 @@ def check(
 ) -> int:
     """Grade one answer and say what was found."""
     card, path = _found(session, target, file)
-    report = _graded(session, card, path, seed, called=called)
-    code, payload = _told(session, card, report, path)
+    report = graded(session, card, path, seed, called=called)
+    code, payload = told(session, card, report, path)
     if rendered:
         from drills import feedback
 
@@ -55,7 +55,7 @@ def check_all(session: Session, seed: int | None) -> int:
         path = workspace.answer(session.work, card.name)
         if not os.path.lexists(path):
             continue
-        report = _graded(session, card, str(path), seed)
+        report = graded(session, card, str(path), seed)
         results.append(_data(session, card, report, str(path)))
         word, style, note = "wrong", "bad", report.diagnosis or report.sentence
         if report.passed:
@@ -97,17 +97,17 @@ def watch(session: Session, card: Card, file: str | None, seed: int | None) -> i
             if now is None:
                 session.say(f"{workspace.shown(Path(path))} is gone; it is graded when it is back.")
             else:
-                session.finish(*_told(session, card, _graded(session, card, path, seed), path))
+                session.finish(*told(session, card, graded(session, card, path, seed), path))
         time.sleep(_LOOKS)
 
 
 def chart(session: Session, card: Card, file: str | None, seed: int, target: Path) -> int:
     """Measure an answer beside the reference and a library, and write the picture."""
     path = _answer_path(session, card, file)
-    report = _graded(session, card, path, seed, quietly=True)
+    report = graded(session, card, path, seed, quietly=True)
     if not report.passed:
         session.say("Only a right answer goes on the chart.")
-        return session.finish(*_told(session, card, report, path))
+        return session.finish(*told(session, card, report, path))
     from drills import chart as charts
 
     session.seed, session.drill = seed, card.name
@@ -192,7 +192,7 @@ def _read(session: Session, path: str) -> tuple[str | None, str]:
         return None, error.sentence
 
 
-def _graded(
+def graded(
     session: Session,
     card: Card,
     path: str,
@@ -223,7 +223,7 @@ def _graded(
     return report
 
 
-def _told(session: Session, card: Card, report: Report, path: str) -> tuple[int, dict[str, Any]]:
+def told(session: Session, card: Card, report: Report, path: str) -> tuple[int, dict[str, Any]]:
     """Write the feedback; gives the exit code and the data."""
     from drills import feedback
 

@@ -24,7 +24,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from course import CHAPTERS
+from course import CHAPTERS, kept
 from drills import agenda, chapters, present, progress, workspace
 from drills import cards as catalogue
 from drills.borrowed import Assembled, Borrowed, Unusable, assemble, defined_by, own_source
@@ -462,7 +462,7 @@ def _noted(chapter: int, edit: Callable[[progress.Reading], None]) -> progress.L
     """Enter something on a chapter; where that can't be written, what there is and why."""
     try:
         return progress.change_chapter(_progress_file(), chapter, edit)
-    except progress.ProgressProblem as problem:
+    except kept.Problem as problem:
         loaded = progress.load(_progress_file())
         return progress.Loaded(loaded.records, loaded.chapters, (*loaded.notices, str(problem)))
 

@@ -6,6 +6,7 @@ Exit codes: 0 right (or done), 1 wrong, 2 misuse, 3 the grader itself could not 
 from __future__ import annotations
 
 import functools
+import importlib
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -15,6 +16,7 @@ from typing import Any
 
 import click
 
+from course.kept import Problem
 from drills import progress, workspace
 from drills.cards import UnknownExercise
 from drills.terminal import SCHEMA, OutputLost, Terminal, listed
@@ -67,7 +69,7 @@ class Session:
     def _changed(self, change: Callable[[], progress.Loaded]) -> progress.Loaded | None:
         try:
             loaded = change()
-        except progress.ProgressProblem as problem:
+        except Problem as problem:
             self.notices.append(str(problem))
             return None
         self.notices += loaded.notices
@@ -124,6 +126,25 @@ def body(function: Body) -> Callable[..., int]:
         return function(session, *args, **kwargs)
 
     return run
+
+
+class Later(click.Command):
+    """A command whose module is imported when it is used, so that `drills` starts as fast.
+
+    Args:
+        name: of the command.
+        module: its module, which defines it as `command`.
+        summary: what `drills --help` says of it.
+    """
+
+    def __init__(self, name: str, module: str, summary: str) -> None:
+        super().__init__(name, short_help=summary)
+        self.module = module
+
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        """The context of the command itself."""
+        command: click.Command = importlib.import_module(self.module).command
+        return command.make_context(*args, **kwargs)
 
 
 class Commands(click.Group):
