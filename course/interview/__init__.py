@@ -2,24 +2,23 @@
 
 A question is a Markdown file in `questions/TOPIC/`: what is known of it in a head of TOML between
 two lines of `+++`, then a part `## In a minute` and a part `## In full`. Numbers are not typed: a
-field `{claim.figure:.3g}` is filled with a figure of `course.derivations` when it is shown, so the
+field such as `{claim.figure:.3g}` is filled when it is shown (`course.interview.fields`), so the
 answer moves with the measurement.
 """
 
 import re
 import tomllib
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+
+from course.interview.fields import FIELD, Figure
+from course.interview.fields import filled as filled
 
 FOLDER = Path(__file__).parent / "questions"
 KINDS = ("concept", "debugging", "design", "estimate", "coding")
 LEVELS = {1: "screen", 2: "senior", 3: "staff"}
 PARTS = ("In a minute", "In full")
 
-Figure = Callable[[str, str], float | str]
-
-_FIELD = re.compile(r"\{(\w+)\.(\w+)(?::([^{}]*))?\}")
 _QUIET = re.compile(r"```.*?```|`[^`]*`|\{[^{}]*\}", re.S)
 _MATH = re.compile(r"\$[^$]*\$", re.S)
 
@@ -78,8 +77,8 @@ class Question:
             )
 
     def fields(self) -> list[tuple[str, str]]:
-        """The figures that the texts quote, as (claim, name)."""
-        return [(m[1], m[2]) for m in _FIELD.finditer(self._texts())]
+        """What the texts quote, as (claim, name), ("estimate", name) or ("chart", steps)."""
+        return [(m[1], m[2]) for m in FIELD.finditer(self._texts())]
 
     def _texts(self) -> str:
         return "\n".join((self.minute, self.full, *self.follow_ups, *self.rubric))
@@ -103,11 +102,6 @@ class Question:
 
 def _listed(entries: tuple[str, ...]) -> str:
     return "\n".join(f"* {entry}" for entry in entries)
-
-
-def filled(text: str, figure: Figure) -> str:
-    """A text with its fields `{claim.figure:format}` replaced by figures."""
-    return _FIELD.sub(lambda m: format(figure(m[1], m[2]), m[3] or ""), text)
 
 
 def typed_numbers(text: str) -> list[str]:

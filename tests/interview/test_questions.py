@@ -53,7 +53,7 @@ def test_a_question_is_complete_and_its_figures_are_there(topic, question) -> No
     assert 40 <= len(question.minute.split()) <= 170
     assert len(question.full.split()) > len(question.minute.split())
     # On record: that a check still gives these figures is for the tests of the claims.
-    known = {item.id for item in derivations.claims()}
+    known = {"chart", "estimate", *(item.id for item in derivations.claims())}
     assert {claim for claim, _ in question.fields()} <= known
     text = question.markdown(records.figure)
     assert question.title in text and "{" not in interview._QUIET.sub("", text.replace("\\{", ""))

@@ -1,0 +1,294 @@
+"""Back of the envelope: what an interviewer expects to be worked out before anything is drawn.
+
+Each is a plain function with the unit of every number in its name; `ESTIMATES` holds one case of
+each that an answer quotes as `{estimate.NAME:.3g}`, and its inputs as `{estimate.NAME.INPUT}`.
+
+    from course.interview.estimates import ESTIMATES
+    print(ESTIMATES["night_workers"])                       # inputs, result and unit
+    ESTIMATES["night_workers"].value(scenario_s=120.0)      # with another input
+
+The mechanics here is a free body, a straight line and a constant brake. Limits of standards stay
+out: they depend on edition, clause and part of the body.
+"""
+
+import itertools
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from course.check import count, finite, one_of, positive, refused, vector
+
+GRAVITY_M_PER_S2 = 9.81
+
+
+def readings_per_s(
+    robots: int, sensors_each: int, readings_each: float, hertz: float, times_real_time: float = 1.0
+) -> float:
+    """Readings to compute each second for a fleet: rays of scanners, or frames with one each."""
+    sensors = count("robots", robots, 1) * count("sensors_each", sensors_each, 1)
+    each = positive("readings_each", readings_each) * positive("hertz", hertz)
+    return sensors * each * positive("times_real_time", times_real_time)
+
+
+def workers(
+    scenarios: int, scenario_s: float, start_s: float, times_real_time: float, night_h: float,
+    repeats: int = 1,
+) -> int:  # fmt: skip
+    """Workers that get through all scenarios in a night; one run is not divided.
+
+    Args:
+        scenarios, repeats: how many, and runs of each.
+        scenario_s, start_s: simulated length of one, and real time to start it [s].
+        times_real_time: simulated over real time of one worker.
+        night_h: how long they have [h].
+    """
+    runs = count("scenarios", scenarios, 1) * count("repeats", repeats, 1)
+    faster = positive("times_real_time", times_real_time)
+    each = positive("scenario_s", scenario_s) / faster + finite("start_s", start_s, 0.0)
+    turns = math.floor(3600.0 * positive("night_h", night_h) / each)
+    if turns < 1:
+        raise refused("night_h", night_h, f"{each / 3600.0:.3g} on, which one scenario takes [h]")
+    return math.ceil(runs / turns)
+
+
+def half_width(share: float, trials: int) -> float:
+    """Half the width of Wilson's 95 % interval, when so large a share of the trials worked."""
+    from course.measure.success import wilson
+
+    trials = count("trials", trials, 1)
+    low, high = wilson(finite("share", share, 0.0, 1.0) * trials, trials)
+    return 0.5 * float(high - low)
+
+
+def trials_for_width(share: float, half: float) -> int:
+    """Least number of trials with which Wilson's 95 % interval is no wider than +- `half`."""
+    finite("half", half, 0.01, 0.5)
+    return next(n for n in itertools.count(1) if half_width(share, n) <= half)
+
+
+def trials_each(first_share: float, second_share: float, power: float = 0.8) -> int:
+    """Trials of each of two policies that tell their shares apart, two-sided at 5 %."""
+    from course.sim_to_real import trials
+
+    return trials(first_share, second_share, power=power)
+
+
+def trials_for_gate(gate_share: float, true_share: float, power: float = 0.8) -> int:
+    """Trials of one policy that show it to be above a gate, one-sided at 5 %.
+
+    The normal approximation (Fleiss, Levin and Paik, Statistical Methods for Rates and Proportions,
+    2003, sec. 2.5).
+    """
+    from statistics import NormalDist
+
+    gate, true = finite("gate_share", gate_share, 0.0, 1.0), finite("true_share", true_share, 0, 1)
+    if true <= gate:
+        raise refused("true_share", true, f"a share above the gate, {gate}")
+    a, b = (NormalDist().inv_cdf(q) for q in (0.95, finite("power", power, 0.5, 1 - 1e-9)))
+    root = a * math.sqrt(gate * (1.0 - gate)) + b * math.sqrt(true * (1.0 - true))
+    return max(1, math.ceil((root / (true - gate)) ** 2))
+
+
+def motion_s(legs_m: ArrayLike, top_m_per_s: float, rise_m_per_s2: float) -> float:
+    """Time of straight legs, each from rest to rest: a trapezoid of speed, or a triangle."""
+    from course.planning.trajectory import trapezoid
+
+    top, rise = positive("top_m_per_s", top_m_per_s), positive("rise_m_per_s2", rise_m_per_s2)
+    return float(np.sum(trapezoid(vector("legs_m", legs_m, (None,), low=0.0), top, rise)[0]))
+
+
+def cycle_s(
+    legs_m: ArrayLike, top_m_per_s: float, rise_m_per_s2: float, still_s: float, computing_s: float
+) -> float:
+    """Time of one pick: the legs, what the arm stands still for, and computing while it waits."""
+    waits = finite("still_s", still_s, 0.0) + finite("computing_s", computing_s, 0.0)
+    return motion_s(legs_m, top_m_per_s, rise_m_per_s2) + waits
+
+
+def computing_share(computing_s: float, **others: Any) -> float:
+    """Share of `cycle_s`, with the same arguments, that is saved if computing takes no time."""
+    return computing_s / positive("cycle_s", cycle_s(computing_s=computing_s, **others))
+
+
+def error_mm(spreads_mm: ArrayLike, biases_mm: ArrayLike, spreads_counted: float = 2.0) -> float:
+    """Error to one side along an axis: biases add up, independent standard deviations in squares.
+
+    With two of them counted 2.3 % of all errors are larger on that side.
+    """
+    root = float(np.linalg.norm(vector("spreads_mm", spreads_mm, (None,), low=0.0)))
+    bias = abs(float(np.sum(vector("biases_mm", biases_mm, (None,)))))
+    return bias + positive("spreads_counted", spreads_counted) * root
+
+
+def finger_error_mm(
+    range_m: float, pixel_spread_px: float, focal_px: float, hand_eye_spread_mrad: float,
+    arm_spread_mm: float, speed_m_per_s: float, delay_ms: float,
+) -> float:  # fmt: skip
+    """Error across the view from camera to finger, two standard deviations and the bias of age.
+
+    A pixel is range / focal length wide, a milliradian of the hand-eye rotation as many millimetres
+    as the range has metres, and what moves has gone on for the age of its picture.
+    """
+    range_m = positive("range_m", range_m)
+    pixel = 1e3 * range_m * pixel_spread_px / positive("focal_px", focal_px)
+    spreads = (pixel, range_m * hand_eye_spread_mrad, arm_spread_mm)
+    return error_mm(spreads, (tracking_error_mm(speed_m_per_s, delay_ms),))
+
+
+def grip_force_n(
+    mass_kg: float, friction: float, rise_m_per_s2: float = 0.0, safety: float = 2.0,
+    fingers: int = 2,
+) -> float:  # fmt: skip
+    """Force of each finger on a load that is lifted and carried by friction alone.
+
+    Upwards is the worst direction of the acceleration. The fingers press across it.
+    """
+    felt = GRAVITY_M_PER_S2 + finite("rise_m_per_s2", rise_m_per_s2, 0.0)
+    held = count("fingers", fingers, 1) * positive("friction", friction)
+    return finite("safety", safety, 1.0) * positive("mass_kg", mass_kg) * felt / held
+
+
+def samples_h(samples: float, samples_per_s: float) -> float:
+    """Hours that it takes to collect so many samples."""
+    return finite("samples", samples, 0.0) / positive("samples_per_s", samples_per_s) / 3600.0
+
+
+def tracking_error_mm(speed_m_per_s: float, delay_ms: float) -> float:
+    """How far one lags behind what moves evenly: metres a second by milliseconds is millimetres."""
+    return finite("speed_m_per_s", speed_m_per_s) * finite("delay_ms", delay_ms, 0.0)
+
+
+def sine_error_mm(amplitude_mm: float, frequency_hz: float, delay_ms: float) -> float:
+    """Largest difference of a sine and its late copy: 2 A |sin(pi f delay)|."""
+    turn = math.pi * positive("frequency_hz", frequency_hz) * finite("delay_ms", delay_ms, 0) / 1e3
+    return 2.0 * finite("amplitude_mm", amplitude_mm, 0.0) * abs(math.sin(turn))
+
+
+def stopping_m(speed_m_per_s: float, reaction_s: float, braking_m_per_s2: float) -> float:
+    """Way to a stand: on at full speed while nothing has reacted, then an even brake."""
+    speed = finite("speed_m_per_s", speed_m_per_s, 0.0)
+    braking = 0.5 * speed**2 / positive("braking_m_per_s2", braking_m_per_s2)
+    return speed * finite("reaction_s", reaction_s, 0.0) + braking
+
+
+def separation_m(
+    person_m_per_s: float, robot_m_per_s: float, reaction_s: float, braking_m_per_s2: float,
+    uncertain_m: float,
+) -> float:  # fmt: skip
+    """Gap at which a robot has to begin to stop if a person walks on towards it meanwhile."""
+    robot = stopping_m(robot_m_per_s, reaction_s, braking_m_per_s2)
+    stop_s = reaction_s + robot_m_per_s / braking_m_per_s2
+    person = finite("person_m_per_s", person_m_per_s, 0.0) * stop_s
+    return person + robot + finite("uncertain_m", uncertain_m, 0.0)
+
+
+def contact_force_n(
+    speed_m_per_s: float, stiffness_n_per_m: float, robot_kg: float, body_kg: float = math.inf
+) -> float:
+    """Peak force of two masses that meet through a spring: v sqrt(k m), m their reduced mass.
+
+    The robot's is its effective mass at the contact; the body's is infinite where it is clamped.
+    """
+    if not body_kg > 0.0:
+        raise refused("body_kg", body_kg, "a positive number, or infinite")
+    reduced = 1.0 / (1.0 / positive("robot_kg", robot_kg) + 1.0 / body_kg)
+    stiffness = positive("stiffness_n_per_m", stiffness_n_per_m)
+    return finite("speed_m_per_s", speed_m_per_s, 0.0) * math.sqrt(stiffness * reduced)
+
+
+Input = float | str | tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One case of an estimate.
+
+    Attributes:
+        says: what is estimated.
+        unit: of the result, "" for a count or a share.
+        function: of this module.
+        inputs: by name of the argument; a text is what was measured, `chart.NAME/STEPS`.
+    """
+
+    says: str
+    unit: str
+    function: Callable[..., float]
+    inputs: Mapping[str, Input]
+
+    def given(self, **changes: Input) -> dict[str, Any]:
+        """The inputs, with others where they are given."""
+        from course.interview.fields import chart
+
+        for name in changes:
+            one_of("input", name, self.inputs)
+        every = {**self.inputs, **changes}
+        return {k: chart(v[6:]) if isinstance(v, str) else v for k, v in every.items()}
+
+    def value(self, **changes: Input) -> float:
+        """The result, with other inputs where they are given."""
+        return float(self.function(**self.given(**changes)))
+
+    def __str__(self) -> str:
+        rows = [f"  {name:<24} {value}" for name, value in self.given().items()]
+        return "\n".join([self.says, *rows, f"  -> {self.value():.3g} {self.unit}".rstrip()])
+
+
+ESTIMATES: dict[str, Estimate] = {}
+
+
+def _case(
+    name: str, says: str, unit: str, function: Callable[..., float], **inputs: Input
+) -> dict[str, Input]:
+    ESTIMATES[name] = Estimate(says, unit, function, inputs)
+    return inputs
+
+
+# fmt: off
+_case("rays", "Rays of a fleet's scanners, ten times real time", "1/s", readings_per_s,
+      robots=50, sensors_each=1, readings_each=1080.0, hertz=15.0, times_real_time=10.0)
+_case("frames", "Frames of a fleet's cameras, in real time", "1/s", readings_per_s,
+      robots=50, sensors_each=2, readings_each=1.0, hertz=30.0)
+_case("night_workers", "Workers for a thousand scenarios in a night", "", workers, scenarios=1000,
+      scenario_s=300.0, start_s=20.0, times_real_time=2.0, night_h=8.0, repeats=3)
+_case("gate_trials", "Trials that show a policy to be above a gate", "", trials_for_gate,
+      gate_share=0.7, true_share=0.8)
+_case("apart_trials", "Trials of each of two policies that tell them apart", "", trials_each,
+      first_share=0.7, second_share=0.8)
+_case("half_width", "What a share leaves open on each side", "", half_width, share=0.7, trials=100)
+_case("width_trials", "Trials for a share to so much", "", trials_for_width, share=0.7, half=0.05)
+_pick = _case("cycle", "One pick and place", "s", cycle_s, legs_m=(0.6, 0.15, 0.15) * 2,
+              top_m_per_s=1.0, rise_m_per_s2=3.0, still_s=0.6, computing_s=0.3)
+_case("motion", "The motion of that", "s", motion_s, **dict(list(_pick.items())[:3]))
+_case("computing_share", "The share of it that computing has", "", computing_share, **_pick)
+_case("finger_error", "From the camera to the finger", "mm", finger_error_mm, range_m=0.8,
+      pixel_spread_px=0.5, focal_px=600.0, hand_eye_spread_mrad=2.0, arm_spread_mm=0.5,
+      speed_m_per_s=0.02, delay_ms=100.0)
+_case("grip_force", "Force of each of two fingers", "N", grip_force_n,
+      mass_kg=0.5, friction=0.4, rise_m_per_s2=3.0, safety=2.0, fingers=2)
+_case("samples_loop", "Samples of the arm's policy, in processes", "h", samples_h,
+      samples="chart.learning_curve_reach/1/learned/x/-1",
+      samples_per_s="chart.vector_env/0/ProcessVectorEnv/y/max")
+_case("samples_batched", "The same, closed form in batch", "h", samples_h,
+      samples="chart.learning_curve_reach/1/learned/x/-1",
+      samples_per_s="chart.vector_env/0/ArmReachVector/y/max")
+_case("samples_billion", "A billion samples of MuJoCo's arm in batch", "h", samples_h,
+      samples=1e9, samples_per_s="chart.vector_env/0/MujocoArmReachVector/y/max")
+_case("late_ramp", "Behind a belt, by a late picture", "mm", tracking_error_mm,
+      speed_m_per_s=0.2, delay_ms=100.0)
+_case("late_sine", "Behind a sine, by a late loop", "mm", sine_error_mm,
+      amplitude_mm=50.0, frequency_hz=1.0, delay_ms=20.0)
+_stop = _case("stopping", "Way of an arm to a stand", "m", stopping_m,
+              speed_m_per_s=0.25, reaction_s=0.1, braking_m_per_s2=2.0)
+_case("stopping_fast", "The same at six times the speed", "m", stopping_m,
+      **{**_stop, "speed_m_per_s": 1.5})
+_case("separation", "Gap at which to begin to stop", "m", separation_m, person_m_per_s=1.5,
+      robot_m_per_s=1.5, reaction_s=0.1, braking_m_per_s2=2.0, uncertain_m=0.1)
+_touch = _case("contact_clamped", "Peak force on what is clamped", "N", contact_force_n,
+               speed_m_per_s=0.25, stiffness_n_per_m=5e4, robot_kg=5.0)
+_case("contact_free", "Peak force on a hand that gives way", "N", contact_force_n,
+      **_touch, body_kg=0.6)
+# fmt: on

@@ -1,0 +1,159 @@
+"""Where the numbers of a text come from: a field in braces is filled when the text is shown.
+
+    {semi_implicit_limit.limit_ms:.1f}           a figure of `course.derivations`
+    {estimate.night_workers:.0f}                 one of `course.interview.estimates`
+    {estimate.night_workers.scenario_s:.0f}      an input of it
+    {chart.plan_times/discs/ours/x@0.5:.2g}      from the data of docs/charts/plan_times.json
+
+Behind `chart.` stand the name of the chart and steps into its data, with `/` between them. A step
+is a key; the number of an entry, or how its title, label or name begins (one entry only); `ours`
+or `oracle`, the curves of that style; `pick`, the cheapest of their points within the chart's
+tolerance; `min` or `max` of a column; `y@0.5` (or `low@`, `high@`), the column where x is that;
+`x@0.5`, where y first passes that.
+"""
+
+import functools
+import math
+import re
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from course.check import refused
+
+Figure = Callable[[str, str], float | str]
+
+FIELD = re.compile(r"\{(\w+)\.([^{}:]+)(?::([^{}]*))?\}")
+_INNER = ("panels", "curves", "series", "points")
+_NAMES = ("title", "label", "name")
+
+
+def filled(text: str, figure: Figure) -> str:
+    """A text with its fields replaced by what they stand for.
+
+    Args:
+        text: with fields as above.
+        figure: (claim, name) -> the figure; `course.derivations.figure`.
+
+    Raises:
+        ValueError: for a field that nothing fills.
+    """
+    return FIELD.sub(lambda m: format(value(m[1], m[2], figure), m[3] or ""), text)
+
+
+def value(source: str, name: str, figure: Figure) -> float | str:
+    """What a field `{source.name}` stands for."""
+    if source == "chart":
+        return chart(name)
+    return estimate(name) if source == "estimate" else figure(source, name)
+
+
+def estimate(name: str) -> float | str:
+    """An estimate, or with `NAME.INPUT` one of its inputs."""
+    from course.interview.estimates import ESTIMATES
+
+    key, _, given = name.partition(".")
+    if key not in ESTIMATES:
+        raise refused("estimate", key, ", ".join(ESTIMATES))
+    inputs = ESTIMATES[key].given()
+    if not given:
+        return ESTIMATES[key].value()
+    if given not in inputs or isinstance(inputs[given], tuple):
+        raise refused(f"input of {key}", given, ", ".join(inputs))
+    return inputs[given]
+
+
+def chart(path: str) -> float | str:
+    """A number or a word from the data of a chart, by the steps above."""
+    name, *steps = path.split("/")
+    found = data = _data(name)
+    for step in steps:
+        found = _step(found, step, data, path)
+    if isinstance(found, str):
+        return found
+    if isinstance(found, bool) or not isinstance(found, int | float):
+        raise refused("chart", path, f"steps to a number or a word, such as {_offered(found)}")
+    return float(found)
+
+
+@functools.cache
+def _data(name: str) -> Any:
+    from course.charts import FOLDER
+    from course.measure.data import from_json
+
+    path = FOLDER / f"{name}.json"
+    if not path.is_file():
+        raise refused("chart", name, "a chart with data in docs/charts (`make charts` builds them)")
+    return from_json(path.read_text(encoding="utf-8"))
+
+
+def _step(here: Any, step: str, data: Any, path: str) -> Any:
+    column, at, place = step.partition("@")
+    if isinstance(here, dict):
+        if step in here:
+            return here[step]
+        if at and column in here:
+            return _read_off(here, column, place, path)
+        inner = next((here[key] for key in _INNER if key in here), None)
+        if inner is not None:
+            return _step([here] if step == "pick" and "points" in here else inner, step, data, path)
+    elif isinstance(here, list):
+        if re.fullmatch(r"-?\d+", step) and -len(here) <= int(step) < len(here):
+            return here[int(step)]
+        if step in ("min", "max") and here and not isinstance(here[0], dict):
+            return {"min": min, "max": max}[step](here)
+        entries = [entry for entry in here if isinstance(entry, dict)]
+        if styled := [entry for entry in entries if entry.get("style") == step]:
+            return styled
+        if step == "pick" and (points := _good(entries, data)):
+            return min(points, key=lambda point: float(point["time"]))
+        names = [next((str(e[key]) for key in _NAMES if key in e), "") for e in entries]
+        begun = [i for i, n in enumerate(names) if n == step] or [
+            i for i, n in enumerate(names) if n.startswith(step)
+        ]
+        if len(begun) == 1:
+            return entries[begun[0]]
+    raise refused(f"step of {path}", step, _offered(here))
+
+
+def _good(curves: list[Any], data: Any) -> list[dict[str, Any]]:
+    limit = data.get("tolerance")
+    return [
+        {**point, "name": curve["name"]}
+        for curve in curves
+        for point in curve.get("points", ())
+        if limit is not None and not point["failure"] and point["error"] <= limit
+    ]
+
+
+def _read_off(series: dict[str, Any], column: str, place: str, path: str) -> float:
+    """A column at an x between its ends; or with column "x" where y first passes a number."""
+    x, y = series["x"], series["y"]
+    if column != "x" and place in x:  # names instead of numbers
+        return float(series[column][x.index(place)])
+    try:
+        wanted = float(place)
+        if column != "x":
+            if min(x) <= wanted <= max(x) and (np.diff(x) > 0).all():
+                return float(np.interp(wanted, x, series[column]))
+            raise refused(path, wanted, f"an x from {min(x):g} to {max(x):g}, rising")
+        off = np.asarray(y, dtype=float) - wanted
+    except (TypeError, ValueError) as problem:
+        raise refused(f"place of {path}", place, f"a number ({problem})") from None
+    if math.isfinite(off[0]) and off[0] == 0.0:
+        return float(x[0])
+    passed = np.flatnonzero((off[:-1] < 0.0) != (off[1:] < 0.0))
+    if not passed.size:
+        raise refused(path, wanted, f"a y between {min(y):g} and {max(y):g}, which are passed")
+    i = int(passed[0])
+    return float(x[i] + (x[i + 1] - x[i]) * off[i] / (off[i] - off[i + 1]))
+
+
+def _offered(here: Any) -> str:
+    if isinstance(here, dict):
+        return ", ".join([*here, *(_offered(here[key]) for key in _INNER if key in here)])
+    names = [next((str(e[key]) for key in _NAMES if key in e), "") for e in here if
+             isinstance(e, dict)] if isinstance(here, list) else []  # fmt: skip
+    numbers = f"0 to {len(here) - 1}" if isinstance(here, list) else "nothing further"
+    return ", ".join([numbers, *(n for n in names if n)])
