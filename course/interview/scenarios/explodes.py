@@ -2,19 +2,21 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from course.interview.scenarios import Cause, Probe, Repair, Scenario
 from course.interview.scenarios.programs.explodes import (
     GRAVITY,
-    Log,
     Machine,
     contact_force,
     simulate,
 )
 
 Run = Callable[[str, int], float]
+Rows = NDArray[np.void]
 
 LIMIT = 2e-3  # as far as the slide may be off the middle [m]
 WINDOW = 3000  # steps that are looked at; who is not lost in them counts as never lost
@@ -93,7 +95,7 @@ REPAIRS = {
 def lost(one: Machine, dt: float) -> float:
     """Steps of `dt` after which the slide is lost, at most `WINDOW`; never fewer are run."""
     steps = round(WINDOW * dt / one.dt)
-    away = ~(np.abs(simulate(one, steps).x) < LIMIT)
+    away = ~(np.abs(simulate(one, steps)["x"]) < LIMIT)
     return float(np.argmax(away) if away.any() else steps) * one.dt / dt
 
 
@@ -121,7 +123,7 @@ def later(change: Callable[[Machine], Machine]) -> Run:
     return run
 
 
-def logged(read: Callable[[Log], float]) -> Run:
+def logged(read: Callable[[Rows], Any]) -> Run:
     """The probe that reads a log of the machine as it came, until the slide is nearly lost."""
 
     def run(cause: str, seed: int) -> float:
@@ -130,17 +132,17 @@ def logged(read: Callable[[Log], float]) -> Run:
     return run
 
 
-def brake_lag(log: Log) -> int:
+def brake_lag(log: Rows) -> int:
     """The smallest shift [steps] at which the brake is wholly against the speed."""
-    speeds = [log.v[50 - lag : 900 - lag] for lag in range(30)]
-    return int(np.argmax([np.corrcoef(log.brake[50:], v)[0, 1] < -0.999 for v in speeds]))
+    speeds = [log["v"][50 - lag : 900 - lag] for lag in range(30)]
+    return int(np.argmax([np.corrcoef(log["brake"][50:], v)[0, 1] < -0.999 for v in speeds]))
 
 
 def stops_gain(cause: str, seed: int) -> float:
     """Share of energy gained in ten steps with neither brake nor friction."""
     one = replace(machine(cause, seed), damping=0.0, friction=0.0)
     log = simulate(one, 1000)
-    x, v, old = log.x, log.v, 1.0 - one.blend
+    x, v, old = log["x"], log["v"], 1.0 - one.blend
     # What the scheme keeps on a spring: with the new speed first, a skewed energy.
     hooke = one.stiffness * len(one.stops) / 2
     energy = one.mass * v**2 + hooke * x**2 - (1.0 - old) * one.dt * hooke * x * v
@@ -204,12 +206,12 @@ SCENARIO = Scenario(
         Probe("friction_off", "no friction: when is it lost, by when it was", "", 3,
               later(lambda one: replace(one, friction=0.0)), 0.1),
         Probe("count_contacts", "most contact points that push in one step", "", 4,
-              logged(lambda log: log.touching.max()), 0.25),
+              logged(lambda log: log["touching"].max()), 0.25),
         Probe("count_turns", "changes of direction in a step, while it grows", "", 4,
-              logged(lambda log: np.mean(log.v[401:] * log.v[400:-1] < 0)), 0.02),
+              logged(lambda log: np.mean(log["v"][401:] * log["v"][400:-1] < 0)), 0.02),
         Probe("log_friction", "share of steps in which friction pushes with the speed, less the "
               "share in which it pushes against it", "", 6,
-              logged(lambda log: np.mean(np.sign(log.rub * log.v)[1:])), 0.1),
+              logged(lambda log: np.mean(np.sign(log["rub"] * log["v"])[1:])), 0.1),
         Probe("log_brake", "steps by which the brake is behind the speed", "steps", 6,
               logged(brake_lag), 1.0),
         Probe("log_energy", "neither brake nor friction: share of energy gained in ten steps", "",

@@ -39,18 +39,8 @@ class Machine:
     start: float
 
 
-@dataclass
-class Log:
-    """What happened, one row a step: x [m], v [m/s], forces [N], contact points that pushed."""
-
-    x: NDArray[np.float64]
-    v: NDArray[np.float64]
-    push: NDArray[np.float64]
-    brake: NDArray[np.float64]
-    rub: NDArray[np.float64]
-    touching: NDArray[np.int64]
-
-
+# One row a step: place [m], speed [m/s], forces [N], contact points that pushed.
+ROW = np.dtype([(name, float) for name in ("x", "v", "push", "brake", "rub", "touching")])
 GRAVITY = 9.81
 
 
@@ -72,9 +62,9 @@ def friction_force(machine: Machine, v: float) -> float:
     return -machine.rail * machine.friction * machine.mass * GRAVITY * share
 
 
-def simulate(machine: Machine, steps: int) -> Log:
-    """Let the slide go and log `steps` steps."""
-    log = Log(*(np.zeros(steps) for _ in range(5)), touching=np.zeros(steps, dtype=np.int64))
+def simulate(machine: Machine, steps: int) -> NDArray[np.void]:
+    """Let the slide go; what happened in so many steps, a `ROW` each."""
+    log = np.zeros(steps, dtype=ROW)
     x, v = machine.start, 0.0
     measured = [0.0] * machine.age
     for i in range(steps):
@@ -82,8 +72,7 @@ def simulate(machine: Machine, steps: int) -> Log:
         push, touching = contact_force(machine, x)
         brake = -machine.damping * measured[i]
         rub = friction_force(machine, v)
-        log.x[i], log.v[i], log.touching[i] = x, v, touching
-        log.push[i], log.brake[i], log.rub[i] = push, brake, rub
+        log[i] = x, v, push, brake, rub, touching
         faster = v + machine.dt * (push + brake + rub) / machine.mass
         x += machine.dt * (machine.blend * faster + (1.0 - machine.blend) * v)
         v = faster
