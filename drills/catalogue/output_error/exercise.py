@@ -85,9 +85,11 @@ SLIPS = slips(
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "a smallest sum is found to better than this"),
-    examples=(
-        "output_error(np.linspace(0.0, 1.0, 50) ** 2, np.ones(50), 0.02, [0.0, 0.0], [0.5, 0.1])",
-        "output_error(0.1 * np.arange(40), np.full(40, 0.5), 0.02, [0.0, 5.0], [0.2, 0.1])",
+    examples=(  # without noise: 0.5 kg m^2 and 1 N m s/rad from rest, then 0.2 and 0.4, moving
+        "output_error(np.arange(60) / 50 + np.expm1(-np.arange(60) / 25) / 2, np.ones(60), 0.02, "
+        "[0.0, 0.0], [0.6, 1.5])",
+        "output_error(-np.arange(60) / 50 - 1.5 * np.expm1(-np.arange(60) / 25), "
+        "np.full(60, -0.4), 0.02, [0.0, 2.0], [0.3, 0.3])",
     ),
     slips=SLIPS + value_slips("output_error", whole=False),
 )
