@@ -279,7 +279,20 @@ def growing_energy(found):
     found.figure("fed", fed)
     found.figure("fed_half", fed_half)
     found.statement = "An oscillator at two steps: explicit Euler, and a damper that drives."
-    found.heard(fed < 0.1)
+
+    def told(step, damping, dt):
+        """Whether the energy grows, and clearly less at half the step."""
+        rate = growth(step, dt, damping)
+        return rate > 0 and growth(step, dt / 2, damping) < 0.75 * rate
+
+    steps = found.rng.uniform(2e-3, 8e-3, 8)
+    found.heard(
+        fed < 0.1,
+        only_if="no force feeds energy in",
+        inside=[told(explicit, 0.2 * 100 * h, h) for h in steps],
+        outside=[told(verlet, d, 4e-3) for d in found.rng.uniform(-1, -0.1, 8)],
+        cases=True,
+    )
     found.corrected(abs(whole / half - 2) < 0.05, abs(fed / fed_half - 1) < 0.05,
                     abs(fed - 0.4) < 0.02)  # fmt: skip
 
@@ -333,11 +346,10 @@ def error_by_its_shape(found):
 
 
 @claim(
-    "A*, RRT and PRM are complete.",
-    "Each in its own sense. A* is complete on its graph: on a grid whose cells of {cell:g} m are "
-    "free only as a whole, a gap of {narrow:g} m was open for {open_narrow:.0%} of the grids' "
-    "places and one of {wide:g} m for {open_wide:.0%}. RRT and PRM find a path with a probability "
-    "that tends to one, and never say that there is none.",
+    "A* finds a path through a gap wherever there is one.",
+    "It is complete on its graph: on a grid whose cells of {cell:g} m are free only as a whole, "
+    "a gap of {narrow:g} m was open for {open_narrow:.0%} of the grid's places and one of "
+    "{wide:g} m for {open_wide:.0%}. It is open wherever the grid lies from {formula} on.",
     ask=("Cells of side c count as free only as a whole. The least width of a gap, along the "
          "grid, that is open wherever the grid lies?", "2*c", {
              "c": "Its two sides may both cut a cell.",
@@ -352,17 +364,17 @@ def complete_planners(found):
     cell = found.given("cell", 0.1)
     narrow, wide = found.given("narrow", 0.15), found.given("wide", 0.2)
 
-    def open_share(gap):
-        """Share of 200 places of the grid for which its free cells join the two halves."""
+    def open_share(gap, places=200):
+        """Share of places of the grid for which its free cells join the two halves."""
         found_open = 0
-        for shift in found.rng.uniform(0, cell, 200):
+        for shift in found.rng.uniform(0, cell, places):
             edges = np.arange(-10, 11) * cell + shift
             rows = (edges[:-1] >= -1e-12) & (edges[1:] <= gap + 1e-12)  # wholly within the gap
             free = np.ones((20, 9), dtype=bool)
             free[:, 4] = rows
             areas, _ = label(free)
             found_open += areas[0, 0] == areas[0, 8]
-        return found_open / 200
+        return found_open / places
 
     # The first edge lies x < c above the lower side of the gap; a whole cell above it has to fit.
     c, x = sympy.symbols("c x", positive=True)
@@ -370,8 +382,14 @@ def complete_planners(found):
     tight = found.figure("open_narrow", open_share(narrow), 0.3)
     roomy = found.figure("open_wide", open_share(wide), 0.0)
     shut = open_share(0.09)
+    wider, closer = found.rng.uniform(2 * cell, 4 * cell, 8), found.rng.uniform(0, 2 * cell, 8)
     found.statement = "Free cells of a grid, joined, at drawn places of the grid over a gap."
-    found.heard(tight == 1)
+    found.heard(
+        tight == 1,
+        only_if="a grid's cells are at most half as wide as the gap, for A*",
+        inside=[open_share(gap) == 1 for gap in wider],
+        outside=[open_share(gap) == 1 for gap in closer],
+    )
     found.corrected(0.3 < tight < 0.7, roomy == 1, shut == 0)
 
 
