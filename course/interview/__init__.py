@@ -11,6 +11,7 @@ import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 
+from course import CHAPTERS
 from course.interview.fields import FIELD, Figure
 from course.interview.fields import filled as filled
 
@@ -19,6 +20,7 @@ KINDS = ("concept", "debugging", "design", "estimate", "coding")
 LEVELS = {1: "screen", 2: "senior", 3: "staff"}
 PARTS = ("In a minute", "In full")
 
+_CODE = re.compile(r"```.*?```|`[^`]*`", re.S)
 _QUIET = re.compile(r"```.*?```|`[^`]*`|\{[^{}]*\}", re.S)
 _MATH = re.compile(r"\$[^$]*\$", re.S)
 
@@ -35,7 +37,7 @@ class Question:
         level: 1 to 3, a key of `LEVELS`.
         minutes: how long the conversation about it takes.
         probes: what the interviewer wants to find out.
-        follow_ups: what is asked next.
+        follow_ups: what is asked next; in the file also the name of another question.
         rubric: what an answer says, from the least to the most.
         minute, full: the answers, Markdown with fields that are not filled yet.
     """
@@ -64,17 +66,22 @@ class Question:
             refuse("kind", ", ".join(KINDS))
         if self.level not in LEVELS:
             refuse("level", "1, 2 or 3")
+        if not any(self.chapter == chapter.number for chapter in CHAPTERS):
+            refuse("chapter", ", ".join(str(chapter.number) for chapter in CHAPTERS))
         if self.minutes < 1:
             refuse("minutes", "a positive number")
         for name in ("probes", "follow_ups", "rubric", "minute", "full"):
             if not getattr(self, name):
                 refuse(name, "a text that is not empty")
-        typed = typed_numbers("\n".join((self.minute, self.full, *self.follow_ups, *self.rubric)))
-        if typed:
-            raise ValueError(
-                f"{self.name}: {', '.join(typed)} is typed, allowed is a field such as "
-                "{claim.figure:.3g}"
-            )
+        for said, found in (
+            ("typed", typed_numbers(self._texts())),
+            ("filled by nothing", unfilled(self._texts())),
+        ):
+            if found:
+                raise ValueError(
+                    f"{self.name}: {', '.join(found)} is {said}, allowed is a field such as "
+                    "{claim.figure:.3g}"
+                )
 
     def fields(self) -> list[tuple[str, str]]:
         """What the texts quote, as (claim, name), ("estimate", name) or ("chart", steps)."""
@@ -116,23 +123,65 @@ def typed_numbers(text: str) -> list[str]:
     return decimals + re.findall(r"\d[\d.,]*", words)
 
 
+def unfilled(text: str) -> list[str]:
+    """What stands in braces outside of code and formulas and is no field."""
+    plain = _MATH.sub(" ", _CODE.sub(" ", text)).replace("\\{", "")
+    return [part for part in re.findall(r"\{[^{}]*\}?", plain) if not FIELD.fullmatch(part)]
+
+
 def read(path: Path) -> Question:
     """The question of a file.
 
     Raises:
-        ValueError: for a head or a part that is missing, or what `Question` refuses.
+        ValueError: for a head or a part that is missing, or what `Question` refuses; it names the
+            file and the line.
     """
-    pieces = path.read_text(encoding="utf-8").split("+++\n")
+    text = path.read_text(encoding="utf-8")
+    try:
+        return _read(path, text)
+    except ValueError as problem:
+        said = str(problem).removeprefix(f"{path.stem}: ")
+        raise ValueError(f"{path.name}, line {line_of(text, said)}: {said}") from None
+
+
+def line_of(text: str, said: str) -> int:
+    """The line of a file that a refusal is about, by the key or the words it begins with."""
+    if told := re.search(r"\(at line (\d+), column", said):  # of TOML, counted without the +++
+        return int(told[1]) + 1
+    what = re.split(r", | is ", said)[0].removeprefix("part ")
+    lines = [re.match(rf"{re.escape(what)}\s*=|## {re.escape(what)}$", row) for row in
+             text.splitlines()]  # fmt: skip
+    found = [i for i, hit in enumerate(lines, 1) if hit]
+    found += [i for i, row in enumerate(text.splitlines(), 1) if what in row]
+    return found[0] if found else 1
+
+
+def _asked(entry: str) -> str:
+    """A follow-up in words, where it is the name of another question."""
+    if re.search(r"\s", entry):
+        return entry
+    for path in FOLDER.glob(f"*/{entry}.md"):
+        return str(tomllib.loads(path.read_text(encoding="utf-8").split("+++\n")[1])["title"])
+    raise ValueError(f"{entry} is no follow-up, allowed is a question or the name of one")
+
+
+def _read(path: Path, text: str) -> Question:
+    pieces = text.split("+++\n")
     if len(pieces) != 3 or pieces[0].strip():
-        raise ValueError(f"{path.name} has {len(pieces) - 1} lines +++, allowed is a head in two")
+        raise ValueError(f"+++ is in {len(pieces) - 1} lines, allowed is a head between two")
     head = tomllib.loads(pieces[1])
     parts = re.split(r"^## (.+)\n", pieces[2], flags=re.M)[1:]
     named = dict(zip(parts[::2], parts[1::2], strict=True))
-    if tuple(named) != PARTS:
-        raise ValueError(f"{path.name} has the parts {list(named)}, allowed is {list(PARTS)}")
+    for part in (*(set(named) - set(PARTS)), *(set(PARTS) - set(named))):
+        where = "wrong" if part in named else "missing"
+        raise ValueError(f"part {part} is {where}, allowed is {', '.join(PARTS)}")
+    wanted = [f for f in Question.__dataclass_fields__ if f not in ("name", "minute", "full")]
+    for key in (*(head.keys() - set(wanted)), *(set(wanted) - head.keys())):
+        where = "unknown" if key in head else "missing"
+        raise ValueError(f"{key} is {where}, allowed is {', '.join(wanted)}")
+    head["rubric"] = tuple(head["rubric"])
+    head["follow_ups"] = tuple(map(_asked, head["follow_ups"]))
     minute, full = (named[part].strip() for part in PARTS)
-    for name in ("follow_ups", "rubric"):
-        head[name] = tuple(head.get(name, ()))
     return Question(name=path.stem, minute=minute, full=full, **head)
 
 

@@ -110,21 +110,33 @@ def test_a_field_is_filled_with_a_figure(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "said"),
     [
-        ("{limit.value:.1f} ms", "6.3 ms", "6.3 is typed"),
+        ("{limit.value:.1f} ms", "6.3 ms", "one.md, line 12: 6.3 is typed"),
+        ("{limit.value:.1f} ms", "{limit} ms", r"line 12: \{limit\} is filled by nothing"),
+        ("{limit.value:.1f} ms", "{limit.value ms", r"line 12: \{limit.value ms"),
+        ("chapter = 1", "chapter = 77", "line 3: chapter is 77, allowed is 0, 1, .*, 12$"),
+        ('rubric = ["Something."]\n', "", "line 1: rubric is missing, allowed is title, chapter"),
+        ("probes =", "colour =", "line 7: colour is unknown, allowed is title, chapter"),
+        ('["And then?"]', '["no_such"]', "line 8: no_such is no follow-up, allowed is a question"),
+        ("level = 1", "level = ", r"line 5: Invalid value \(at line 4"),
         ("sqrt2", "cdot 1.41", "1.41 is typed"),
         ("Something.", "At 90 percent.", "90 is typed"),
         ("level = 1", "level = 4", "level is 4, allowed is 1, 2 or 3"),
         ('"concept"', '"riddle"', "kind is 'riddle'"),
         ("minutes = 3", "minutes = 0", "minutes is 0"),
         ('["Something."]', "[]", "rubric is"),
-        ("## In full", "## At length", "allowed is"),
-        ("+++\ntitle", "title", "lines"),
+        ("## In full", "## At length", "line 14: part At length is wrong, allowed is In a m"),
+        ("+++\ntitle", "title", "line 9: .* allowed is a head between two"),
     ],
 )
 def test_a_faulty_question_is_refused(tmp_path, old: str, new: str, said: str) -> None:
     assert HEAD.count(old) == 1
     with pytest.raises(ValueError, match=said):
         _written(tmp_path, HEAD.replace(old, new))
+
+
+def test_a_follow_up_may_be_another_question(tmp_path) -> None:
+    question = _written(tmp_path, HEAD.replace("And then?", "three_terms"))
+    assert question.follow_ups == (PLACES["control/three_terms"].title,)
 
 
 def test_a_topic_without_questions_is_refused() -> None:
