@@ -126,7 +126,7 @@ def typed_numbers(text: str) -> list[str]:
 def unfilled(text: str) -> list[str]:
     """What stands in braces outside of code and formulas and is no field."""
     plain = _MATH.sub(" ", _CODE.sub(" ", text)).replace("\\{", "")
-    return [part for part in re.findall(r"\{[^{}]*\}?", plain) if not FIELD.fullmatch(part)]
+    return [part for part in re.findall(r"\{[^{}\n]*\}?", plain) if not FIELD.fullmatch(part)]
 
 
 def read(path: Path) -> Question:
