@@ -1,0 +1,145 @@
+"""The four designs: complete, drawn without a knot, and scored as a reader scores."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import replace
+from itertools import combinations
+from pathlib import Path
+
+import pytest
+
+from course import derivations
+from course.derivations.records import figure
+from course.interview import designs
+from course.interview.fields import FIELD
+
+DESIGNS = {name: designs.read(name) for name in designs.NAMES}
+WEAK = sorted((Path(__file__).parent / "weak_answers").glob("*.toml"))
+every = pytest.mark.parametrize("name", DESIGNS)
+
+
+@every
+def test_a_design_has_all_its_parts_and_its_figures(name: str) -> None:
+    design = DESIGNS[name]
+    known = {"estimate", "chart", "drawing", *(item.id for item in derivations.claims())}
+    for text in design.texts():
+        assert {m[1] for m in FIELD.finditer(text)} <= known
+    shown = design.markdown(figure)
+    assert "{" not in shown and design.title in shown
+    assert len(design.filled(design.answer, figure).split()) <= designs.WORDS
+    assert len(design.clarify) >= 5 and len(design.red_flags) >= 5
+    assert shown.count("<details>") == 5
+
+
+def test_the_designs_of_the_folder_are_those_that_are_asked() -> None:
+    assert {path.stem for path in designs.FOLDER.glob("*.md")} == set(DESIGNS)
+
+
+@every
+def test_the_model_answer_scores_full_and_each_passage_earns_its_item(name: str) -> None:
+    design = DESIGNS[name]
+    found = designs.levels(design, design.filled(design.answer, figure))
+    assert found == dict.fromkeys(found, "defended") and designs.score(design, found) == 1.0
+    for item, passage in designs.passages(design, figure).items():
+        assert designs.levels(design, passage)[item] == "defended", item
+        # Without its doubt it is quantified, without its digits named.
+        certain = re.sub(designs._MIND, "", passage)
+        assert designs.levels(design, certain)[item] == "quantified", item
+        assert designs.levels(design, re.sub(r"\d", "", certain))[item] == "named", item
+
+
+def test_weak_answers_score_what_a_reader_gave_them() -> None:
+    assert len(WEAK) == 3 * len(DESIGNS)
+    same, items = 0, 0
+    for path in WEAK:
+        kept = tomllib.loads(path.read_text(encoding="utf-8"))
+        design = DESIGNS[kept["design"]]
+        found = designs.levels(design, kept["text"])
+        theirs = designs.score(design, kept["levels"])
+        assert theirs < 0.6
+        assert designs.score(design, found) == pytest.approx(theirs, abs=0.15), path.name
+        same += sum(found[item] == level for item, level in kept["levels"].items())
+        items += len(found)
+    assert same >= 0.9 * items
+
+
+def test_the_score_counts_steps_and_the_weakest_item_is_asked_about() -> None:
+    design = DESIGNS["pick_and_place"]
+    names = [item.name for item in design.rubric]
+    answered = dict.fromkeys(names, "named") | {names[3]: "defended", names[5]: "missing"}
+    # Eight of one point, one of three, one of none, of thirty.
+    assert designs.score(design, answered) == pytest.approx(11 / 30)
+    assert designs.weakest(design, answered).name == names[5]
+    with pytest.raises(ValueError, match="answered is"):
+        designs.score(design, {names[0]: "named"})
+    with pytest.raises(ValueError, match=f"{names[0]} is 'good'"):
+        designs.score(design, answered | {names[0]: "good"})
+
+
+def test_the_age_of_a_drawing_is_the_sum_of_its_parts() -> None:
+    design = DESIGNS["fleet_simulation"]
+    scan, speeds = (next(a for a in design.arrows if a.what == what) for what in design.path)
+    least, half = scan.ms + speeds.ms, 500.0 / scan.hz + 500.0 / speeds.hz
+    assert design.drawn("least_ms") == pytest.approx(least)
+    assert design.drawn("mean_ms") == pytest.approx(least + half)
+    assert design.drawn("greatest_ms") == pytest.approx(least + 2.0 * half)
+    assert design.drawn("scan.hz") == scan.hz
+    with pytest.raises(ValueError, match="drawing is 'scan'"):
+        design.drawn("scan")
+
+
+@every
+def test_nothing_in_a_drawing_covers_anything(name: str) -> None:
+    design = DESIGNS[name]
+    text = designs.svg(design)
+    words = re.findall(r'<text x="(\d+)" y="(\d+)" text-anchor="(\w+)">([^<]*)</text>', text)
+    assert {w[3] for w in words} == {
+        *design.boxes, *(a.what for a in design.arrows), *(str(a) for a in design.arrows)
+    }  # fmt: skip
+    wide, high = map(
+        int, re.search(r'viewBox="0 0 (\d+) (\d+)"', text.split("<marker")[0]).groups()
+    )
+    areas = []
+    for x, y, anchor, label in words:
+        length = 6.5 * len(label)
+        left = int(x) - {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * length
+        areas.append((left, int(y) - 9, left + length, int(y) + 1))
+    rims = [(int(x), int(y), int(x) + 120, int(y) + 40)
+            for x, y in re.findall(r'<rect x="(\d+)" y="(\d+)"', text)]  # fmt: skip
+    inside = [a for a, w in zip(areas, words, strict=True) if w[3] not in design.boxes]
+    for a, b in combinations([*inside, *rims], 2):
+        assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], (a, b)
+    assert all(0 <= a[0] and a[2] <= wide and 0 <= a[1] and a[3] <= high for a in areas)
+    ends = [tuple(map(int, e)) for e in re.findall(r"M(\d+) (\d+)L(\d+) (\d+)", text)]
+    for x, y, u, v in ends:
+        middle = (0.5 * (x + u), 0.5 * (y + v))
+        assert not any(r[0] < middle[0] < r[2] and r[1] < middle[1] < r[3] for r in rims)
+    lines = designs.plain(design).splitlines()
+    assert len(lines) == len(design.arrows) and max(map(len, lines)) <= 80
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"answer": "The bin takes 5 s."}, "passage of cycle"),
+        ({"follow_ups": ("And then?",)}, "follow_ups is 1"),
+        ({"path": ("depth picture", "torques")}, "path is 'torques'"),
+        ({"path": ("smoke",)}, "path is 'smoke'"),
+        ({"boxes": {"camera": (0, 0)}}, "the end of an arrow"),
+        ({"red_flags": ("Below 10 N.",)}, "a typed number is '10'"),
+    ],
+)
+def test_a_faulty_design_is_refused(changes, said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        replace(DESIGNS["pick_and_place"], **changes)
+    with pytest.raises(ValueError, match="up to 900 words"):
+        replace(DESIGNS["pick_and_place"], answer=DESIGNS["pick_and_place"].answer + " so" * 900)
+    with pytest.raises(ValueError, match="rubric is 1"):
+        replace(DESIGNS["pick_and_place"], rubric=DESIGNS["pick_and_place"].rubric[:1])
+
+
+def test_a_name_that_is_no_design_is_refused() -> None:
+    with pytest.raises(ValueError, match="name is 'warp_drive'"):
+        designs.read("warp_drive")
