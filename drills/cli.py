@@ -20,7 +20,7 @@ from drills import cards as catalogue
 from drills.cards import Card
 from drills.progress import ATTEMPTED, NOT_ATTEMPTED, SOLVED, Reading, Record
 from drills.reasons import SENTENCES
-from drills.session import FAILED, RIGHT, WRONG, Commands, Session, body, options
+from drills.session import FAILED, RIGHT, WRONG, Commands, Later, Session, body, options
 from drills.terminal import bar
 from drills.workspace import Misuse
 
@@ -541,6 +541,9 @@ def _story(card: Card, record: Record) -> str:
     if best and best["unit"] == "s":
         parts.append(f"best {1e6 * best['value']:.3g} us per call")
     return f"{card.name}: {', '.join(parts)}"
+
+
+cli.add_command(Later("interview", "drills.interview.rehearse", "Rehearse an interview, timed."))
 
 
 @cli.command()

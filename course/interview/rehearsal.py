@@ -1,0 +1,216 @@
+"""A rehearsed interview: what is drawn, what is asked next, and what the report says.
+
+Nothing here speaks, waits or looks at a clock; the command `drills interview` does.
+"""
+
+from __future__ import annotations
+
+import random
+import re
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass, field
+
+from course.check import refused
+from course.interview import FOLDER, Figure, filled, questions
+
+PARTS = ("concept", "debugging", "coding", "design")
+MARKS = ("missing", "named", "quantified", "defended")
+WEIGHT = 4  # how many times as likely as another one that is weak or due is drawn
+WEAK = 2 / 3  # an answer below this share, all lines "quantified", is weak
+_STEM = 4  # letters by which two words are taken for one: "halves", "halving"
+
+
+@dataclass(frozen=True)
+class Item:
+    """Something to be asked.
+
+    Attributes:
+        key: its kind and name, as "question/contact/coulomb_cone".
+        part: of an interview, one of `PARTS`.
+        chapter: its number.
+        minutes: that it takes.
+        title: as it is asked.
+        rubric: what is listened for.
+        follow_ups: what may be asked next.
+        answer: Markdown of the model answer.
+        fill: (text, figure) -> the text with its fields filled.
+    """
+
+    key: str
+    part: str
+    chapter: int
+    minutes: int
+    title: str
+    rubric: tuple[str, ...]
+    follow_ups: tuple[str, ...]
+    answer: str
+    fill: Callable[[str, Figure], str] = field(default=filled, compare=False)
+
+
+@dataclass
+class Entry:
+    """What became of one item; each step is entered when it is over, an answer line by line.
+
+    Attributes:
+        key, part, chapter, minutes, title: of the item.
+        seconds: spent on it.
+        answer, answered: what was said, and whether that is all.
+        marks: of `MARKS`, one for each line of the rubric.
+        weakest, asked, reply: the line marked lowest, the follow-up on it, and what was said.
+        attempts: verdict and sentence of each grading of a drill.
+        score: the share of all marks.
+        read: what to read.
+        done: whether the item is over.
+    """
+
+    key: str
+    part: str
+    chapter: int
+    minutes: int
+    title: str
+    seconds: float = 0.0
+    answer: str = ""
+    answered: bool = False
+    marks: list[str] = field(default_factory=list)
+    weakest: str = ""
+    asked: str = ""
+    reply: str = ""
+    attempts: list[dict[str, str]] = field(default_factory=list)
+    score: float = 0.0
+    read: str = ""
+    done: bool = False
+
+
+@dataclass
+class Interview:
+    """One interview.
+
+    Attributes:
+        started: ISO 8601, UTC; its name.
+        seed, minutes: of the draw.
+        items: in the order in which they are asked.
+        over: the title of what was being asked when the time was over, or "".
+        cards_due: titles of cards.
+    """
+
+    started: str
+    seed: int
+    minutes: int
+    items: list[Entry]
+    over: str = ""
+    cards_due: list[str] = field(default_factory=list)
+
+    @property
+    def seconds(self) -> float:
+        """Time spent."""
+        return sum(entry.seconds for entry in self.items)
+
+
+def spoken(topics: Sequence[str]) -> list[Item]:
+    """The questions of chapters; a concept part may also be an estimate or a whiteboard."""
+    found = []
+    for topic in topics:
+        for q in questions(topic) if (FOLDER / topic).is_dir() else ():
+            part = q.kind if q.kind in ("debugging", "design") else "concept"
+            key, answer = f"question/{topic}/{q.name}", f"{q.minute}\n\n{q.full}"
+            rest = (q.minutes, q.title, q.rubric, q.follow_ups, answer)
+            found.append(Item(key, part, q.chapter, *rest))
+    return found
+
+
+def draw(
+    pool: Sequence[Item],
+    parts: Sequence[str],
+    minutes: int,
+    weak: Collection[str],
+    last: Collection[str],
+    seed: int,
+) -> list[Item]:
+    """One item for each part that the minutes allow.
+
+    Of those that fit, one that is weak or due is `WEIGHT` times as likely as another one: with m
+    of them among n, one of them comes with probability m WEIGHT / (m WEIGHT + n - m). While not
+    even the shortest of each part fit together, the part whose shortest is longest is left out.
+
+    Args:
+        pool: what there is.
+        parts: of `PARTS`.
+        minutes: for all together.
+        weak: keys of what is weak or due.
+        last: keys of what was asked last, which is not asked again.
+        seed: of the draw.
+
+    Raises:
+        ValueError: if nothing is left to ask.
+    """
+    rng = random.Random(seed)
+    there = {part: [i for i in pool if i.part == part and i.key not in last] for part in parts}
+    least = {part: min(i.minutes for i in items) for part, items in there.items() if items}
+    while len(least) > 1 and sum(least.values()) > minutes:
+        del least[max(least, key=lambda part: least[part])]
+    if not least:
+        raise refused("parts", list(parts), "some for which there is more than what was just asked")
+    chosen: list[Item] = []
+    for part in least:
+        others = [least[p] for p in list(least)[len(chosen) + 1 :]]
+        room = minutes - sum(others) - sum(item.minutes for item in chosen)
+        fit = [item for item in there[part] if item.minutes <= max(room, least[part])]
+        weights = [WEIGHT if item.key in weak else 1 for item in fit]
+        chosen += rng.choices(fit, weights)
+    return chosen
+
+
+def nearest(text: str, others: Sequence[str]) -> int | None:
+    """Which of the others shares most with a text; None if none shares a word.
+
+    A word counts the more, the fewer of the others have it.
+    """
+    stems = [_stems(other) for other in others]
+    score = [sum(1.0 / sum(w in s for s in stems) for w in _stems(text) & own) for own in stems]
+    best = max(score, default=0.0)
+    return score.index(best) if best > 0.0 else None
+
+
+def _stems(text: str) -> set[str]:
+    return {word[:_STEM] for word in re.findall(r"[a-z]{4,}", text.lower())}
+
+
+def share(marks: Sequence[str]) -> float:
+    """The share of all that could be earned."""
+    return sum(map(MARKS.index, marks)) / ((len(MARKS) - 1) * len(marks))
+
+
+def follow_up(item: Item, marks: Sequence[str]) -> tuple[str, str]:
+    """The line of the rubric that was marked lowest, and the follow-up that it triggers.
+
+    It is the one nearest to that line in its words; where none is, the one at its place.
+    """
+    if len(marks) != len(item.rubric) or not set(marks) <= set(MARKS):
+        raise refused("marks", list(marks), f"{len(item.rubric)} of {', '.join(MARKS)}")
+    levels = [MARKS.index(mark) for mark in marks]
+    weakest = levels.index(min(levels))
+    found = nearest(item.rubric[weakest], item.follow_ups)
+    place = weakest * len(item.follow_ups) // len(item.rubric)
+    return item.rubric[weakest], item.follow_ups[place if found is None else found]
+
+
+def markdown(interview: Interview) -> str:
+    """The report as a page."""
+    lines = [f"# Interview of {interview.started[:16].replace('T', ', ')}\n"]
+    lines.append(f"{interview.seconds / 60:.0f} of {interview.minutes} minutes.\n")
+    if interview.over:
+        lines.append(f"The time was over during: {interview.over}\n")
+    lines.append(
+        "| part | chapter | minutes | planned | marks | asked |\n|---|---|---|---|---|---|"
+    )
+    for one in interview.items:
+        spent = f"{one.seconds / 60:.0f} | {one.minutes} | {one.score:.0%}"
+        lines.append(f"| {one.part} | {one.chapter} | {spent} | {one.title} |")
+    for one in interview.items:
+        lines.append(f"\n## {one.title}\n\n{one.answer}")
+        if one.asked:
+            lines.append(f"Weakest: {one.weakest}\n\n**{one.asked}**\n\n{one.reply}")
+        lines += [f"* {attempt['verdict']}: {attempt['sentence']}" for attempt in one.attempts]
+        lines += [f"\nRead {one.read}."] * bool(one.read)
+    due = [f"* {title}" for title in interview.cards_due] or ["None."]
+    return "\n".join([*lines, "\n## Cards now due\n", *due, ""])

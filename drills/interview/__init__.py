@@ -1,0 +1,1 @@
+"""Commands that rehearse an interview; each module is imported when its command is used."""

@@ -1,0 +1,311 @@
+"""The command `drills interview`: asked, answered, marked by oneself, and kept after every line."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import re
+import secrets
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from typing import Any
+
+import click
+
+from course import CHAPTERS, kept
+from course.derivations.records import figure
+from course.interview import rehearsal
+from course.interview.rehearsal import MARKS, PARTS, Entry, Interview, Item
+from drills import cards as catalogue
+from drills import grading, present, workspace
+from drills.chapters import notebook_of
+from drills.progress import SOLVED
+from drills.session import RIGHT, Session, body, options
+from drills.terminal import OutputLost
+from drills.workspace import Misuse
+
+EVERY = frozenset(chapter.number for chapter in CHAPTERS)
+
+
+@dataclass
+class Past:
+    """The interviews that are not over, by when they began, and what was asked in others.
+
+    Attributes:
+        open: those that can go on.
+        scores: key of an item -> share of the marks, the last time.
+        last: keys of what the last interview asked.
+    """
+
+    open: dict[str, Interview] = field(default_factory=dict)
+    scores: dict[str, float] = field(default_factory=dict)
+    last: list[str] = field(default_factory=list)
+
+
+def _parse(content: dict[str, Any]) -> Past:
+    try:
+        opened = {
+            name: Interview(**{**one, "items": [Entry(**entry) for entry in one["items"]]})
+            for name, one in content["open"].items()
+        }
+        return Past(opened, {k: float(v) for k, v in content["scores"].items()}, content["last"])
+    except (TypeError, KeyError, ValueError, AttributeError):
+        raise kept.Damaged from None
+
+
+FORM = kept.Form("drills-interviews/1", "interviews", Past, _parse, asdict)
+
+
+def pool(chosen: frozenset[int] = EVERY) -> dict[str, Item]:
+    """All that can be asked of the chosen chapters, by key."""
+    items = rehearsal.spoken([c.topic for c in CHAPTERS if c.number in chosen])
+    for card in catalogue.cards():
+        if card.chapter in chosen:
+            rest = (card.chapter, card.minutes, card.title, (card.teaches,), (), card.insight)
+            items.append(Item(f"drill/{card.name}", "coding", *rest))
+    return {item.key: item for item in items}
+
+
+@dataclass
+class Talk:
+    """One interview in a terminal or a pipe.
+
+    Attributes:
+        session: where it writes, and the work folder.
+        hear: the next line that is typed; EOFError at the end.
+        clock: the time, aware.
+        editor: whether an editor can be opened.
+    """
+
+    session: Session
+    hear: Callable[[], str] = input
+    clock: Callable[[], datetime] = lambda: datetime.now(UTC)
+    editor: bool = False
+
+    def __post_init__(self) -> None:
+        self.looked = self.clock()
+        self.folder = self.session.work / "interview"
+        progress = self.session.progress_file
+        self.file = progress and progress.with_name("interviews.json")
+
+    def draw(
+        self, minutes: int, seed: int | None, chosen: frozenset[int], parts: tuple[str, ...]
+    ) -> None:
+        """Begin a new interview."""
+        past, notices = kept.load(self.file, FORM)
+        self.session.notices += notices
+        records = self.session.records().records.items()
+        weak = {key for key, score in past.scores.items() if score < rehearsal.WEAK}
+        weak |= {f"drill/{n}" for n, r in records if r.attempts and r.state != SOLVED}
+        seed = secrets.randbits(32) if seed is None else seed
+        items = list(pool(chosen).values())
+        try:
+            drawn = rehearsal.draw(items, parts, minutes, weak, past.last, seed)
+        except ValueError:
+            raise Misuse("Of these chapters and kinds there is only what was just asked.") from None
+        entries = [Entry(i.key, i.part, i.chapter, i.minutes, i.title) for i in drawn]
+        if left_out := [part for part in parts if part not in {item.part for item in drawn}]:
+            what = ", ".join(left_out)
+            self.session.notices.append(f"Left out for lack of time or of choice: {what}.")
+        self.interview = Interview(
+            self.looked.isoformat(timespec="seconds"), seed, minutes, entries
+        )
+
+    def resume(self) -> None:
+        """Go on with the last interview that is not over."""
+        past, notices = kept.load(self.file, FORM)
+        self.session.notices += notices
+        if not past.open:
+            raise Misuse("No interview is waiting to go on. drills interview begins one.")
+        self.interview = past.open[max(past.open)]
+
+    def store(self, edit: Callable[[Past], object]) -> None:
+        """Change the file of the interviews; where that is not possible, it is said once."""
+        try:
+            _, notices = kept.change(self.file, FORM, edit)
+        except kept.Problem as problem:
+            notices = (str(problem),)
+        self.session.notices += [one for one in notices if one not in self.session.notices]
+
+    def keep(self, entry: Entry) -> None:
+        """Book the time since the last look on an entry, and write all that was said."""
+        now = self.clock()
+        entry.seconds += max((now - self.looked).total_seconds(), 0.0)  # clocks are set back
+        self.looked = now
+        interview = self.interview
+        if interview.seconds > 60 * interview.minutes and not interview.over:
+            interview.over = entry.title
+            self.session.wrap("The time is over. This is noted, and nothing is cut off: go on.")
+        self.store(lambda past: past.open.update({interview.started: interview}))
+
+    def ask(self, text: str) -> None:
+        """Put a question, with the time that is left."""
+        left = self.interview.minutes - self.interview.seconds / 60
+        self.session.say(f"\n{left:.0f} min left" if left > 0 else "")
+        self.session.wrap(self.session.terminal.paint(text, "head"))
+
+    def show(self, markdown: str) -> None:
+        """Write Markdown."""
+        if not self.session.terminal.json:
+            for line in present.markdown_lines(markdown, self.session.terminal):
+                self.session.say(line)
+
+    def take(self, entry: Entry, name: str) -> None:
+        """Take an answer: lines up to a dot or a blank one, or what an editor leaves."""
+        draft = self.folder / f"{re.sub('[^0-9]', '', self.interview.started)}.md"
+        said = getattr(entry, name)
+        self.show(said)  # before the terminal was killed
+        ways = " A blank line at once opens your editor." * self.editor
+        self.session.say(f"A blank line or a dot ends your answer.{ways}")
+        while (line := self.hear().rstrip()) not in ("", "."):
+            said += f"{line}\n"
+            setattr(entry, name, said)
+            self.keep(entry)
+        if self.editor and not said and not line:
+            draft.touch()  # what an editor that was killed has saved is there
+            click.edit(filename=str(draft))
+            setattr(entry, name, draft.read_text(encoding="utf-8", errors="replace"))
+            draft.unlink()
+
+    def speak(self, item: Item, entry: Entry) -> None:
+        """One question: the answer, its marks, the follow-up, and then the model answer."""
+        if not entry.answered:
+            self.ask(entry.title)
+            self.take(entry, "answer")
+            entry.answered = True
+            self.keep(entry)
+        levels = ", ".join(f"{i} {mark}" for i, mark in enumerate(MARKS))
+        self.session.say(f"\nHow good was that? {levels}")
+        for number, line in list(enumerate(item.rubric, 1))[len(entry.marks) :]:
+            self.session.wrap(item.fill(line, figure), "      ", f"  {number:>2}. ")
+            while (mark := self.hear().strip()) not in tuple("0123"):
+                self.session.say(f"      0 to {len(MARKS) - 1}")
+            entry.marks.append(MARKS[int(mark)])
+            self.keep(entry)
+        entry.score = rehearsal.share(entry.marks)
+        asked = rehearsal.follow_up(item, entry.marks)
+        entry.weakest, entry.asked = (item.fill(text, figure) for text in asked)
+        self.ask(entry.asked)
+        self.take(entry, "reply")
+        self.show(f"---\n\n{item.fill(item.answer, figure)}")
+
+    def code(self, item: Item, entry: Entry) -> None:
+        """A drill, graded as often as one likes, in a file of the interviews."""
+        card = catalogue.card(item.key.removeprefix("drill/"))
+        path = self.folder / f"{card.name}.py"
+        if not entry.answered:
+            workspace.write_start(path, card, replace=True)  # keeps what is there
+            entry.answered = True
+            self.keep(entry)
+        self.ask(f"{card.title}: write {card.entry} in {workspace.shown(path)}.")
+        self.show(present.task(card))
+        verdicts: list[str] = [attempt["verdict"] for attempt in entry.attempts]
+        while "pass" not in verdicts:
+            editor = "e opens your editor, " * self.editor
+            self.session.say(f"A blank line grades it, {editor}n goes on without.")
+            line = self.hear().strip().lower()
+            if line == "n":
+                break
+            if line == "e" and self.editor:
+                click.edit(filename=str(path))
+            elif not line:
+                report = grading.graded(self.session, card, str(path), None)
+                grading.told(self.session, card, report, str(path))
+                entry.attempts.append({"verdict": report.verdict, "sentence": report.sentence})
+                verdicts.append(report.verdict)
+            self.keep(entry)
+        entry.score = 1 / len(verdicts) if "pass" in verdicts else 0.0
+        entry.weakest = item.rubric[0]
+
+    def run(self) -> int:
+        """Ask what is not over yet, and report."""
+        items, session = pool(), self.session
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            for entry in self.interview.items:
+                item = items.get(entry.key)
+                if item and not entry.done:
+                    (self.code if item.part == "coding" else self.speak)(item, entry)
+                elif item is None:
+                    session.notices.append(f"The course no longer asks: {entry.title}")
+                entry.read = to_read(entry)
+                entry.done = True
+                self.keep(entry)
+            path = self.folder / f"report-{re.sub('[^0-9]', '', self.interview.started)[:14]}.json"
+            found = {**asdict(self.interview), "seconds": self.interview.seconds}
+            workspace.write_over(path, json.dumps(found, indent=2, ensure_ascii=False) + "\n")
+            workspace.write_over(path.with_suffix(".md"), rehearsal.markdown(self.interview))
+        except (KeyboardInterrupt, EOFError, OutputLost, click.ClickException):
+            session.notices.append("What you said is kept: drills interview --resume goes on.")
+            raise
+        except OSError as error:
+            why = f"{workspace.shown(self.folder)} can't be written: {error.strerror}."
+            raise Misuse(why) from None
+
+        def close(past: Past) -> None:
+            past.open.pop(self.interview.started, None)
+            past.scores |= {entry.key: entry.score for entry in self.interview.items}
+            past.last = [entry.key for entry in self.interview.items]
+
+        self.store(close)
+        session.say()
+        for one in self.interview.items:
+            lead = f"{one.score:>4.0%} {one.seconds / 60:>3.0f} min  "
+            session.wrap(one.title, " " * len(lead), lead)
+            if one.read:
+                session.wrap(f"Read {one.read}.", " " * len(lead))
+        session.wrap(f"The report: {workspace.shown(path.with_suffix('.md'))}, also as .json")
+        return session.finish(RIGHT, {"report": str(path.absolute()), **found})
+
+
+def to_read(entry: Entry) -> str:
+    """The section of its chapter that is nearest to the weakest line, "" after a good answer."""
+    chapter = next(chapter for chapter in CHAPTERS if chapter.number == entry.chapter)
+    path = notebook_of(chapter)
+    if entry.score >= rehearsal.WEAK or not path.is_file():
+        return ""
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
+    text = "\n".join("".join(cell["source"]) for cell in cells)
+    parts = re.split(r"^## (?=\d+ · )", text, flags=re.M)[1:]
+    found = rehearsal.nearest(entry.weakest, parts)
+    title = "" if found is None else parts[found].splitlines()[0].replace(" · ", ": ")
+    return f"chapter {entry.chapter}, {chapter.title}" + f", section {title}" * bool(title)
+
+
+def _chapters(context: object, option: object, text: str | None) -> frozenset[int]:
+    chosen = EVERY if text is None else {int(n) for n in re.findall(r"\d+", text)}
+    if not chosen or not EVERY.issuperset(chosen):
+        raise click.BadParameter(f"{text!r} is not a list of chapters such as 1,5.")
+    return frozenset(chosen)
+
+
+@click.command("interview")
+@click.option("--minutes", default=45, show_default=True, type=click.IntRange(1, 480))
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Draw the same again.")
+@click.option("--chapters", metavar="1,5", callback=_chapters, help="Of these chapters only.")
+@click.option("--kind", multiple=True, type=click.Choice(PARTS), help="Of this kind only.")
+@click.option("--resume", is_flag=True, help="Go on with the one that is not over.")
+@options
+@body
+def command(
+    session: Session,
+    minutes: int,
+    seed: int | None,
+    chapters: frozenset[int],
+    kind: tuple[str, ...],
+    resume: bool,
+) -> int:
+    """Rehearse an interview: asked, timed, marked by yourself, a drill by the grader."""
+    sys.stdin = sys.stdin or open(os.devnull)
+    if isinstance(sys.stdin, io.TextIOWrapper):
+        sys.stdin.reconfigure(errors="replace")
+    person = sys.stdin.isatty() and sys.stdout.isatty() and not session.terminal.json
+    talk = Talk(session, editor=person)
+    if resume:
+        talk.resume()
+    else:
+        talk.draw(minutes, seed, chapters, tuple(p for p in PARTS if p in (kind or PARTS)))
+    return talk.run()
