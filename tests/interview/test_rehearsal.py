@@ -197,7 +197,12 @@ def test_what_was_weak_is_drawn_for(place: Place, monkeypatch: pytest.MonkeyPatc
     place.answer("def fk3(lengths, thetas):\n    return thetas\n", "fk3")
     place.run("check", "fk3")
     weak: list[set[str]] = []
-    monkeypatch.setattr(rehearsal, "draw", lambda *given: weak.append(given[3]) or [])
+
+    def draw(pool: list[Item], parts: Any, minutes: int, keys: set[str], *rest: Any) -> list[Item]:
+        weak.append(keys)
+        return []
+
+    monkeypatch.setattr(rehearsal, "draw", draw)
     talk = talk_of(place, [], 15, ("concept",), 3)
     scores = rehearse.kept.load(talk.file, rehearse.FORM)[0].scores
     assert sorted(scores.values()) == [0, 1]
