@@ -1,0 +1,196 @@
+"""The deck: a card for everything that can be asked back, made of what is there.
+
+    for card in deck((1, 5)):
+        print(card.key, sides(card).front)
+
+A deck is a list of names and takes a fraction of a second; what stands on a card is put together
+when it is shown. A key ("claim/semi_implicit_limit") stays the same as long as its source is there.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Collection
+from dataclasses import dataclass
+from hashlib import blake2b
+
+from course import CHAPTERS
+from course.check import one_of
+from course.derivations.records import files, load
+from drills import cards as catalogue
+
+KINDS = ("drill", "claim", "formula", "question", "exhibit")
+VERDICTS = {"t": "holds", "f": "false", "o": "holds only if"}
+SEED = 1  # of the world in which an exhibit is measured
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A card of the deck.
+
+    Attributes:
+        key: its kind and the name of its source: "drill/fk3", "question/contact/coulomb_cone".
+        kind: one of `KINDS`.
+        chapter: its number.
+        file: of a claim or its formula, such as "rigid_body.flight".
+    """
+
+    key: str
+    kind: str
+    chapter: int
+    file: str = ""
+
+    @property
+    def name(self) -> str:
+        """The key without the kind."""
+        return self.key.partition("/")[2]
+
+    @property
+    def number(self) -> int:
+        """The key as a number below 2^53, for the scheduler."""
+        return int.from_bytes(blake2b(self.key.encode(), digest_size=7).digest(), "big") >> 3
+
+
+@dataclass(frozen=True)
+class Sides:
+    """What stands on a card: two texts, Markdown."""
+
+    front: str
+    back: str
+
+
+def deck(chapters: Collection[int] | None = None) -> list[Entry]:
+    """The cards of these chapters, of all if None: by chapter, then by kind as in `KINDS`.
+
+    Args:
+        chapters: their numbers.
+
+    Raises:
+        ValueError: for a number that no chapter has.
+    """
+    for number in chapters or ():
+        one_of("chapter", number, [chapter.number for chapter in CHAPTERS])
+    return [entry for entry in _all() if chapters is None or entry.chapter in chapters]
+
+
+@functools.cache
+def _all() -> tuple[Entry, ...]:
+    from course.interview import FOLDER, museum
+
+    found = [
+        Entry(f"drill/{card.name}", "drill", card.chapter)
+        for card in catalogue.cards()
+        if card.drill
+    ]
+    numbers = {chapter.topic: chapter.number for chapter in CHAPTERS}
+    for file in files():
+        number = numbers[file.partition(".")[0]]
+        for id, entry in load(file).items():
+            found.append(Entry(f"claim/{id}", "claim", number, file))
+            if entry.get("formula"):
+                found.append(Entry(f"formula/{id}", "formula", number, file))
+    for topic, number in numbers.items():
+        names = sorted(path.stem for path in (FOLDER / topic).glob("*.md"))
+        found += [Entry(f"question/{topic}/{name}", "question", number) for name in names]
+    last = CHAPTERS[-1].number
+    names = [exhibit.name.replace(" ", "_") for exhibit in museum.EXHIBITS]
+    found += [Entry(f"exhibit/{name}", "exhibit", last) for name in names]
+    return tuple(sorted(found, key=lambda entry: (entry.chapter, KINDS.index(entry.kind))))
+
+
+def sides(entry: Entry) -> Sides:
+    """What stands on a card, with the figures on record.
+
+    Raises:
+        ValueError: for a card whose source is gone.
+    """
+    return {
+        "drill": _drill,
+        "claim": _claim,
+        "formula": _formula,
+        "question": _question,
+        "exhibit": _exhibit,
+    }[entry.kind](entry)
+
+
+def judge(entry: Entry, said: str) -> tuple[bool | None, str]:
+    """Whether what was said is right, and a sentence on it; None where only oneself can tell.
+
+    Args:
+        entry: the card.
+        said: of a claim one of `VERDICTS`, of a formula the formula.
+    """
+    said = said.strip()
+    if entry.kind == "formula" and said:
+        _sourced(entry)
+        from course.derivations import answer
+
+        found = answer(entry.name, said)
+        return found.correct, found.message
+    if entry.kind == "claim" and said[:1].lower() in VERDICTS:
+        right = VERDICTS[said[0].lower()] == load(entry.file)[entry.name]["verdict"]
+        return right, "Right." if right else "No."
+    return None, ""
+
+
+def _sourced(entry: Entry) -> None:
+    """Import the file of a claim, and no other."""
+    import importlib
+
+    importlib.import_module(f"course.derivations.{entry.file}")
+
+
+def _drill(entry: Entry) -> Sides:
+    from drills import present
+
+    card = catalogue.card(entry.name)
+    work = f"Work it before you look: `drills start {card.name}`, `drills check {card.name}`."
+    front = f"**{card.title}** ({card.minutes} minutes)\n\n{present.task(card)}\n\n{work}"
+    return Sides(front, f"{card.insight}\n\n```python\n{card.solution_text()}```")
+
+
+def _claim(entry: Entry) -> Sides:
+    from course.derivations import Block, recorded
+
+    shown = Block(recorded(entry.name, entry.file))
+    claim = shown.outcome.claim
+    source = f"\n\n{claim.source}" if claim.source else ""
+    return Sides(
+        f"One hears: “{claim.claim}”", f"**{shown.verdict}** {shown.outcome.corrected}{source}"
+    )
+
+
+def _formula(entry: Entry) -> Sides:
+    from course.derivations import formula
+
+    _sourced(entry)
+    asked = formula(entry.name)
+    symbols = [f"* `{name}`: {symbol.meaning}" for name, symbol in asked.symbols.items()]
+    return Sides("\n".join([f"{asked.question}\n", *symbols]), f"`{asked.expression}`")
+
+
+def _question(entry: Entry) -> Sides:
+    from course.derivations.records import figure
+    from course.interview import FOLDER, filled, read
+
+    asked = read(FOLDER / f"{entry.name}.md")
+    listened = "\n".join(f"* {line}" for line in asked.rubric)
+    back = filled(f"{asked.minute}\n\nListened for:\n\n{listened}", figure)
+    return Sides(f"**{asked.title}** ({asked.minutes} minutes)", back)
+
+
+def _exhibit(entry: Entry) -> Sides:
+    from course.interview import invariants, museum
+
+    (shown,) = (x for x in museum.EXHIBITS if x.name.replace(" ", "_") == entry.name)
+    caught = (getattr(invariants, shown.invariant).__doc__ or "").partition("\n")[0]
+    wrong, right = (shown.evidence(slip, SEED) for slip in (True, False))
+    back = [
+        f"`{shown.invariant}`: {caught} Allowed is {shown.tolerance:g}; measured as it was done: "
+        f"{wrong:.2g}, done right: {right:.2g}.",
+        shown.said,
+        *([f"Still so in {shown.live}"] if shown.live else []),
+        f"{', '.join(shown.threads)} ({min(shown.years)})",
+    ]
+    front = f"**{shown.name.capitalize()}.** {shown.found} Which invariant catches it?"
+    return Sides(front, "\n\n".join(back))

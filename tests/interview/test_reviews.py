@@ -1,0 +1,210 @@
+"""Cards and when they are asked: the schedule, the file, and the command `drills review`."""
+
+import json
+import re
+import subprocess
+import sys
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from course import cards as pages
+from course.derivations import formula, records, run
+from drills.interview import store
+from drills.interview.deck import KINDS, Entry, deck, judge, sides
+from tests.budget import examples
+
+NOON = datetime(2026, 5, 4, 12, tzinfo=UTC)
+ONE, TWO = Entry("claim/one", "claim", 1), Entry("claim/two", "claim", 1)
+
+
+# --- The deck -------------------------------------------------------------------------------------
+
+
+def test_every_source_has_its_card_and_every_card_its_number() -> None:
+    found = deck()
+    keys = [entry.key for entry in found]
+    assert len({entry.number for entry in found}) == len(set(keys)) == len(keys)
+    assert max(entry.number for entry in found) < 2**53 and {e.kind for e in found} == set(KINDS)
+    drills = {entry.name for entry in found if entry.kind == "drill"}
+    assert {"fk3", "rrt", "pid", "randomize"} <= drills
+    for topic, number in (("contact", 2), ("role", 0)):
+        of_gate = {f"formula/{id}" for id in pages.gate(topic)}
+        assert of_gate <= {entry.key for entry in deck([number])}
+    assert {entry.chapter for entry in deck([1, 5])} == {1, 5}
+    with pytest.raises(ValueError, match="chapter is 13"):
+        deck([13])
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_both_sides_of_a_card_are_whole(kind: str) -> None:
+    """No field is left open; claims that need their check to run are not among the first ones."""
+    for entry in [e for e in deck() if e.kind == kind][:: 40 if kind == "claim" else 5]:
+        shown = sides(entry)
+        assert shown.front.strip() and shown.back.strip(), entry
+        if kind in ("claim", "question"):
+            assert not re.search(
+                r"\{\w+(\.\w+)?(:[^{}]*)?\}", re.sub(r"\$.*?\$", "", shown.back, flags=re.S)
+            )
+
+
+def test_a_claim_on_record_reads_as_the_claim_that_is_run() -> None:
+    for id in ("queue_carries_overload", "gigabit_is_enough"):
+        (entry,) = (e for e in deck() if e.key == f"claim/{id}")
+        assert (whole := run(id)).finding.inputs
+        assert whole.corrected in sides(entry).back
+
+
+def test_a_claim_and_a_formula_are_judged_and_the_rest_is_not() -> None:
+    for entry in [e for e in deck() if e.kind == "claim"][::25]:
+        verdict = records.load(entry.file)[entry.name]["verdict"]
+        right = {"holds": "t", "false": "F", "holds only if": "o"}[verdict]
+        said = {letter: judge(entry, letter)[0] for letter in "tFo"}
+        assert said == {letter: letter == right for letter in "tFo"}
+    for entry in [e for e in deck() if e.kind == "formula"][::25]:
+        asked = formula(entry.name)
+        assert judge(entry, f"1*({asked.expression})")[0] is True
+        assert [judge(entry, slip)[0] for slip in asked.slips] == [False] * len(asked.slips)
+    assert judge(ONE, "") == judge(ONE, "perhaps") == (None, "")
+
+
+# --- The schedule ---------------------------------------------------------------------------------
+
+
+@examples(40)
+@given(st.lists(st.sampled_from([*store.RATINGS]), min_size=1, max_size=12))
+def test_a_card_is_due_when_nine_in_ten_would_still_know_it(ratings: list[int]) -> None:
+    """The published forgetting curve, (1 + (0.9^(-1/w) - 1) t/S)^-w with w = 0.1542."""
+    reviews, now = store.Reviews(), NOON
+    for rating in ratings:
+        reviews, told = store.rate(None, ONE, rating, now, reviews)
+        state = reviews.cards[ONE.key]
+        after = now
+        now = datetime.fromisoformat(state["due"])
+        assert told == () and after < now and state["card_id"] == ONE.number
+        days = (now - after).total_seconds() / 86400
+        if state["state"] == 2 and days > 1:
+            w = 0.1542
+            ends = [days - 0.51, days + 0.51]  # due on a whole day
+            curve = [(1 + (0.9 ** (-1 / w) - 1) * t / state["stability"]) ** -w for t in ends]
+            assert curve[1] <= 0.9 <= curve[0]
+        else:
+            assert days <= 1
+    assert [one["rating"] for one in reviews.log] == ratings
+
+
+def test_what_is_due_weak_new_and_gone() -> None:
+    reviews = store.Reviews()
+    for entry, ratings in ((ONE, (1, 1, 2)), (TWO, (4,))):
+        for rating in ratings:
+            store.rate(None, entry, rating, NOON, reviews)
+    three, cards = Entry("claim/three", "claim", 1), [TWO, ONE]
+    assert store.due(cards, reviews, NOON) == []
+    assert store.due(cards, reviews, NOON + timedelta(days=1)) == [ONE]
+    assert store.due(cards, reviews, NOON + timedelta(days=60)) == [ONE, TWO]
+    assert store.weak([*cards, three], reviews) == [ONE]
+    assert store.fresh([*cards, three], reviews) == [three]
+    assert store.queue([three, *cards], reviews, NOON + timedelta(days=1), 0) == [ONE, three]
+    assert store.gone([TWO], reviews) == [ONE.key]
+
+
+def test_a_clock_that_ran_backwards_holds_no_card_back() -> None:
+    ahead, reviews = NOON + timedelta(days=4000), store.Reviews()
+    store.rate(None, ONE, 4, ahead, reviews)
+    assert store.due([ONE], reviews, NOON) == [ONE]
+    _, told = store.rate(None, ONE, 3, NOON, reviews)
+    state = reviews.cards[ONE.key]
+    assert "clock stood ahead" in told[0] and store.due([ONE], reviews, NOON) == []
+    assert NOON < datetime.fromisoformat(state["due"]) < NOON + timedelta(days=100)
+    assert [one["rating"] for one in reviews.log] == [4, 3]
+
+
+@pytest.mark.parametrize("rating", [0, 5, True, "3", None])
+def test_an_unknown_rating_is_refused_and_nothing_changes(rating: int, tmp_path: Path) -> None:
+    path = tmp_path / "reviews.json"
+    store.rate(path, ONE, 3, NOON)
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match=r"rating is .*1 \(again\)"):
+        store.rate(path, ONE, rating, NOON)
+    with pytest.raises(ValueError, match="a time with its zone"):
+        store.rate(path, ONE, 3, NOON.replace(tzinfo=None))
+    assert path.read_bytes() == before
+
+
+# --- The file -------------------------------------------------------------------------------------
+
+
+def test_what_was_rated_is_read_again_and_a_lost_source_stays(tmp_path: Path) -> None:
+    path = store.beside(tmp_path / "progress.json")
+    assert path == tmp_path / "reviews.json" and store.beside(None) is None
+    store.rate(path, ONE, 3, NOON)
+    after, _ = store.rate(path, TWO, 1, NOON)
+    read, told = store.load(path)
+    assert read == after and told == () and set(read.cards) == {ONE.key, TWO.key}
+    assert store.gone([ONE], read) == [TWO.key]
+    assert set(store.rate(path, ONE, 4, NOON)[0].cards) == {ONE.key, TWO.key}
+
+
+BROKEN = {
+    "rating": ("log", 0, "rating", 7),
+    "when": ("log", 0, "when", "2026-05-04T12:00:00"),
+    "card": ("log", 0, "card", 3),
+    "state": ("cards", ONE.key, "state", 4),
+    "difficulty": ("cards", ONE.key, "difficulty", float("nan")),
+    "due": ("cards", ONE.key, "due", None),
+    "step": ("cards", ONE.key, "step", None),
+}
+
+
+@pytest.mark.parametrize("what", BROKEN)
+def test_a_damaged_file_is_put_aside(what: str, tmp_path: Path) -> None:
+    path = tmp_path / "reviews.json"
+    store.rate(path, ONE, 3, NOON)
+    content = json.loads(path.read_text())
+    part, place, name, value = BROKEN[what]
+    content[part][place][name] = value
+    path.write_text(broken := json.dumps(content))
+    reviews, told = store.load(path)
+    assert reviews == store.Reviews() and "damaged" in told[0]
+    assert (tmp_path / "reviews.json.damaged-1").read_text() == broken
+
+
+def test_two_terminals_at_once_lose_nothing(tmp_path: Path) -> None:
+    """Two processes, started together, that rate the same two cards."""
+    path, many = tmp_path / "reviews.json", 15
+    program = f"""
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+from drills.interview import store
+from drills.interview.deck import Entry
+import fsrs
+print("ready", flush=True)
+sys.stdin.readline()
+for turn in range({many}):
+    entry = Entry("claim/" + "one two".split()[turn % 2], "claim", 1)
+    store.rate(Path({str(path)!r}), entry, int(sys.argv[1]), datetime.now(UTC))
+"""
+    both = [
+        subprocess.Popen(
+            [sys.executable, "-c", program, rating],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        for rating in "23"
+    ]
+    for process in both:
+        assert process.stdout is not None and process.stdout.readline() == "ready\n"
+    for process in both:
+        assert process.stdin is not None
+        process.stdin.write("\n")
+        process.stdin.flush()
+    assert [process.wait(timeout=300) for process in both] == [0, 0]
+    for process in both:
+        process.communicate()
+    log = store.load(path)[0].log
+    assert sorted(one["rating"] for one in log) == [2] * many + [3] * many
