@@ -13,8 +13,8 @@ age chapter 0 works out.
 `levels` is an aid for grading oneself and no judge. It looks for words, for a number with a unit
 beside them, and for a sentence that says what would change one's mind. It does not know whether the
 number is right, a no from a yes, or a reason from a phrase; synonyms that a file does not name and
-numbers in words it misses. Of the items of twelve answers that a second reader graded, kept with
-the tests, it gives nine in ten the reader's level, and is too kind more often than too strict. So
+numbers in words it misses. Of the items of twelve weak answers that were graded by hand, kept with
+the tests, it gives nine in ten the same level, and is too kind more often than too strict. So
 read the passages, and correct it.
 """
 
