@@ -11,10 +11,10 @@ from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 
 from course.check import refused
-from course.interview import FOLDER, Figure, filled, questions
+from course.interview import FOLDER, Figure, designs, filled, questions, scenarios
+from course.interview.designs import LEVELS as MARKS
 
 PARTS = ("concept", "debugging", "coding", "design")
-MARKS = ("missing", "named", "quantified", "defended")
 WEIGHT = 4  # how many times as likely as another one that is weak or due is drawn
 WEAK = 2 / 3  # an answer below this share, all lines "quantified", is weak
 _STEM = 4  # letters by which two words are taken for one: "halves", "halving"
@@ -29,11 +29,12 @@ class Item:
         part: of an interview, one of `PARTS`.
         chapter: its number.
         minutes: that it takes.
-        title: as it is asked.
+        title: as it is asked; the first line is what it is called.
         rubric: what is listened for.
         follow_ups: what may be asked next.
         answer: Markdown of the model answer.
         fill: (text, figure) -> the text with its fields filled.
+        aid: an answer -> the marks that its words suggest, none where nothing can tell.
     """
 
     key: str
@@ -44,7 +45,8 @@ class Item:
     rubric: tuple[str, ...]
     follow_ups: tuple[str, ...]
     answer: str
-    fill: Callable[[str, Figure], str] = field(default=filled, compare=False)
+    fill: Callable[[str, Figure], str] = filled
+    aid: Callable[[str], Sequence[str]] = lambda answer: ()
 
 
 @dataclass
@@ -90,7 +92,7 @@ class Interview:
         seed, minutes: of the draw.
         items: in the order in which they are asked.
         over: the title of what was being asked when the time was over, or "".
-        cards_due: titles of cards.
+        cards_due: keys of the cards that were due at its end.
     """
 
     started: str
@@ -107,7 +109,10 @@ class Interview:
 
 
 def spoken(topics: Sequence[str]) -> list[Item]:
-    """The questions of chapters; a concept part may also be an estimate or a whiteboard."""
+    """The questions of chapters; with those of the last one the scenarios and the designs.
+
+    A concept part may also be an estimate or something for the whiteboard.
+    """
     found = []
     for topic in topics:
         for q in questions(topic) if (FOLDER / topic).is_dir() else ():
@@ -115,7 +120,34 @@ def spoken(topics: Sequence[str]) -> list[Item]:
             key, answer = f"question/{topic}/{q.name}", f"{q.minute}\n\n{q.full}"
             rest = (q.minutes, q.title, q.rubric, q.follow_ups, answer)
             found.append(Item(key, part, q.chapter, *rest))
+    if "interview" in topics:
+        found += [_scenario(scenarios.scenario(name)) for name in scenarios.there()]
+        found += [_design(designs.read(name)) for name in designs.NAMES]
     return found
+
+
+def _scenario(one: scenarios.Scenario) -> Item:
+    """Said aloud: the causes that one would think of, and how one would tell each."""
+    causes = tuple(cause.words for cause in one.causes)
+    probes = "\n".join(f"* {probe.what} ({probe.minutes} minutes)" for probe in one.probes)
+    answer = f"What can be tried:\n\n{probes}\n\n`drills debug {one.name}` runs it."
+    tell = tuple(f"What would you try to tell this from the others? {words}" for words in causes)
+    title = f"{one.title}.\n{one.prompt}"
+    return Item(f"scenario/{one.name}", "debugging", 12, 10, title, causes, tell, answer)
+
+
+def _design(one: designs.Design) -> Item:
+    def aid(answer: str) -> list[str]:
+        return list(designs.levels(one, answer).values())
+
+    asked, flags = (
+        "\n".join(f"* {line}" for line in lines) for lines in (one.clarify, one.red_flags)
+    )
+    answer = f"Ask first:\n\n{asked}\n\n```text\n{designs.plain(one)}\n```\n\n{one.answer}"
+    rest = (tuple(item.asks for item in one.rubric), tuple(one.follow_ups))
+    answer += f"\n\nRed flags:\n\n{flags}"
+    key = f"design/{one.name}"
+    return Item(key, "design", 12, one.minutes, one.title, *rest, answer, one.filled, aid)
 
 
 def draw(
@@ -212,5 +244,5 @@ def markdown(interview: Interview) -> str:
             lines.append(f"Weakest: {one.weakest}\n\n**{one.asked}**\n\n{one.reply}")
         lines += [f"* {attempt['verdict']}: {attempt['sentence']}" for attempt in one.attempts]
         lines += [f"\nRead {one.read}."] * bool(one.read)
-    due = [f"* {title}" for title in interview.cards_due] or ["None."]
+    due = [f"* {key}" for key in interview.cards_due] or ["None."]
     return "\n".join([*lines, "\n## Cards now due\n", *due, ""])

@@ -22,6 +22,7 @@ from course.interview.rehearsal import MARKS, PARTS, Entry, Interview, Item
 from drills import cards as catalogue
 from drills import grading, present, workspace
 from drills.chapters import notebook_of
+from drills.interview import deck, store
 from drills.progress import SOLVED
 from drills.session import RIGHT, Session, body, options
 from drills.terminal import OutputLost
@@ -99,6 +100,7 @@ class Talk:
         self.session.notices += notices
         records = self.session.records().records.items()
         weak = {key for key, score in past.scores.items() if score < rehearsal.WEAK}
+        weak |= {card.key for card in self.due()}
         weak |= {f"drill/{n}" for n, r in records if r.attempts and r.state != SOLVED}
         seed = secrets.randbits(32) if seed is None else seed
         items = list(pool(chosen).values())
@@ -106,13 +108,23 @@ class Talk:
             drawn = rehearsal.draw(items, parts, minutes, weak, past.last, seed)
         except ValueError:
             raise Misuse("Of these chapters and kinds there is only what was just asked.") from None
-        entries = [Entry(i.key, i.part, i.chapter, i.minutes, i.title) for i in drawn]
+        called = [item.title.partition("\n")[0] for item in drawn]
+        entries = [
+            Entry(i.key, i.part, i.chapter, i.minutes, name)
+            for i, name in zip(drawn, called, strict=True)
+        ]
         if left_out := [part for part in parts if part not in {item.part for item in drawn}]:
             what = ", ".join(left_out)
             self.session.notices.append(f"Left out for lack of time or of choice: {what}.")
         self.interview = Interview(
             self.looked.isoformat(timespec="seconds"), seed, minutes, entries
         )
+
+    def due(self) -> list[deck.Entry]:
+        """The cards that are due now."""
+        reviews, notices = store.load(store.beside(self.session.progress_file))
+        self.session.notices += notices
+        return store.due(deck.deck(), reviews, self.clock())
 
     def resume(self) -> None:
         """Go on with the last interview that is not over."""
@@ -173,14 +185,16 @@ class Talk:
     def speak(self, item: Item, entry: Entry) -> None:
         """One question: the answer, its marks, the follow-up, and then the model answer."""
         if not entry.answered:
-            self.ask(entry.title)
+            self.ask(item.title)
             self.take(entry, "answer")
             entry.answered = True
             self.keep(entry)
         levels = ", ".join(f"{i} {mark}" for i, mark in enumerate(MARKS))
         self.session.say(f"\nHow good was that? {levels}")
-        for number, line in list(enumerate(item.rubric, 1))[len(entry.marks) :]:
-            self.session.wrap(item.fill(line, figure), "      ", f"  {number:>2}. ")
+        hints = [f" [by its words {mark}]" for mark in item.aid(entry.answer)]
+        for at in range(len(entry.marks), len(item.rubric)):
+            line = item.fill(item.rubric[at], figure) + (hints[at] if hints else "")
+            self.session.wrap(line, "      ", f"  {at + 1:>2}. ")
             while (mark := self.hear().strip()) not in tuple("0123"):
                 self.session.say(f"      0 to {len(MARKS) - 1}")
             entry.marks.append(MARKS[int(mark)])
@@ -234,6 +248,7 @@ class Talk:
                 entry.read = to_read(entry)
                 entry.done = True
                 self.keep(entry)
+            self.interview.cards_due = [card.key for card in self.due()]
             path = self.folder / f"report-{re.sub('[^0-9]', '', self.interview.started)[:14]}.json"
             found = {**asdict(self.interview), "seconds": self.interview.seconds}
             workspace.write_over(path, json.dumps(found, indent=2, ensure_ascii=False) + "\n")
@@ -257,6 +272,8 @@ class Talk:
             session.wrap(one.title, " " * len(lead), lead)
             if one.read:
                 session.wrap(f"Read {one.read}.", " " * len(lead))
+        if due := self.interview.cards_due:
+            session.say(f"{len(due)} cards are due: drills review")
         session.wrap(f"The report: {workspace.shown(path.with_suffix('.md'))}, also as .json")
         return session.finish(RIGHT, {"report": str(path.absolute()), **found})
 

@@ -16,10 +16,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course.derivations.records import figure
-from course.interview import rehearsal
+from course.interview import designs, rehearsal, scenarios
 from course.interview.rehearsal import MARKS, PARTS, WEIGHT, Item
 from drills import cards
-from drills.interview import rehearse
+from drills.interview import deck, rehearse, store
 from drills.interview.rehearse import Talk
 from drills.session import Session
 from drills.terminal import Terminal
@@ -94,6 +94,23 @@ def test_the_follow_up_is_on_the_weakest_line(marks: list[int]) -> None:
     assert found == (lines[weakest], asked[(2, 3, 0, 1)[weakest]])
     with pytest.raises(ValueError, match="allowed is 4 of missing"):
         rehearsal.follow_up(one, ["named"])
+
+
+def test_scenarios_and_designs_are_asked_as_questions_are() -> None:
+    """On the cause that was forgotten one is asked, and a design's words suggest its marks."""
+    found = {one.key: one for one in rehearsal.spoken(["rigid_body", "interview"])}
+    assert {f"scenario/{name}" for name in scenarios.there()} <= set(found)
+    assert {one.part for one in found.values()} == set(PARTS) - {"coding"}
+    for one in (one for key, one in found.items() if key.startswith("scenario/")):
+        for i, words in enumerate(one.rubric):
+            marks = ["missing" if i == j else "named" for j in range(len(one.rubric))]
+            assert rehearsal.follow_up(one, marks)[1].endswith(words)
+    for name in designs.NAMES:
+        one = found[f"design/{name}"]
+        suggested = [one.aid(text) for text in (designs.read(name).answer, "")]
+        assert [len(marks) for marks in suggested] == [len(one.rubric)] * 2
+        assert set(suggested[1]) == {"missing"} and "defended" in suggested[0]
+        assert "{" not in one.fill(one.answer, figure)
 
 
 def test_without_a_common_word_the_place_decides() -> None:
@@ -196,6 +213,9 @@ def test_what_was_weak_is_drawn_for(place: Place, monkeypatch: pytest.MonkeyPatc
         talk.run()
     place.answer("def fk3(lengths, thetas):\n    return thetas\n", "fk3")
     place.run("check", "fk3")
+    card = next(card for card in deck.deck((1,)) if card.kind == "question")
+    reviews = talk.file and talk.file.with_name("reviews.json")
+    store.rate(reviews, card, 1, BEGAN - timedelta(days=1))
     weak: list[set[str]] = []
 
     def draw(pool: list[Item], parts: Any, minutes: int, keys: set[str], *rest: Any) -> list[Item]:
@@ -206,7 +226,8 @@ def test_what_was_weak_is_drawn_for(place: Place, monkeypatch: pytest.MonkeyPatc
     talk = talk_of(place, [], 15, ("concept",), 3)
     scores = rehearse.kept.load(talk.file, rehearse.FORM)[0].scores
     assert sorted(scores.values()) == [0, 1]
-    assert weak == [{"drill/fk3", *(key for key, score in scores.items() if score == 0)}]
+    assert weak == [{"drill/fk3", card.key, *(key for key, score in scores.items() if score == 0)}]
+    assert talk.run() == 0 and talk.interview.cards_due == [card.key]
 
 
 # --- Ended from outside, a pipe, a terminal -------------------------------------------------------
