@@ -259,6 +259,8 @@ _case("gate_trials", "Trials that show a policy to be above a gate", "", trials_
 _case("apart_trials", "Trials of each of two policies that tell them apart", "", trials_each,
       first_share=0.7, second_share=0.8)
 _case("half_width", "What a share leaves open on each side", "", half_width, share=0.7, trials=100)
+_case("start_half_width", "The same, of pictures where a learned start is right", "", half_width,
+      share="chart.learned_start/0/noise x 3.75/y/4", trials=100)
 _case("width_trials", "Trials for a share to so much", "", trials_for_width, share=0.7, half=0.05)
 _pick = _case("cycle", "One pick and place", "s", cycle_s, legs_m=(0.6, 0.15, 0.15) * 2,
               top_m_per_s=1.0, rise_m_per_s2=3.0, still_s=0.6, computing_s=0.3)

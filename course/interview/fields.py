@@ -9,7 +9,9 @@ Behind `chart.` stand the name of the chart and steps into its data, with `/` be
 is a key; the number of an entry, or how its title, label or name begins (one entry only); `ours`
 or `oracle`, the curves of that style; `pick`, the cheapest of their points within the chart's
 tolerance; `min` or `max` of a column; `y@0.5` (or `low@`, `high@`), the column where x is that;
-`x@0.5`, where y first passes that.
+`x@0.5`, where y first passes that, and `x@low=0.5` or `x@high=0.5`, where an end of its band does.
+
+Behind the colon stands a format of Python, or `time` for seconds, two digits, in a unit that fits.
 """
 
 import functools
@@ -39,7 +41,16 @@ def filled(text: str, figure: Figure) -> str:
     Raises:
         ValueError: for a field that nothing fills.
     """
-    return FIELD.sub(lambda m: format(value(m[1], m[2], figure), m[3] or ""), text)
+    return FIELD.sub(lambda m: _formatted(value(m[1], m[2], figure), m[3] or ""), text)
+
+
+def _formatted(found: float | str, how: str) -> str:
+    if how != "time" or isinstance(found, str):
+        return format(found, how)
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("us", 1e-6)):
+        if found >= size or unit == "us":
+            break
+    return f"{float(f'{found / size:.2g}'):g} {unit}"
 
 
 def value(source: str, name: str, figure: Figure) -> float | str:
@@ -129,7 +140,8 @@ def _good(curves: list[Any], data: Any) -> list[dict[str, Any]]:
 
 def _read_off(series: dict[str, Any], column: str, place: str, path: str) -> float:
     """A column at an x between its ends; or with column "x" where y first passes a number."""
-    x, y = series["x"], series["y"]
+    kind, _, place = place.rpartition("=")
+    x, y = series["x"], series[kind if kind in series else "y"]
     if column != "x" and place in x:  # names instead of numbers
         return float(series[column][x.index(place)])
     try:

@@ -1,0 +1,219 @@
+"""The tables of the interview: the cheat sheet, classical against learned, and what to read.
+
+They are data, `cheat_sheet.toml` and `reading.toml`; here they are filled and laid out: as Markdown
+for a notebook, as text of 80 columns for a terminal, as one page to print.
+
+    python -m course.interview.tables                 # the text
+    python -m course.interview.tables --page          # a page, HTML to print
+    python -m course.interview.tables --record        # what the charts and estimates give now
+"""
+
+import functools
+import html
+import sys
+import textwrap
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from course.check import one_of, refused
+from course.interview.fields import FIELD, Figure, filled, value
+
+FOLDER = Path(__file__).parent
+RECORD = FOLDER / "quoted.toml"
+NOT_MEASURED = "not measured here"
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table of words.
+
+    Attributes:
+        title: above it.
+        head: of the columns.
+        rows: cells, as many as there are columns.
+    """
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def __post_init__(self) -> None:
+        for row in self.rows:
+            if len(row) != len(self.head) or not all(row):
+                raise refused(f"a row of {self.title}", row, f"{len(self.head)} cells, none empty")
+
+    def text(self, width: int = 80) -> str:
+        """Row by row, for a terminal: the first cell, then the others with their columns' heads."""
+        blank = max(map(len, self.head[1:])) + 4
+        lines = [self.title, "=" * len(self.title)]
+        for first, *cells in self.rows:
+            lines += ["", *textwrap.wrap(first, width, break_on_hyphens=False)]
+            for head, cell in zip(self.head[1:], cells, strict=True):
+                found = textwrap.wrap(cell, width - blank, break_on_hyphens=False)
+                lines.append(f"  {head}".ljust(blank) + f"\n{' ' * blank}".join(found))
+        return "\n".join(lines)
+
+    def markdown(self) -> str:
+        """A table of Markdown."""
+        rows = [self.head, ("---",) * len(self.head), *self.rows]
+        return "\n".join(
+            "| " + " | ".join(c.replace("|", r"\|") for c in row) + " |" for row in rows
+        )
+
+    def html(self) -> str:
+        """A table of HTML, with its title as caption."""
+
+        def line(cells: tuple[str, ...], tag: str) -> str:
+            return "<tr>" + "".join(f"<{tag}>{html.escape(c)}</{tag}>" for c in cells) + "</tr>"
+
+        rows = [line(self.head, "th"), *(line(row, "td") for row in self.rows)]
+        return "\n".join(
+            [f"<table><caption>{html.escape(self.title)}</caption>", *rows, "</table>"]
+        )
+
+    def __repr__(self) -> str:
+        return self.text()
+
+    def _repr_markdown_(self) -> str:
+        return self.markdown()
+
+
+@functools.cache
+def data(name: str) -> dict[str, Any]:
+    """What stands in `cheat_sheet.toml` or `reading.toml`, as it is written."""
+    one_of("name", name, ("cheat_sheet", "reading"))
+    return tomllib.loads((FOLDER / f"{name}.toml").read_text(encoding="utf-8"))
+
+
+def work(name: str) -> dict[str, Any]:
+    """A paper or book by its name in `reading.toml`."""
+    known: dict[str, dict[str, Any]] = data("reading")["works"]
+    return known[one_of("work", name, known)]
+
+
+def short(name: str) -> str:
+    """A work as it is named in a table: authors, year, venue."""
+    found = work(name)
+    first, *others = found["authors"].replace(" and others", ", others").split(", ")
+    who = f"{first} and others" if others else first
+    return f"{who}, {found['year']} ({found['venue']})"
+
+
+def link(name: str) -> str:
+    """Where a work is found: its DOI, or its number at arXiv."""
+    found = work(name)
+    return f"doi.org/{found['doi']}" if "doi" in found else f"arXiv:{found['arxiv']}"
+
+
+def _figure(figure: Figure | None) -> Figure:
+    if figure is not None:
+        return figure
+    from course.derivations import records
+
+    return records.figure
+
+
+def cheat_sheet(figure: Figure | None = None, plain: bool = False) -> Table:
+    """Eight concepts, the thirty seconds of each ending with what was measured in this course.
+
+    Args:
+        figure: (claim, name) -> the figure; default: those on record.
+        plain: equations in letters of a keyboard, else as formulas of TeX.
+    """
+    find = _figure(figure)
+    rows = []
+    for row in data("cheat_sheet")["row"]:
+        said = filled(f"{row['says']} {row['measured']}", find)
+        equation = row["plain"] if plain else f"${row['equation']}$"
+        papers = (short(row["classic"]), short(row["modern"]))
+        rows.append((row["concept"], said, equation, row["tool"], *papers))
+    head = ("Concept", "Thirty seconds", "Equation", "Tool", "Classic paper", "Modern paper")
+    return Table("Cheat sheet", head, tuple(rows))
+
+
+def classical_or_learned(figure: Figure | None = None) -> Table:
+    """Five components, and where the learned one overtook the classical one in this course."""
+    find = _figure(figure)
+    keys = ("name", "classical", "learned", "when")
+    parts = data("cheat_sheet")["component"]
+    rows = tuple(tuple(filled(part[key], find) for key in keys) for part in parts)
+    return Table("Classical or learned", ("Component", "Classical", "Learned", "When"), rows)
+
+
+def reading() -> Table:
+    """The book, the papers and the repositories: what each says, and the chapters it serves."""
+    rows = []
+    for kind in ("book", "paper", "repository"):
+        for entry in data("reading")[kind]:
+            found = work(entry["work"])
+            named = f"{entry['name']}: " if "name" in entry else ""
+            cited = (
+                f"{named}{found['authors']}, {found['title']}, {found['venue']}, {found['year']}"
+            )
+            serves = "; ".join(entry["serves"])
+            rows.append((cited, link(entry["work"]), entry["says"], serves))
+    return Table("Reading", ("What", "Link", "It says", "For"), tuple(rows))
+
+
+def lessons() -> Table:
+    """Related lessons, and what each adds."""
+    rows = tuple((entry["title"], entry["adds"]) for entry in data("reading")["lesson"])
+    return Table("Related lessons", ("Lesson", "It adds"), rows)
+
+
+def page() -> str:
+    """The cheat sheet as one page to print, A4 on its side."""
+    style = (
+        "@page { size: A4 landscape; margin: 7mm } body { font: 7.4pt/1.22 sans-serif; margin: 0 } "
+        "table { border-collapse: collapse; width: 100% } caption { font-weight: bold } "
+        "td, th { border: 0.3pt solid #888; padding: 1.5pt 3pt; vertical-align: top; "
+        "text-align: left } td:first-child { font-weight: bold; width: 9% } "
+        "td:nth-child(2) { width: 50% } td:nth-child(3) { font-family: monospace; width: 15% }"
+    )
+    return (
+        f'<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><title>Cheat sheet</title>'
+        f"<style>{style}</style></head><body>\n{cheat_sheet(plain=True).html()}\n</body></html>\n"
+    )
+
+
+def quoted() -> dict[str, float | str]:
+    """What the tables take from charts and estimates, by field, as it is now."""
+    texts = [str(v) for kind in ("row", "component") for e in data("cheat_sheet")[kind]
+             for v in e.values()]  # fmt: skip
+    found = {(m[1], m[2]) for text in texts for m in FIELD.finditer(text)}
+    find = _figure(None)
+    return {f"{a}.{b}": value(a, b, find) for a, b in sorted(found) if a in ("chart", "estimate")}
+
+
+def record() -> str:
+    """The text of `quoted.toml`: a value that moves is seen in a diff, and in a test."""
+    head = "# Written by `python -m course.interview.tables --record`; reviewed as a diff."
+    rows = [
+        f'"{key}" = ' + (f'"{found}"' if isinstance(found, str) else f"{found:.6g}")
+        for key, found in quoted().items()
+    ]
+    return "\n".join([head, *rows]) + "\n"
+
+
+TABLES: tuple[Callable[[], Table], ...] = (
+    functools.partial(cheat_sheet, plain=True), classical_or_learned, reading, lessons,
+)  # fmt: skip
+
+
+def main(arguments: list[str]) -> None:
+    """Print the tables, or the page, or write the record."""
+    if arguments == ["--record"]:
+        RECORD.write_text(record(), encoding="utf-8")
+    elif arguments == ["--page"]:
+        print(page())
+    elif arguments:
+        raise refused("argument", " ".join(arguments), "--page, --record or none")
+    else:
+        print("\n\n".join(table().text() for table in TABLES))
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
