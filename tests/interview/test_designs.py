@@ -98,9 +98,7 @@ def test_nothing_in_a_drawing_covers_anything(name: str) -> None:
     assert {w[3] for w in words} == {
         *design.boxes, *(a.what for a in design.arrows), *(str(a) for a in design.arrows)
     }  # fmt: skip
-    wide, high = map(
-        int, re.search(r'viewBox="0 0 (\d+) (\d+)"', text.split("<marker")[0]).groups()
-    )
+    wide, high = map(int, re.findall(r'viewBox="0 0 (\d+) (\d+)" width', text)[0])
     areas = []
     for x, y, anchor, label in words:
         length = 6.5 * len(label)
