@@ -11,7 +11,7 @@ The front door:
 
 from course.middleware.bus import ActionClient, Bus, Event, Future, Group, Link, Node, Sample
 from course.middleware.executor import Executor, Work, bounds, deadlocks, respond, run_chain
-from course.middleware.qos import PROFILES, QoS, compatible
+from course.middleware.qos import QoS, compatible
 from course.middleware.schedule import (
     blocking,
     breakdown,
@@ -24,7 +24,7 @@ from course.middleware.schedule import (
 )
 
 __all__ = [
-    "PROFILES", "ActionClient", "Bus", "Event", "Executor", "Future", "Group", "Link", "Node",
+    "ActionClient", "Bus", "Event", "Executor", "Future", "Group", "Link", "Node",
     "QoS", "Sample", "Work", "blocking", "bounds", "breakdown", "compatible", "deadlocks",
     "hyperbolic", "liu_layland", "random_sets", "respond", "response_times", "run_chain",
     "utilization", "warm",

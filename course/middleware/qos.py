@@ -100,13 +100,3 @@ def _period(name: str, value: Any) -> float:
     if not isinstance(value, int | float) or isinstance(value, bool):
         raise refused(name, value, "a positive number, infinite for none [s]")
     return math.inf if value == math.inf else positive(name, value, unit="s")
-
-
-# What ROS 2 hands out by these names (rmw/qos_profiles.h, the same from Foxy 2020 to Jazzy 2024).
-PROFILES = {
-    "default": QoS(),
-    "sensor_data": QoS("best_effort", depth=5),
-    "services_default": QoS(),
-    "parameters": QoS(depth=1000),
-    "parameter_events": QoS(depth=1000),
-}

@@ -28,9 +28,12 @@ simulation()
 # is false as it stands.) A number in the text comes from the cell above it, or from a check that `python -m
 # course.derivations 10` runs again.
 #
-# *What runs here.* No ROS 2 is needed. A **bus** in this course does what DDS, the standard below ROS 2, does between
-# two ends, in virtual time: the same nodes run in a fraction of a second, and each run is the same. Whatever it says of
-# policies was tried on Eclipse Cyclone DDS as well. Section 8 has these exercises:
+# *What runs here.* No ROS 2 is needed. DDS (Data Distribution Service, a standard of the OMG) is what ROS 2 stands on by
+# default. A **bus** in this course does what DDS does between two ends, in virtual time: the same nodes run in a
+# fraction of a second, and each run is the same. What it says of policies was tried on a real DDS, Eclipse Cyclone, as
+# well. DDS's words are used: a **writer** publishes, a **reader** subscribes, a **sample** is one message.
+#
+# Section 8 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import badges, card, check, checkpoint
@@ -52,29 +55,11 @@ from IPython.display import Markdown
 from course.cards import figures, interview
 from course.charts import read
 from course.derivations import answer, show
-from course.middleware import (
-    ActionClient,
-    Bus,
-    Executor,
-    Group,
-    Link,
-    QoS,
-    Work,
-    bounds,
-    compatible,
-    controller,
-    deadlocks,
-    hyperbolic,
-    launch,
-    liu_layland,
-    loop,
-    respond,
-    response_times,
-    run_chain,
-    schedule,
-    transport,
-    utilization,
-)  # fmt: skip
+from course.middleware import controller, launch, loop, schedule, transport
+from course.middleware.bus import ActionClient, Bus, Group, Link
+from course.middleware.executor import Executor, Work, bounds, deadlocks, respond, run_chain
+from course.middleware.qos import QoS, compatible
+from course.middleware.schedule import hyperbolic, liu_layland, response_times, utilization
 from course.role import Stage, age
 
 
@@ -114,8 +99,8 @@ plt.show()
 print(" -> ".join(layers))
 
 # %% [markdown]
-# A node is a part of the software with ends, not a process: several may live in one. What crosses between them takes
-# one of four forms:
+# A **node** is a part of the software that others know by what it publishes, hears and answers; these are its *ends*.
+# What crosses between nodes takes one of four forms:
 
 # %% tags=["nbval-ignore-output"]
 bus = Bus()
@@ -168,12 +153,17 @@ Markdown("\n".join([
 show("service_takes_five")
 
 # %%
+show("service_blocks")
+
+# %%
 show("topics_many_to_many")
 
+# %%
+show("node_is_a_process")
+
 # %% [markdown]
-# The latencies are those of threads of one Python process, on this machine, now: a floor, not a property of the
-# concept. An action is made of services and topics, so that it takes as many ways. Section 6 has two processes and a
-# real DDS.
+# The latencies are those of threads of one Python process, on this machine, now: not a property of the concept. An
+# action is made of services and topics, so that it takes as many ways. Section 6 has two processes and a real DDS.
 #
 # ### Offer and request
 #
@@ -183,7 +173,7 @@ show("topics_many_to_many")
 # * Reliability. *Reliable*: what is lost is sent again. **Best effort**: it is not.
 # * Durability. *Volatile*: the past is past. **Transient local**: the writer keeps its last samples, as long as it
 #   lives, for a **late joiner**, a reader that is made after they were written.
-# * Deadline: the longest time between two samples. Who misses it is told; nothing else happens.
+# * Deadline: the longest time between two samples. Both ends are told when it is missed; nothing else happens.
 # * **Liveliness**: who says that a writer lives, and for how long a word of that counts, its **lease**.
 # * History and depth: how many samples a cache keeps. **Lifespan**: the age from which on a sample is thrown away.
 #
@@ -201,12 +191,17 @@ show("reliability_both_ways")
 # missing</td></tr>
 # <tr><td>deadline, lease</td> <td>the offered time is longer, or there is none</td> <td>one end got a deadline, the
 # other was forgotten</td></tr>
-# <tr><td>liveliness</td> <td>automatic offered, by topic requested</td> <td>a watchdog that never saw its dog</td></tr>
+# <tr><td>liveliness</td> <td>automatic offered, by topic requested</td> <td>a watchdog whose writer never has to
+# say that it lives</td></tr>
 # <tr><td>history, depth, lifespan</td> <td>never: each end's own affair</td> <td>messages vanish between two ends that
 # hear each other</td></tr>
 # </table>
 #
-# DDS knows ownership and destination order as well; ROS 2 does not. Seven pairs on the real one, now:
+# DDS knows ownership and destination order as well; ROS 2's profile does not. *Do vendors differ?* That profile names
+# reliability, history, depth and durability, so these stay the same whichever DDS is below. What it leaves open or has
+# no word for does not: a deadline or lifespan that nobody set, from when a lifespan counts, the depth of DDS's
+# durability service, the size of socket buffers (rmw and DDS tuning, ROS 2 documentation, Jazzy 2024). Seven pairs on
+# the real one, now:
 
 # %% tags=["nbval-ignore-output"]
 late = {"durability": "transient_local"}
@@ -230,21 +225,18 @@ for (name, pair), cyclone in zip(asked.items(), seen, strict=True):
     print(f"{name:<30}ours: {', '.join(compatible(*pair)) or 'heard':<14}Cyclone DDS: {cyclone}")
 
 # %% [markdown]
-# All pairs of all policies, depths, late joiners and events took some seconds on Cyclone DDS; rows where something is
-# surprising, the others folded:
+# Each pair of values of each policy, then depths, late joiners and events, took some seconds on Cyclone DDS; rows where
+# something is surprising, the others folded:
 
 # %%
-figures(
-    read("qos_verdicts"),
-    "93",
-    "ownership: sh",
-    "liveliness: manual_by_p",
-    "lifespan",
-    "deadline mis",
-)
+rows_ = ("93", "ownership: sh", "liveliness: manual_by_p", "lifespan", "deadline mis")
+figures(read("qos_verdicts"), *rows_)
 
 # %%
 show("stronger_offer")
+
+# %%
+show("volatile_is_no_past")
 
 # %%
 show("deadline_for_deadline")
@@ -289,8 +281,8 @@ for name, case in {
 
 # %% [markdown]
 # Depth decides what is thrown away, under either reliability. It also decides how old the rest is: a reader that is
-# slower than its writer finds a full queue, and takes its oldest. That is chapter 0's $(d - 1) T$, and no library
-# escapes it:
+# slower than its writer finds a full queue, and takes its oldest: chapter 0's $(d - 1) T$, on the bus and on Cyclone
+# DDS alike. Who takes all that is there and uses the newest escapes it:
 #
 # ![Age of what a slow reader takes over the depth: bus, Cyclone DDS, theory](../docs/charts/queue_ages.png)
 
@@ -299,6 +291,9 @@ said("queue_ages", "bus", "Cyclone", "all are")
 
 # %%
 show("reliable_arrives")
+
+# %%
+show("late_joiner_gets_the_last")
 
 # %%
 show("late_joiner_depth")
@@ -346,28 +341,28 @@ for name, relative, hiccup in (
 # %% [markdown]
 # The **release** of a period is start plus a whole number of periods; **lateness** is counted from it. A loop that
 # sleeps for a period *after* its work drifts by work and wake-up each time. After a long gap the right one skips and
-# counts, and is in phase again: no burst. *Derive it yourself:* at which rate does the wrong one run?
+# counts, and is in phase again: no burst. *Derive it yourself:* at which rate does the wrong one run, with the period T,
+# the work C and a wake-up that is L late? The text below forgets something; change it.
 
 # %%
 answer("relative_sleep", "1/(T + C)")
 
 # %% [markdown]
-# ### Is the set in time?
+# ### Are all tasks in time?
 #
-# Tasks with fixed priorities, the shorter period first: **rate-monotonic**. The worst moment is a
-# **critical instant**, when all are released at once. Then the **response time**, from release to end, is the least
-# $R_i = C_i + B_i + \sum_{j<i} \lceil R_i/T_j \rceil C_j$.
+# Task $i$ computes for at most $C_i$ once in each period $T_i$; what it asks of the core, $C_i/T_i$, summed over all
+# tasks, is the **utilization**. Priorities are fixed, the shorter period first: **rate-monotonic**. The worst moment is
+# a **critical instant**, when all are released at once. Then the **response time**, from release to end, is the least
+# $R_i = C_i + B_i + \sum_{j<i} \lceil R_i/T_j \rceil C_j$, where $B_i$ is the longest wait for a lock that a less
+# urgent task holds.
 
 # %%
 C, T = np.array([0.25e-3, 2.0e-3, 40e-3]), np.array([1e-3, 10e-3, 100e-3])
 longest = schedule.run(C, T, 10.0).longest
 for name, ends in {"analysis": response_times(C, T), "a scheduler, run": longest}.items():
     print(f"{name:<18}" + ", ".join(f"{1e3 * x:.2f} ms" for x in ends))
-print(
-    f"utilization {float(utilization(C, T)):.3f}; bound of three tasks {liu_layland(3):.3f}",
-    end="; ",
-)
-print(f"within the hyperbolic bound: {bool(hyperbolic(C, T))}")
+print(f"utilization {float(utilization(C, T)):.3f}; bound of three tasks {liu_layland(3):.3f}; "
+      f"within the hyperbolic bound: {bool(hyperbolic(C, T))}")  # fmt: skip
 
 # %% [markdown]
 # ![Which task sets are in time by three tests, and breakdown utilization](../docs/charts/task_sets.png)
@@ -376,8 +371,10 @@ print(f"within the hyperbolic bound: {bool(hyperbolic(C, T))}")
 said("task_sets", "largest", "Liu", "hyperbolic", "exact", "bound")
 
 # %% [markdown]
-# Liu and Layland's bound (1973) and the **hyperbolic bound** (Bini and Buttazzo, 2003) are sufficient: a set beyond
-# them may well be in time. The analysis is exact, and as cheap. Use it.
+# On the left, random sets; on the right the utilization at which a growing set first misses. Liu and Layland's bound
+# (1973), utilization up to $n(2^{1/n} - 1)$ for $n$ tasks, and the **hyperbolic bound** (Bini and others, 2001),
+# $\prod (C_i/T_i + 1) \leq 2$, are sufficient: a set beyond them may well be in time. The analysis is exact where all
+# can be released at once, and cheap: section 6 has its time for a thousand sets.
 
 # %%
 show("critical_instant")
@@ -430,17 +427,16 @@ for name, some, order, threads in (
     ("one thread, first in first out", works, "fifo", 1),
     ("a group and a thread each", apart, "ready set", 2),
 ):
-    runs = (
-        respond(some, order, threads, tuple(p), 5.0)["control"].max() for p in rng.random((8, 2))
-    )
-    most = max(runs)
+    phases = rng.random((8, 2))
+    most = max(respond(some, order, threads, tuple(p), 5.0)["control"].max() for p in phases)
     bound = bounds(some, order, threads)["control"]
     print(f"{name:<32}control at most {1e3 * most:5.2f} ms, bound {1e3 * bound:5.2f}")
 
 # %% [markdown]
 # ![Longest wait of a control callback behind a camera's, in three orders](../docs/charts/executor_waits.png)
 #
-# A **callback group** says who may run beside whom.
+# A **callback group** says who may run beside whom: of an exclusive one, the default, one at a time; of a reentrant one,
+# any number.
 
 # %%
 show("not_real_time_by_default")
@@ -472,12 +468,15 @@ show("threads_cure_deadlock")
 # %%
 show("callback_over_a_period")
 
+# %%
+show("callback_sets_the_rate")
+
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** Late and silent are different faults. Silence is a contract that was not met: compare two profiles.
-# Lateness is a queue, and every queue has a bound that you can compute before you measure: the cache's depth, the
-# link's rounds, the executor's other callbacks, the core's other tasks.
+# **Key insight.** Late and silent are different faults. Between ends of one topic and type silence is a contract that
+# was not met: compare two profiles. Lateness is a queue: name it, and compute its bound before you measure. The cache's
+# depth, the link's rounds, the executor's other callbacks, the core's other tasks; what has no bound is the fault.
 #
 # </div>
 #
@@ -511,11 +510,8 @@ rows = {
     "as asked": [Stage("camera", 0.005, 1 / 30), Stage("perception", 0.020),
                  Stage("planner", 0.040, 0.1), Stage("controller", 1e-4, 1e-3)],
 }  # fmt: skip
-rows["planner starts on arrival"] = [
-    *rows["as asked"][:2],
-    Stage("planner", 0.030),
-    rows["as asked"][3],
-]
+rows["planner starts on arrival"] = [*rows["as asked"][:2], Stage("planner", 0.030),
+                                     rows["as asked"][3]]  # fmt: skip
 rows["controller at 100 Hz"] = [*rows["as asked"][:3], Stage("controller", 1e-4, 1e-2)]
 rows["depth 10, slow perception"] = [rows["as asked"][0],
     Stage("perception", 0.050, depth=10, overload="queue"), *rows["as asked"][2:]]  # fmt: skip
@@ -531,9 +527,8 @@ for name, stages in rows.items():
     times = "".join(f"{1e3 * x:8.1f}" for x in (told.least, told.mean, told.greatest))
     print(f"{name:<28}{times}{ages:14.1f}")
     left, work = 0.0, 1e3 * sum(stage.execution for stage in stages)
-    for (label, colour), part in zip(
-        PARTS.items(), (work, *(1e3 * x for x in told.waits)), strict=True
-    ):
+    parts = (work, *(1e3 * x for x in told.waits))
+    for (label, colour), part in zip(PARTS.items(), parts, strict=True):
         _ = axis.barh(name, part, left=left, color=colour, label="" if axis.texts else label)
         left += part
     _ = axis.text(left, name, f" {left:.0f}", va="center", fontsize=8)
@@ -543,10 +538,8 @@ _ = axis.legend(fontsize=7, loc="upper right")
 plt.show()
 
 # %%
-for name, shape in {
-    "VGA colour": (640, 480, 3, 30),
-    "720p colour, depth": (1280, 720, 5, 30),
-}.items():
+STREAMS = {"VGA colour": (640, 480, 3, 30), "720p colour, depth": (1280, 720, 5, 30)}
+for name, shape in STREAMS.items():
     size, rate, packets = transport.stream(*shape)
     print(f"{name:<20}{size / 1e3:8.0f} kB, {rate / 1e6:6.1f} MB/s, {packets} packets a picture")
 C, T = np.array([1e-4, 20e-3, 40e-3]), np.array([1e-3, 1 / 30, 0.1])
@@ -556,6 +549,26 @@ for told, some in {
 }.items():
     ends = ", ".join(f"{1e3 * x:.1f}" for x in response_times(C[some], T[some]))
     print(f"{told}: utilization {float(utilization(C[some], T[some])):.2f}, responses {ends} ms")
+
+# %% [markdown]
+# Computed is one thing. Ten pictures each, written at once on Cyclone DDS, from Python to another process on this
+# machine:
+
+# %% tags=["nbval-ignore-output"]
+try:
+    from course.oracles.slow_reader import flood
+
+    for (name, shape), how in zip(STREAMS.items(), ("reliable", "best_effort"), strict=True):
+        size, rate, _ = transport.stream(*shape)
+        came = flood(size, 10, 10, reliability=how)
+        print(f"{name}, {how}: {came.received} of 10 came, {came.through / 1e6:.0f} MB/s (asked "
+              f"{rate / 1e6:.0f})")  # fmt: skip
+except ImportError as missing:
+    print(missing)
+
+# %% [markdown]
+# A picture that is larger than the socket's receive buffer loses packets on a cable that loses none, and then best
+# effort loses the picture.
 
 # %%
 show("gigabit_is_enough")
@@ -569,7 +582,7 @@ show("gigabit_is_enough")
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** Show the hierarchy of constraints, and a number for each. *"Torque at 1 kHz in a thread of its own:
-# SCHED_FIFO, locked memory, nothing allocated; I look at the worst lateness under load, against what the loop's phase
+# SCHED_FIFO, Linux's real-time scheduling, locked memory, nothing allocated; I look at the worst lateness under load, against what the loop's phase
 # margin bears. The planner at 10 Hz may be late: the controller interpolates, and comes to rest at its trajectory's
 # end. Perception keeps one picture, so that a slow frame is replaced, not queued: that is the depth, not best
 # effort."*
@@ -588,9 +601,8 @@ predict("five_comments")
 # %%
 usual, ours = (launch.nodes(text) for text in (launch.USUAL, launch.OURS))
 for node in usual:
-    print(
-        f"{node.executable:<12}{node.parameters!s:<34}policies set: {len(launch.overrides(node.parameters))}"
-    )
+    many = len(launch.overrides(node.parameters))
+    print(f"{node.executable:<12}{node.parameters!s:<34}policies set: {many}")
 
 # %%
 Markdown(f"```python\n{launch.OURS.strip()}\n```")
@@ -606,6 +618,9 @@ Markdown(f"```python\n{launch.OURS.strip()}\n```")
 #   author reads, or nothing.
 # * *Policies* from outside, `qos_overrides` (since Galactic, 2021), name by name, times in whole nanoseconds. A node
 #   has to allow them: by default history, depth and reliability.
+# * *Names* belong to a version. `depth_module.profile` set a RealSense camera's depth stream up to version 4.54 of its
+#   driver, `realsense2_camera`; since 4.55.1 (May 2024) that is `depth_module.depth_profile`. A name that the node does
+#   not declare is ignored, without a word (rclcpp, `NodeOptions`).
 # * *Tuned at run time* is only what a node reads again, or asks to be told of.
 
 # %%
@@ -628,6 +643,15 @@ copied = gains.declare("stiffness", 500.0)
 gains.set("stiffness", 200.0)
 print(f"the controller's copy {copied:g}, the parameter {gains.value['stiffness']:g}")
 
+# %%
+show("launch_comments")
+
+# %%
+show("parameters_are_tunable")
+
+# %%
+show("processes_isolate")
+
 # %% [markdown]
 # ## 4 · Code
 #
@@ -646,12 +670,12 @@ Markdown(f"```python\n{inspect.getsource(compatible)}```")
 cpp = Path(controller.SOURCE).parent
 whole = (cpp / "arm_controller.cpp").read_text()
 update = whole[whole.index("  controller_interface::return_type update") : whole.index("\nprivate")]
-Markdown(
-    f"```cpp\n{update}```\n\n<details><summary>The whole file</summary>\n\n```cpp\n{whole}```\n\n</details>"
-)
+folded = f"<details><summary>The whole file</summary>\n\n```cpp\n{whole}```\n\n</details>"
+Markdown(f"```cpp\n{update}```\n\n{folded}")
 
 # %% [markdown]
-# The common form computes inside a subscription's callback:
+# The common form computes inside a subscription's callback. Both are compiled with a sanitizer, which checks each access
+# to memory as it runs:
 
 # %%
 common = (cpp / "callback_controller.cpp").read_text()
@@ -666,19 +690,17 @@ predict("six_positions")
 #
 # It runs when a message comes: at the publisher's rate, in bunches if that bunches, not at all if it stops. It
 # allocates twice a call. It trusts the message: seven joints read beyond the targets, and a joint state without
-# velocities, which the message allows, reads what is not there. Nothing limits a torque. And it is a plain node: no
-# life cycle, whatever its comment says.
+# velocities, which the message allows, reads what is not there. Nothing limits a torque.
+#
+# And a comment that calls it a lifecycle node makes it none: what derives from `rclcpp::Node` has no states, and runs as soon as it is made. One with
+# states (unconfigured, inactive, active, finalized) derives from `rclcpp_lifecycle::LifecycleNode` (documentation of
+# rclcpp_lifecycle, Humble 2022).
 #
 # </details>
 
 # %% tags=["nbval-ignore-output"]
 rng, six = np.random.default_rng(2), 6
-first = [
-    rng.uniform(-1, 1, six),
-    rng.uniform(50, 100, six),
-    rng.uniform(1, 9, six),
-    np.full(six, 80.0),
-]
+first = [*(rng.uniform(*ends, six) for ends in ((-1, 1), (50, 100), (1, 9))), np.full(six, 80.0)]
 states = rng.uniform(-1, 1, (50, 2 * six))
 
 
@@ -694,17 +716,16 @@ else:
         good = controller.drive(program, "update", first, states)
         torques = [controller.torques(s[:six], s[six:], *first) for s in states]
         gap = np.abs(np.array(good.torque) - torques).max()
-        print(
-            f"largest difference from Python {gap:.1e} N m, allocations in update {sum(good.allocations)}"
-        )
-        for name, row in {
-            "six joints": (6, 6),
-            "seven joints": (7, 7),
-            "no velocities": (6, 0),
-        }.items():
+        took_ = sum(good.allocations)
+        print(f"largest difference from Python {gap:.1e} N m, allocations in update {took_}")
+        sizes = {"six joints": (6, 6), "seven joints": (7, 7), "no velocities": (6, 0)}
+        for name, row in sizes.items():
             bad = controller.drive(program, "callback", [np.zeros(six)], [message(*row)])
             report = bad.report.split(" on ")[0] or f"{sum(bad.allocations)} allocations"
             print(f"callback, {name:<16}{textwrap.shorten(report, 70)}")
+
+# %%
+show("any_joint_message")
 
 # %% [markdown]
 # Bad input, and what is said of it:
@@ -774,8 +795,12 @@ said("round_trips", "threads", "Unix", "shared", "zenoh", "Cyclone")
 
 # %% [markdown]
 # Read it from the left: for small messages the carriers differ by what they do besides, waking a thread of their own,
-# counting, asking again. Read it from the right: each copy costs, and a datagram is 64 kB at most. The steepest curve
-# is neither the network nor DDS: `sequence[uint8]` makes an object of Python of each byte. Declare `array[uint8, n]`.
+# counting, asking again.
+#
+# Read it from the right: each copy costs, and a datagram is 64 kB at most. Up to a picture the
+# dearest curve is neither the network nor DDS: `sequence[uint8]` makes an object of Python of each byte. Declare
+# `array[uint8, n]`. The last step of Cyclone's other curve is steeper than its size: 4 MB are more than the socket's
+# receive buffer holds, and part of them is sent again.
 #
 # *What to pick.* In one process, hand over a pointer. On one machine, shared memory for what is large. Across machines,
 # whatever the fleet speaks; then compute bandwidth and packets first. No carrier makes an old picture new.
@@ -815,8 +840,9 @@ print(f"response times of 1,000 sets of 8 tasks: {1e3 * (perf_counter() - begun)
 predict("one_in_ten_thousand")
 
 # %% [markdown]
-# With a loss $p$ of a packet, a message of $n$ is lost with probability $1 - (1 - p)^n$; sent again, it takes
-# $\sum_k 1 - (1 - p^k)^n$ rounds.
+# With a loss $p$ of a packet, a message of $n$ is lost with probability $1 - (1 - p)^n$, if each packet is lost for
+# itself. Sent again it takes rounds, once there and, if something is missing, back: $\sum_k 1 - (1 - p^k)^n$ of them in
+# the mean, from $k = 0$ on.
 #
 # ![Lost messages and rounds over packets, theory beside bus and socket](../docs/charts/lost_fragments.png)
 
@@ -861,21 +887,20 @@ said("loop_lateness", "default", "nice", "SCHED_FIFO", "sleep")
 
 # %% [markdown]
 # The ordinary scheduler is fair, and that is what is wrong with it: the loop had its share, in slices. Asking is not
-# getting. Here and now this process is granted:
+# getting. `SCHED_FIFO` is the class of tasks that run before all ordinary ones, highest priority first. Here and now
+# this process is granted:
 
 # %% tags=["nbval-ignore-output"]
 with loop.urgent() as granted:
-    print(
-        f"scheduler {granted.scheduler}, priority {granted.priority}, memory locked: {granted.locked}"
-    )
-    print(
-        "refused:",
-        textwrap.shorten("; ".join(f"{k}: {v}" for k, v in granted.refused.items()), 80)
-        or "nothing",
-    )
+    no = textwrap.shorten("; ".join(f"{k}: {v}" for k, v in granted.refused.items()), 80)
+    print(f"scheduler {granted.scheduler}, priority {granted.priority}, "
+          f"memory locked: {granted.locked}; refused: {no or 'nothing'}")  # fmt: skip
 
 # %% [markdown]
-# What is left even then: a page fault, a garbage collection, a lock. Whose?
+# What is left even then: a page fault, a garbage collection, a lock. Nor does a kernel take that away. *PREEMPT_RT* is a
+# configuration of the Linux kernel, which makes most of it interruptible; Xenomai's *Cobalt* is a second kernel beside
+# Linux, with threads of its own (Xenomai 3 documentation). Neither makes a thread real-time that allocates, faults or
+# has no priority.
 
 # %%
 show("gc_hits_the_loop")
@@ -921,8 +946,9 @@ show("mismatch_is_late")
 #
 # <table>
 # <tr><th>symptom</th> <th>cause</th> <th>test</th> <th>fix</th></tr>
-# <tr><td>nothing arrives, nobody complains</td> <td>a policy is offered weaker than requested</td> <td>listen to the
-# events of both ends; compare two profiles</td> <td>raise the offer, or lower the request</td></tr>
+# <tr><td>nothing arrives, nobody complains</td> <td>a policy is offered weaker than requested; or another topic, type
+# or domain</td> <td>listen to the events of both ends; compare two profiles</td> <td>raise the offer, or lower the
+# request</td></tr>
 # <tr><td>messages late by whole periods</td> <td>a full queue</td> <td>set depth to one</td> <td>depth one; or a
 # reader that takes all and uses the newest</td></tr>
 # <tr><td>late, and later the larger they are</td> <td>serialising, or fragments sent again</td> <td>a small payload;
@@ -1138,14 +1164,15 @@ answer("picture_lost_like_packet", "12*p")
 #
 # *What changes below*, by its makers' documents:
 #
-# * Zenoh under ROS 2 (`rmw_zenoh`, packages since Jazzy, 2024): a router in place of multicast discovery. Fewer
-#   policies are checked there, so that a pair that is silent on DDS may be heard.
+# * Zenoh under ROS 2 (`rmw_zenoh`, packages for Humble and Jazzy since January 2025): a router in place of multicast
+#   discovery, services without topics. Its design document knows no incompatible policies, so that a pair that is
+#   silent on DDS is heard, and says that deadline and lifespan are not implemented.
 # * **Zero-copy** transports (Eclipse iceoryx; loaned messages): a reader looks where the writer wrote, and time no
 #   longer goes with size, if the type has a fixed one.
 # * Event executors (`EventsExecutor`, Iron 2023): first in, first out in place of the ready set. The bound above is the
 #   same sum.
-# * PREEMPT_RT in the mainline kernel (Linux 6.12, November 2024): no patch any more. Which task is how urgent is still
-#   yours to say.
+# * PREEMPT_RT in the mainline kernel (Linux 6.12, November 2024; x86, ARM64, RISC-V): no patch any more. Which task is
+#   how urgent is still yours to say.
 #
 # *What changes above.* A policy from pixels to actions replaces perception, planner and some of the controller. Its
 # rate is low; an **action chunk**, several actions at once, fills the time until the next. What does that hide?
@@ -1165,6 +1192,12 @@ for n in (1, 5, 10):
     share = min(1.0, n * step / stages[1].period)
     ages = (told.mean, np.mean(run_), told.greatest)
     print(f"{n:<18}{share:8.0%}" + "{:12.0f}{:12.0f}{:8.0f}".format(*(1e3 * x for x in ages)))
+
+# %%
+show("chunks_hide_latency")
+
+# %%
+show("seven_billion_on_board")
 
 # %% [markdown]
 # A chunk hides the *pause*, not the age: the arm moves all the time, on pictures that are no newer, and under longer

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from course.middleware.qos import PROFILES, QoS, compatible
+from course.middleware.qos import QoS, compatible
 from tests.budget import examples
 
 # Pairs (offered, requested) that are heard, of OMG DDS 1.4, sec. 2.2.3.
@@ -73,13 +73,6 @@ def test_policies_fail_one_by_one_and_what_is_kept_never_matters(offered, reques
     assert set(compatible(replace(offered, **own), requested)) == failing
     assert set(compatible(offered, replace(requested, **own))) == failing
     assert compatible(offered, offered) == ()
-
-
-def test_the_profiles_of_ros_2():
-    sensor, default = PROFILES["sensor_data"], PROFILES["default"]
-    assert compatible(sensor, default) == ("reliability",)
-    assert compatible(default, sensor) == ()
-    assert (sensor.depth, default.depth) == (5, 10)
 
 
 @pytest.mark.parametrize(

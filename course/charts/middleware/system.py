@@ -112,24 +112,25 @@ def queue_ages(depths: Sequence[int] = (1, 2, 5, 10, 20), rate: int = 3) -> Iter
         assert taken is not None
         return float(60 * rate - 1 - taken.value)
 
-    told = np.array(depths) - 1.0
     panel = Panel(f"One of {rate} samples is taken: its age", "depth of the reader's queue",
                   "age [periods of the writer]", theory="depth - 1",
                   footer=machine(0.0, libraries=REAL[:1]))  # fmt: skip
-    ours = [on_the_bus(depth) for depth in depths]
-    real = [float(slow_reader.queue_ages(depth, rate, 40).ages[-1]) for depth in depths]
-    newest = [float(slow_reader.queue_ages(depth, rate, 40, newest=True).ages[-1])
-              for depth in depths]  # fmt: skip
-    for name, ages in (
-        ("bus", ours),
-        ("Cyclone DDS", real),
-        ("all are taken, newest used", newest),
+    theory = {True: "depth - 1", False: "theory"}
+
+    def cyclone(depth: int, newest: bool = False) -> float:
+        return float(slow_reader.queue_ages(depth, rate, 40, newest=newest).ages[-1])
+
+    for name, ages, late in (
+        ("bus", [on_the_bus(depth) for depth in depths], True),
+        ("Cyclone DDS", [cyclone(depth) for depth in depths], True),
+        ("all are taken, newest used", [cyclone(depth, True) for depth in depths], False),
     ):
-        said = ", ".join(f"{d}: {a:g} ({t:g})" for d, a, t in zip(depths, ages, told, strict=True))
+        said = ", ".join(f"{d}: {a:g} ({late * (d - 1)})"
+                         for d, a in zip(depths, ages, strict=True))  # fmt: skip
         panel.series.append(Series(
             name, depths, ages, style="", hollow=name == "bus",
             theory=(lambda d: np.asarray(d) - 1.0) if name == "bus" else None,
-            note=f"{name}, age by depth (depth - 1): {said}"))  # fmt: skip
+            note=f"{name}, age by depth ({theory[late]}): {said}"))  # fmt: skip
     yield panel
 
 

@@ -125,16 +125,8 @@ def task_sets(sets: int = 1000, seconds: float = 4.0) -> Iterator[Panel]:
     broken.series.append(Series("random sets", counts, middle, low=fifth, high=most,
                                 note=f"5 %, median and 95 % by tasks: {note}"))  # fmt: skip
     bound = [schedule.liu_layland(k) for k in counts]
-    broken.series.append(
-        Series(
-            "Liu and Layland",
-            counts,
-            bound,
-            style="--",
-            marker="",
-            note=f"bound at 2 {bound[0]:.3f}, at 20 {bound[-1]:.3f}",
-        )
-    )
+    note = f"bound at 2 {bound[0]:.3f}, at 20 {bound[-1]:.3f}"
+    broken.series.append(Series("Liu and Layland", counts, bound, style="--", marker="", note=note))
     yield broken
 
 
@@ -153,16 +145,8 @@ def lock_waits(middles: Sequence[float] = (0.0, 0.02, 0.05, 0.1, 0.15)) -> Itera
         waits = []
         for middle in middles:
             C, T = np.array([1e-3, max(middle, 1e-6), 0.03]), np.array([1.0, 1.0, 1.0])
-            ran = schedule.run(
-                C,
-                T,
-                0.99,
-                phase,
-                before=[0.0, 0.0, 0.0],
-                section=[1e-3, 0.0, holds],
-                lock=[0, -1, 0],
-                protocol=protocol,
-            )
+            ran = schedule.run(C, T, 0.99, phase, before=[0.0, 0.0, 0.0], lock=[0, -1, 0],
+                               section=[1e-3, 0.0, holds], protocol=protocol)  # fmt: skip
             waits.append(1e3 * float(ran.longest[0] - C[0]))
         said = ", ".join(f"{a:g}: {b:.1f}" for a, b in zip(x, waits, strict=True))
         panel.series.append(Series(protocol, x, waits, note=f"{protocol}, in virtual time: {said}"))

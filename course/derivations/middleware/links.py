@@ -89,7 +89,8 @@ def forgets(packets, loss, messages=1000):
 
 @claim(
     "Reliable on a lossy link sends the picture again and again.",
-    "Only what is missing, as long as the writer keeps it: {formula} packets in all. A picture of "
+    "Only what is missing, as long as the writer keeps it: {formula} packets in all, where these "
+    "are what DDS numbers; of a datagram that IP has split, all goes again. A picture of "
     "{n:.0f} packets on a link that loses {p:.1%} took {more:.2%} more packets and {rounds:.2f} "
     "rounds in the mean; sent anew as a whole until all is there it would take {whole:.2f} times "
     "all. The price is age, as each round is a way back and forth; a writer of depth 1, asked when "
@@ -284,7 +285,7 @@ def joint_states_reliable(found):
     "sample each. That includes what nobody wants: of two controllers on one command topic both "
     "are obeyed, the drive changed hands {changes:.0f} times in {turns:.0f} samples, and no end "
     "was told that anything is wrong. DDS can make a topic exclusive, where the stronger one "
-    "alone is obeyed; ROS 2 can't.",
+    "alone is obeyed; ROS 2's profiles have no word for that.",
 )
 def topics_many_to_many(found):
     from course.middleware.qos import QoS
@@ -351,7 +352,7 @@ def answered(work, busy=0.0, phase=0.0, clients=1):
 
 @claim(
     "A topic takes a millisecond, a service five, and it is one-to-one.",
-    "None has a time of its own. A service is two topics and a callback that waits for its turn: "
+    "None has a time of its own. On DDS a service is two topics and a callback that waits: "
     "the same one of {work_ms:.0f} ms answered after {least_ms:.0f} to {most_ms:.0f} ms, as "
     "another callback of its server ran. And it is many-to-one: {clients:.0f} clients that asked "
     "at once each got their own answer, the last after {last_ms:.0f} ms. But requests wait in a "

@@ -65,7 +65,7 @@ def reliability_both_ways(found):
     "Messages that come late are a sign of a mismatch in quality of service.",
     "A mismatch makes silence: of {sent:.0f} samples {came:.0f} came, and both ends were told that "
     "they don't fit and that {policy} fails. What is late, waited in a queue, on a link or for an "
-    "executor.",
+    "executor, or bears the stamp of another clock.",
 )
 def mismatch_is_late(found):
     from course.middleware.bus import Link

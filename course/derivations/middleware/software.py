@@ -76,11 +76,11 @@ def told_of_a_crash(lease):
 
 @claim(
     "Where each node is a process, the crash of one leaves the others running.",
-    "It does, if they share no lock in memory; in one process it takes all with it. But running "
-    "is not knowing: without a lease or deadline {events:.0f} events told the others on the bus, "
-    "with one {told:.0f} did (DDS also notices when the lease of a whole process ends, seconds "
-    "later), and who waits for an answer waits on. That the arm then holds its place has to be "
-    "programmed.",
+    "It does, if they share no lock or data in memory; in one process it takes all with it. But "
+    "running is not knowing: without a lease or deadline {events:.0f} events told the others on "
+    "the bus, with one {told:.0f} did (DDS also notices when the lease of a whole process ends, "
+    "seconds later), and who waits for an answer waits on. That the arm then holds its place has "
+    "to be programmed.",
 )
 def processes_isolate(found):
     import subprocess
@@ -210,8 +210,9 @@ def launch_comments(found):
     "All parameters of a node can be tuned while it runs.",
     "Setting one changes what is read from then on. Of {kinds:.0f} ways to use a parameter "
     "{tuned:.0f} took the new value over: read anew in each cycle, or told by a callback. One that "
-    "was copied at the start kept the old one, and one that was never declared was refused, as one "
-    "is that is declared read-only: ros2_control's update_rate, by its documentation.",
+    "was copied at the start kept the old one, and one that was never declared was refused, as by "
+    "default, and as one is that is declared read-only: ros2_control's update_rate, by its "
+    "documentation.",
     source="ROS 2 documentation, Parameters, and ros2_control, Controller Manager, Jazzy 2024",
 )
 def parameters_are_tunable(found):

@@ -287,7 +287,7 @@ def relative_sleep(found):
     "That is a whole period: drawn evenly and anew each time, intervals were between "
     "{least_us:.0f} and {most_us:.0f} us. A velocity taken over the nominal period is then wrong "
     "by {formula} in the root mean square, {wrong:.0%} of the velocity itself, and by {fair:.1%} "
-    "with a jitter of {good_us:.0f} us; lateness that stays the same does no harm, every other "
+    "with a jitter of {good_us:.0f} us; lateness that stays the same does it no harm, every other "
     "period late {turns:.0%}. Taken over the measured interval it is right.",
     ask=("A loop of period T begins each period late by what is drawn evenly between 0 and J. It "
          "takes the velocity of a joint that moves at v as the change of its angle over T. Root "
@@ -377,7 +377,7 @@ def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, 
     """Callbacks of a node that ask a service each second, on the bus.
 
     Args:
-        own: the client has a group of its own.
+        own: the client has a group of its own; "reentrant": that of all is reentrant.
         waits: the callback waits for the answer; else it returns, and goes on with the answer.
         work: what the service takes [s].
         apart: the node's other timer has a group of its own.
@@ -398,7 +398,8 @@ def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, 
         return x
 
     server.service("plan", serve)
-    client = node.client("plan", Group("answers") if own else None)
+    node.group.reentrant = own == "reentrant"
+    client = node.client("plan", Group("answers") if own is True else None)
 
     def ask():
         got.append((yield client.call(1)))
@@ -413,10 +414,11 @@ def calling(threads, own=False, waits=True, work=0.0, seconds=3.5, apart=False, 
 
 @claim(
     "More threads cure a service call that hangs inside a callback.",
-    "Not by themselves: the answer is a callback too, and in the caller's group it waits for the "
-    "caller, with {threads:.0f} threads as with one: {answers:.0f} answers. A group of its own "
-    "and a thread more than callbacks that wait at once are a cure, {enough:.0f} for one and "
-    "{three:.0f} for two; not to wait is one without any.",
+    "Not by themselves: the answer is a callback too, and in the caller's group, where that is "
+    "exclusive, it waits for the caller, with {threads:.0f} threads as with one: {answers:.0f} "
+    "answers. A group of its own or a reentrant one, and a thread more than callbacks that wait at "
+    "once, are a cure, {enough:.0f} for one and {three:.0f} for two; not to wait is one without "
+    "any.",
     source="ROS 2 documentation, Using callback groups, Humble 2022",
 )
 def threads_cure_deadlock(found):
@@ -432,7 +434,9 @@ def threads_cure_deadlock(found):
     found.statement = "A timer's callback that asks a service, on the bus; who waits for whom."
     found.heard(answers > 0)
     found.corrected(len(stuck) == 1, enough == 2, three == 3, bool(calling(1, own=True)[1]),
-                    free[0] > 2 and not free[1], not calling(2, own=True)[1])  # fmt: skip
+                    free[0] > 2 and not free[1], not calling(2, own=True)[1],
+                    [calling(n, own="reentrant")[0] > 2 for n in (1, 2)] == [False, True]
+                    )  # fmt: skip
 
 
 @claim(
