@@ -316,14 +316,12 @@ class _Watch:
 class Writer:
     """The end that publishes. Made by `Node.writer`."""
 
-    def __init__(
-        self, node: "Node", topic: str, qos: QoS, on_event: Callable | None, handed: int | None
-    ) -> None:
+    def __init__(self, node: "Node", topic: str, qos: QoS, on_event: Callable | None) -> None:
         self.node, self.topic, self.qos, self.on_event = node, topic, qos, on_event
         self.bus, self.number, self.dead = node.bus, 0, False
         self.matches: list[_Match] = []
         kept = None if qos.history == "keep_all" else qos.depth
-        self.history: deque[Sample] = deque(maxlen=kept if handed is None else handed)
+        self.history: deque[Sample] = deque(maxlen=kept)
         self._keeps, self._manual = qos.durability != "volatile", qos.liveliness != "automatic"
         self._lifespan = nanoseconds(qos.lifespan)
         self._deadline = _deadline(self)
@@ -506,19 +504,11 @@ class Node:
         self.bus, self.name, self.executor = bus, name, executor
         self.group, self.writers = Group(f"the default group of {name}"), list[Writer]()
 
-    def writer(
-        self, topic: str, qos: QoS = DEFAULT, on_event: Callable | None = None,
-        handed: int | None = None,
-    ) -> Writer:  # fmt: skip
-        """A writer to a topic.
-
-        Args:
-            on_event: called with each of its events.
-            handed: samples that a late reader gets, where that is less than its history (the depth
-                of DDS's durability service); ROS 2's layer asks for all.
-        """
+    def writer(self, topic: str, qos: QoS = DEFAULT, on_event: Callable | None = None) -> Writer:
+        """A writer to a topic; `on_event` is called with each of its events. A late reader gets all
+        of its history, as ROS 2's layer asks of DDS's durability service."""
         with self.bus.lock:
-            writer = Writer(self, topic, qos, on_event, handed)
+            writer = Writer(self, topic, qos, on_event)
             self.writers.append(writer)
             writers, readers = self.bus.ends.setdefault(topic, ([], []))
             writers.append(writer)

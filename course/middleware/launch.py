@@ -1,7 +1,7 @@
 """Launch files read for what they set: run against stand-ins of `launch` and `launch_ros`.
 
 Neither package comes from PyPI, and neither is needed to see what a file says: it builds a list of
-processes, each with parameters and remappings. A comment that says "30 Hz, best effort" sets
+processes, each with parameters. A comment that says "30 Hz, best effort" sets
 nothing. Quality of service can be set from outside since Galactic (2021), by parameters named
 qos_overrides.TOPIC.END.POLICY, of a topic whose node has allowed it when it made the publisher or
 the subscription. What rclcpp allows by default there (QosOverridingOptions::with_default_policies)
@@ -85,16 +85,12 @@ class Node:
 
     Attributes:
         package, executable: what is started.
-        name: of the node; "" leaves the executable's own.
         parameters: of all its dictionaries; of a name that comes twice, the later value.
-        remappings: old names to new ones.
     """
 
     package: str
     executable: str
-    name: str = ""
     parameters: dict[str, Any] = field(default_factory=dict)
-    remappings: dict[str, str] = field(default_factory=dict)
 
 
 def nodes(text: str) -> list[Node]:
@@ -107,11 +103,9 @@ def nodes(text: str) -> list[Node]:
         Its nodes in order. Arguments of `Node` beside those above are an error of type TypeError.
     """
 
-    def made(
-        package: str, executable: str, name: str = "", parameters: Any = (), remappings: Any = ()
-    ) -> Node:
+    def made(package: str, executable: str, parameters: Any = ()) -> Node:
         joined = {key: value for one in parameters for key, value in one.items()}
-        return Node(package, executable, name, joined, dict(remappings))
+        return Node(package, executable, joined)
 
     stand_ins = {name: ModuleType(name) for name in ("launch", "launch_ros", "launch_ros.actions")}
     vars(stand_ins["launch"])["LaunchDescription"] = list

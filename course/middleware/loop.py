@@ -219,15 +219,12 @@ class Tried:
         granted: as the system says.
         record: of the loop.
         quantiles: lateness of half, of 99 % and of all of the periods that ran [s].
-        stolen: time for which the host of a virtual machine ran something else on its cores
-            meanwhile [s], all of them together; no scheduler inside can give that back.
     """
 
     name: str
     granted: Granted
     record: Record
     quantiles: tuple[float, float, float]
-    stolen: float
 
 
 ASKED: dict[str, dict[str, object]] = {
@@ -255,22 +252,11 @@ def among_busy(
         one_of("name", name, ASKED)
     with crowd(busy, 20.0 + 4.0 * len(names) * period * periods):
         for name in names:
-            before = stolen()
             with urgent(**ASKED[name]) as granted:  # type: ignore[arg-type]
                 record = run(lambda k: compute(work), period, periods)
-            quantiles = np.quantile(record.lateness, (0.5, 0.99, 1.0))
-            late = tuple(quantiles.tolist())
-            found.append(Tried(name, granted, record, late, stolen() - before))
+            late = tuple(np.quantile(record.lateness, (0.5, 0.99, 1.0)).tolist())
+            found.append(Tried(name, granted, record, late))
     return found
-
-
-def stolen() -> float:
-    """Time that the host has taken from this virtual machine since it started [s]; 0 if unknown."""
-    try:
-        with open("/proc/stat", encoding="ascii") as file:
-            return int(file.readline().split()[8]) / os.sysconf("SC_CLK_TCK")
-    except (OSError, IndexError, ValueError):
-        return 0.0
 
 
 def compute(seconds: float) -> None:

@@ -28,8 +28,8 @@ simulation()
 # is false as it stands.) A number in the text comes from the cell above it, or from a check that `python -m
 # course.derivations 10` runs again.
 #
-# *What runs here.* No ROS 2 is needed. DDS (Data Distribution Service, a standard of the OMG) is what ROS 2 stands on by
-# default. A **bus** in this course does what DDS does between two ends, in virtual time: the same nodes run in a
+# *What runs here.* No ROS 2 is needed. DDS (Data Distribution Service, a standard of the OMG) is what ROS 2 stands on
+# by default. A **bus** in this course does what DDS does between two ends, in virtual time: the same nodes run in a
 # fraction of a second, and each run is the same. What it says of policies was tried on a real DDS, Eclipse Cyclone, as
 # well. DDS's words are used: a **writer** publishes, a **reader** subscribes, a **sample** is one message.
 #
@@ -341,8 +341,8 @@ for name, relative, hiccup in (
 # %% [markdown]
 # The **release** of a period is start plus a whole number of periods; **lateness** is counted from it. A loop that
 # sleeps for a period *after* its work drifts by work and wake-up each time. After a long gap the right one skips and
-# counts, and is in phase again: no burst. *Derive it yourself:* at which rate does the wrong one run, with the period T,
-# the work C and a wake-up that is L late? The text below forgets something; change it.
+# counts, and is in phase again: no burst. *Derive it yourself:* at which rate does the wrong one run, with the period
+# T, the work C and a wake-up that is L late? The text below forgets something; change it.
 
 # %%
 answer("relative_sleep", "1/(T + C)")
@@ -435,8 +435,8 @@ for name, some, order, threads in (
 # %% [markdown]
 # ![Longest wait of a control callback behind a camera's, in three orders](../docs/charts/executor_waits.png)
 #
-# A **callback group** says who may run beside whom: of an exclusive one, the default, one at a time; of a reentrant one,
-# any number.
+# A **callback group** says who may run beside whom: of an exclusive one, the default, one at a time; of a reentrant
+# one, any number.
 
 # %%
 show("not_real_time_by_default")
@@ -582,10 +582,10 @@ show("gigabit_is_enough")
 # <div class="alert alert-block alert-success">
 #
 # **Interview tip.** Show the hierarchy of constraints, and a number for each. *"Torque at 1 kHz in a thread of its own:
-# SCHED_FIFO, Linux's real-time scheduling, locked memory, nothing allocated; I look at the worst lateness under load, against what the loop's phase
-# margin bears. The planner at 10 Hz may be late: the controller interpolates, and comes to rest at its trajectory's
-# end. Perception keeps one picture, so that a slow frame is replaced, not queued: that is the depth, not best
-# effort."*
+# SCHED_FIFO, Linux's real-time scheduling, locked memory, nothing allocated; I look at the worst lateness under load,
+# against what the loop's phase margin bears. The planner at 10 Hz may be late: the controller interpolates, and comes
+# to rest at its trajectory's end. Perception keeps one picture, so that a slow frame is replaced, not queued: that is
+# the depth, not best effort."*
 #
 # </div>
 #
@@ -674,8 +674,8 @@ folded = f"<details><summary>The whole file</summary>\n\n```cpp\n{whole}```\n\n<
 Markdown(f"```cpp\n{update}```\n\n{folded}")
 
 # %% [markdown]
-# The common form computes inside a subscription's callback. Both are compiled with a sanitizer, which checks each access
-# to memory as it runs:
+# The common form computes inside a subscription's callback. Both are compiled with a sanitizer, which checks each
+# access to memory as it runs:
 
 # %%
 common = (cpp / "callback_controller.cpp").read_text()
@@ -692,9 +692,9 @@ predict("six_positions")
 # allocates twice a call. It trusts the message: seven joints read beyond the targets, and a joint state without
 # velocities, which the message allows, reads what is not there. Nothing limits a torque.
 #
-# And a comment that calls it a lifecycle node makes it none: what derives from `rclcpp::Node` has no states, and runs as soon as it is made. One with
-# states (unconfigured, inactive, active, finalized) derives from `rclcpp_lifecycle::LifecycleNode` (documentation of
-# rclcpp_lifecycle, Humble 2022).
+# And a comment that calls it a lifecycle node makes it none: what derives from `rclcpp::Node` has no states, and runs
+# as soon as it is made. One with states (unconfigured, inactive, active, finalized) derives from
+# `rclcpp_lifecycle::LifecycleNode` (documentation of rclcpp_lifecycle, Humble 2022).
 #
 # </details>
 
@@ -886,7 +886,8 @@ show("joint_states_reliable")
 said("loop_lateness", "default", "nice", "SCHED_FIFO", "sleep")
 
 # %% [markdown]
-# The ordinary scheduler is fair, and that is what is wrong with it: the loop had its share, in slices. Asking is not
+# The ordinary scheduler is fair, and that is what is wrong with it: the loop had its share, in slices. With `nice -20`,
+# the largest share, fewer periods were skipped, not none. Asking is not
 # getting. `SCHED_FIFO` is the class of tasks that run before all ordinary ones, highest priority first. Here and now
 # this process is granted:
 
@@ -897,10 +898,10 @@ with loop.urgent() as granted:
           f"memory locked: {granted.locked}; refused: {no or 'nothing'}")  # fmt: skip
 
 # %% [markdown]
-# What is left even then: a page fault, a garbage collection, a lock. Nor does a kernel take that away. *PREEMPT_RT* is a
-# configuration of the Linux kernel, which makes most of it interruptible; Xenomai's *Cobalt* is a second kernel beside
-# Linux, with threads of its own (Xenomai 3 documentation). Neither makes a thread real-time that allocates, faults or
-# has no priority.
+# What is left even then: a page fault, a garbage collection, a lock. Nor does a kernel take that away. *PREEMPT_RT* is
+# a configuration of the Linux kernel, which makes most of it interruptible; Xenomai's *Cobalt* is a second kernel
+# beside Linux, with threads of its own (Xenomai 3 documentation). Neither makes a thread real-time that allocates,
+# faults or has no priority.
 
 # %%
 show("gc_hits_the_loop")

@@ -165,17 +165,16 @@ def test_a_sample_lives_from_its_stamp_on_not_from_its_arrival():
 
 
 @pytest.mark.parametrize(
-    ("offered", "requested", "handed", "gets"),
+    ("offered", "requested", "gets"),
     [
-        (LATE, MANY, None, [2, 3, 4, 5]), (LATE, MANY, 1, [4, 5]), (LATE, QoS(), None, [5]),
-        (QoS(), QoS(), None, [5]),
-        (QoS(depth=9, durability="transient_local", lifespan=0.25), MANY, None, [3, 4, 5]),
-        (LATE, QoS("best_effort", durability="transient_local"), None, [5]),
+        (LATE, MANY, [2, 3, 4, 5]), (LATE, QoS(), [5]), (QoS(), QoS(), [5]),
+        (QoS(depth=9, durability="transient_local", lifespan=0.25), MANY, [3, 4, 5]),
+        (LATE, QoS("best_effort", durability="transient_local"), [5]),
     ],
 )  # fmt: skip
-def test_what_a_late_reader_gets(offered, requested, handed, gets):
+def test_what_a_late_reader_gets(offered, requested, gets):
     bus = Bus()
-    writer = bus.node("a").writer("x", offered, handed=handed)
+    writer = bus.node("a").writer("x", offered)
     for k in range(5):
         bus.after(0.1 * k, writer.publish, k)
     bus.run(0.5)

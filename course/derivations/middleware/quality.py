@@ -21,12 +21,12 @@ def late(**changed):
     return QoS(**{"durability": "transient_local", **changed})
 
 
-def through(offered, requested, link, messages=2000, apart=1e-3, **more):
+def through(offered, requested, link, messages=2000, apart=1e-3):
     """The reader that messages went to on the bus, one every so many seconds."""
     from course.middleware.bus import Bus
 
     bus = Bus()
-    writer = bus.node("writer").writer("x", offered, **more)
+    writer = bus.node("writer").writer("x", offered)
     reader = bus.node("reader").reader("x", None, requested, link)
     for k in range(messages):
         bus.after(k * apart, writer.publish, k)
