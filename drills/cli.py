@@ -579,6 +579,9 @@ def verify(session: Session, names: tuple[str, ...], seeds: int) -> int:
     return session.finish(WRONG if failed else RIGHT, payload)
 
 
+cli.add_command(Later("debug", "drills.interview.debug", "Debug a program that misbehaves."))
+
+
 @cli.command()
 @NAME
 @click.option("--file", "file", metavar="PATH", help="The answer (- for standard input).")

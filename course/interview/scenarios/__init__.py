@@ -220,14 +220,14 @@ class Row:
     left: tuple[str, ...]
 
 
-def evidence(name: str, figures: dict[str, float]) -> tuple[Row, ...]:
-    """What figures, by probe, say one after the other."""
+def evidence(name: str, findings: list[Finding]) -> tuple[Row, ...]:
+    """What findings say one after the other."""
     left = tuple(one.name for one in scenario(name).causes)
     rows = []
-    for probe, value in figures.items():
-        out = ruled_out(name, probe, value)
+    for one in findings:
+        out = ruled_out(name, one.probe, one.figure)
         left = tuple(cause for cause in left if cause not in out)
-        rows.append(Row(probe, value, scenario(name).a_probe(probe).unit, out, left))
+        rows.append(Row(one.probe, one.figure, one.unit, out, left))
     return tuple(rows)
 
 
@@ -338,11 +338,11 @@ class Verdict:
 
     def _of(self, tried: Tried, lead: str) -> str:
         one = scenario(self.case.name)
-        gone = "gone" if tried.removed else "still there"
-        dear = "" if tried.affordable else ", which is too dear"
+        gone = "it is gone" if tried.removed else "it is still there"
+        dear = "" if tried.affordable else ", too much"
         return (
-            f"{lead} {tried.repair}: {one.symptom_words} {_number(self.before, one.unit)} becomes "
-            f"{_number(tried.symptom, one.unit)}, {gone}; {one.price_words}: "
+            f"{lead} {tried.repair}: {one.symptom_words} {self.before:.4g} before and "
+            f"{_number(tried.symptom, one.unit)} after, so {gone}. The price, {one.price_words}: "
             f"{tried.price:.3g}{dear}."
         )
 
@@ -364,16 +364,20 @@ def table(rows: tuple[Row, ...]) -> str:
 
 
 def _number(value: float, unit: str) -> str:
-    return f"{value:.3g} {unit}".rstrip()
+    return f"{value:.4g} {unit}".rstrip()
 
 
 @dataclass
 class Diagnosis:
-    """A session with one case: the probes that were run, in order, and the minutes spent."""
+    """A session with one case: the probes that were run, in order."""
 
     case: Case
-    figures: dict[str, float] = field(default_factory=dict)
-    minutes: int = 0
+    findings: list[Finding] = field(default_factory=list)
+
+    @property
+    def minutes(self) -> int:
+        """What the probes cost so far."""
+        return sum(finding.minutes for finding in self.findings)
 
     def probe(self, name: str) -> Finding:
         """Run a probe; the same once more gives the same figure and costs again.
@@ -382,9 +386,11 @@ class Diagnosis:
             ValueError: for a name that is no probe of the scenario.
         """
         one = scenario(self.case.name).a_probe(name)
-        self.figures[name] = _sealed(self.case, lambda c, s: figure(self.case.name, name, c, s))
-        self.minutes += one.minutes
-        return Finding(name, self.figures[name], one.unit, one.minutes, self.minutes)
+        value = _sealed(self.case, lambda c, s: figure(self.case.name, name, c, s))
+        self.findings.append(
+            Finding(name, value, one.unit, one.minutes, self.minutes + one.minutes)
+        )
+        return self.findings[-1]
 
     def conclude(self, cause: str, repair: str) -> Verdict:
         """Name the cause and the repair, and get the answer with its evidence.
@@ -405,9 +411,9 @@ class Diagnosis:
             _sealed(self.case, lambda c, s: one.symptom(c, s, None)),
             self._tried(repair),
             self._tried(one.popular),
-            evidence(one.name, self.figures),
+            evidence(one.name, self.findings),
             self.minutes,
-            evidence(one.name, model.figures),
+            evidence(one.name, model.findings),
             model.minutes,
         )
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -99,6 +100,7 @@ def lost(one: Machine, dt: float) -> float:
     return float(np.argmax(away) if away.any() else steps) * one.dt / dt
 
 
+@cache
 def symptom(cause: str, seed: int, repair: str | None) -> float:
     """Steps after which the slide is lost, counted in the step of the machine as it came."""
     one = machine(cause, seed)
@@ -118,7 +120,7 @@ def later(change: Callable[[Machine], Machine]) -> Run:
 
     def run(cause: str, seed: int) -> float:
         one = machine(cause, seed)
-        return lost(change(one), one.dt) / lost(one, one.dt)
+        return lost(change(one), one.dt) / symptom(cause, seed, None)
 
     return run
 
@@ -163,7 +165,7 @@ SCENARIO = Scenario(
     "after about a thousand steps it is lost. The program is what you may read; the numbers of "
     "the machine are on a computer that you can only run things on. What is it, and what do you "
     "change?",
-    symptom_words="steps until it is lost",
+    symptom_words="lost after",
     unit="steps",
     symptom=symptom,
     spread=0.1,
@@ -229,7 +231,7 @@ SCENARIO = Scenario(
     ),
     popular="halve_step",
     price=price,
-    price_words="steps a second or sag against the design, whichever is more",
+    price_words="steps a second or sag, whichever is more, against the design",
     affordable=1.5,
     path=4,
 )  # fmt: skip

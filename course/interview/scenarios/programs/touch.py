@@ -56,9 +56,7 @@ def simulate(machine: Machine, steps: int) -> NDArray[np.void]:
     commands = [0.0] * machine.delay
     ticks, due = 0, 0.0
     for i in range(steps):
-        force = 0.0
-        if x > 0.0:
-            force = max(0.0, machine.stiffness * x + machine.damping * v)
+        force = max(0.0, machine.stiffness * x + machine.damping * v) * (x > 0.0)
         if (i + 0.5) * machine.dt > due:
             due += machine.periods[ticks % len(machine.periods)]
             error = machine.target - reading

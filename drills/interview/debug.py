@@ -1,0 +1,151 @@
+"""The command `drills debug`: a program misbehaves; probe it, name the cause, repair it.
+
+It reads lines, from a person or a pipe, until the cause is named or they end.
+"""
+
+from __future__ import annotations
+
+import secrets
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import asdict
+from typing import Any
+
+import click
+
+from course.interview import scenarios
+from drills.session import RIGHT, WRONG, Session, body, options
+from drills.terminal import Terminal
+
+WORDS = {
+    "probe NAME": "run a probe; its figure and the minutes are told",
+    "probes": "what can be run",
+    "program": "the listing",
+    "causes": "what it may be, and what can be changed",
+    "conclude CAUSE REPAIR": "name both, and get the answer with its evidence",
+    "quit": "leave it open",
+}
+
+
+@click.command("debug")
+@click.argument("name", required=False)
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="The same case again.")
+@options
+@body
+def command(session: Session, name: str | None, seed: int | None) -> int:
+    """Debug a scenario: run probes, name the cause, repair it; without NAME, list them.
+
+    A line is: probe NAME, probes, program, causes, conclude CAUSE REPAIR, or quit.
+    """
+    if name is None:
+        found = [scenarios.scenario(one) for one in scenarios.there()]
+        for one in found:
+            session.say(f"  {one.name:<10}{one.title}")
+        session.say()
+        session.say("  drills debug NAME   begins")
+        listed = [{"scenario": one.name, "title": one.title} for one in found]
+        return session.finish(RIGHT, {"scenarios": listed})
+    try:
+        case = scenarios.diagnose(name, secrets.randbelow(1000) if seed is None else seed)
+    except ValueError as error:
+        raise click.BadParameter(f"{error}.") from None
+    refused: list[str] = []
+    verdict = _talk(session, case, refused)
+    payload: dict[str, Any] = {
+        "scenario": name,
+        "seed": case.case.seed,
+        "findings": [asdict(finding) for finding in case.findings],
+        "minutes": case.minutes,
+        "refused": refused,
+        "verdict": verdict and _data(verdict),
+    }
+    if verdict is None:
+        session.say(f"Left open. drills debug {name} --seed {case.case.seed} begins it again.")
+    done = verdict is None or (verdict.right and verdict.cured)
+    return session.finish(RIGHT if done else WRONG, payload)
+
+
+def _talk(
+    session: Session, case: scenarios.Diagnosis, refused: list[str]
+) -> scenarios.Verdict | None:
+    """Do what the lines say, until one of them concludes."""
+    one = scenarios.scenario(case.case.name)
+    head = session.terminal.paint(one.title, "head")
+    session.say(f"{head} (seed {case.case.seed})")
+    session.wrap(one.prompt)
+    session.say()
+    probes = [(f"{probe.name} ({probe.minutes} min)", probe.what) for probe in one.probes]
+    named = [(cause.name, cause.words) for cause in one.causes]
+    named += [(repair.name, repair.words) for repair in one.repairs]
+    shown: dict[str, Callable[[], None]] = {
+        "probes": lambda: _rows(session, probes),
+        "program": lambda: session.say(one.listing()),
+        "causes": lambda: _rows(session, named),
+    }
+    shown["probes"]()
+    session.say()
+    _rows(session, list(WORDS.items()))
+    for line in _lines(session.terminal):
+        words = line.split() or [""]
+        try:
+            match words:
+                case ["quit"]:
+                    return None
+                case ["probe", name]:
+                    session.say(str(case.probe(name)))
+                case ["conclude", cause, repair]:
+                    verdict = case.conclude(cause, repair)
+                    _tell(session, verdict)
+                    return verdict
+                case [word] if word in shown:
+                    shown[word]()
+                case [""]:
+                    pass
+                case _:
+                    raise click.BadParameter(f"{line.strip()!r} is none of: {', '.join(WORDS)}")
+        except (ValueError, click.BadParameter) as error:
+            refused.append(str(error))
+            session.wrap(f"{error}.")
+    return None
+
+
+def _lines(terminal: Terminal) -> Iterator[str]:
+    while sys.stdin is not None:
+        if sys.stdin.isatty() and not terminal.json:
+            try:
+                yield input("> ")
+            except EOFError:
+                return
+        elif line := sys.stdin.readline():
+            yield line
+        else:
+            return
+
+
+def _rows(session: Session, rows: list[tuple[str, str]]) -> None:
+    width = max(len(name) for name, _ in rows) + 4
+    for name, text in rows:
+        session.wrap(text, " " * width, f"  {name:<{width - 2}}")
+
+
+def _tell(session: Session, verdict: scenarios.Verdict) -> None:
+    for sentence in verdict.sentences():
+        session.wrap(sentence)
+    for title, rows in (
+        (f"Your {verdict.minutes} minutes", verdict.rows),
+        (f"The model answer, {verdict.model_minutes} minutes", verdict.model),
+    ):
+        session.say()
+        session.say(session.terminal.paint(title, "head"))
+        told = [
+            (f"{row.probe} {row.figure:.3g} {row.unit}".rstrip(),
+             f"rules out {', '.join(row.ruled_out) or 'none'}; left: "
+             f"{', '.join(row.left) or 'none'}")
+            for row in rows
+        ]  # fmt: skip
+        _rows(session, told or [("no probe", "rules out none")])
+
+
+def _data(verdict: scenarios.Verdict) -> dict[str, Any]:
+    marks = {name: getattr(verdict, name) for name in ("right", "supported", "cured", "points")}
+    return {**asdict(verdict), **marks, "sentences": verdict.sentences()}

@@ -1,0 +1,262 @@
+"""The debugging scenarios: one symptom, causes that probes tell apart, and nothing given away."""
+
+from __future__ import annotations
+
+import ast
+import json
+import pickle
+import sys
+import traceback
+from collections import Counter
+from dataclasses import asdict
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+
+from course.interview import scenarios
+from course.interview.scenarios import Scenario
+from tests.drills.place import Place, a_place
+
+__all__ = ["a_place"]
+
+SEEDS = range(20)
+LENGTHS = {"explodes": 4, "policy": 9, "touch": 4, "gap": 5}
+ALL = [scenarios.scenario(name) for name in scenarios.there()]
+EACH = pytest.mark.parametrize("one", ALL, ids=lambda one: one.name)
+CASES = [(one.name, cause.name) for one in ALL for cause in one.causes]
+EVERY = pytest.mark.parametrize(("name", "cause"), CASES)
+
+
+def seed_of(name: str, cause: str) -> int:
+    """The first seed that draws a cause."""
+    return next(s for s in range(200) if scenarios._cause(scenarios.drawn(name, s)) == cause)
+
+
+# --- The scenarios --------------------------------------------------------------------------------
+
+
+@EACH
+def test_a_scenario_is_whole(one: Scenario) -> None:
+    assert len(one.causes) >= 4 and 8 <= len(one.probes) <= 12
+    assert one.path == LENGTHS[one.name]
+    for group in (one.causes, one.probes, one.repairs):
+        assert len({entry.name for entry in group}) == len(group)
+    for cause in one.causes:
+        assert one.repair(cause.repair).name == cause.repair
+    assert one.popular not in {cause.repair for cause in one.causes}
+    assert 0.0 < one.spread <= 0.25 and all(p.minutes > 0 and p.noise > 0 for p in one.probes)
+
+
+@EACH
+def test_the_listing_is_short_and_gives_nothing_away(one: Scenario) -> None:
+    text = one.listing()
+    assert len(text.splitlines()) < 120
+    words = {cause.name for cause in one.causes} | {cause.repair for cause in one.causes}
+    assert [word for word in words if word in text] == []
+    used = {node.id for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Name)}
+    assert "cause" not in used and "seed" not in used
+
+
+@EACH
+def test_all_causes_show_the_same_symptom(one: Scenario) -> None:
+    figures = [one.symptom(cause.name, seed, None) for cause in one.causes for seed in SEEDS[:8]]
+    assert np.ptp(figures) <= one.spread * abs(np.mean(figures))
+    assert not any(map(one.removed, figures))
+
+
+@EACH
+def test_every_pair_of_causes_is_told_apart(one: Scenario) -> None:
+    for pair in combinations([cause.name for cause in one.causes], 2):
+        assert any(scenarios.tells_apart(one.name, p.name, *pair) for p in one.probes), pair
+
+
+@EVERY
+def test_the_model_answer_leaves_the_cause_alone(name: str, cause: str) -> None:
+    """For machines that the ranges were not made from."""
+    path = scenarios.model_path(name)
+    assert len(path) == len(set(path)) == LENGTHS[name]
+    for seed in SEEDS:
+        out = [scenarios.ruled_out(name, p, scenarios.figure(name, p, cause, seed)) for p in path]
+        assert {c for c in set().union(*out)} == {
+            other.name for other in scenarios.scenario(name).causes
+        } - {cause}, seed
+
+
+@EVERY
+def test_the_right_repair_removes_the_symptom(name: str, cause: str) -> None:
+    """And no other does at a price that can be paid; the popular one is no better."""
+    one = scenarios.scenario(name)
+    right = one.cause(cause).repair
+    for repair in one.repairs:
+        cured = [
+            one.removed(one.symptom(cause, seed, repair.name))
+            and one.price(cause, seed, repair.name) <= one.affordable
+            for seed in SEEDS[:3]
+        ]
+        assert cured == [repair.name == right] * 3, repair.name
+
+
+@EACH
+def test_what_is_run_does_not_depend_on_the_cause(one: Scenario) -> None:
+    """Counted in calls of functions: a probe must not be quicker for one cause than another."""
+
+    def calls(probe: scenarios.Probe, cause: str) -> int:
+        count = 0
+
+        def counted(frame: object, event: str, argument: object) -> None:
+            nonlocal count
+            count += event in ("call", "c_call")
+
+        before = sys.getprofile()
+        sys.setprofile(counted)
+        try:
+            probe.run(cause, 0)
+        finally:
+            sys.setprofile(before)
+        return count
+
+    for probe in one.probes:
+        for cause in one.causes:
+            probe.run(cause.name, 0)  # what is kept between runs is there
+        counts = [calls(probe, cause.name) for cause in one.causes]
+        assert max(counts) <= 1.1 * min(counts) + 50, (probe.name, counts)
+
+
+# --- A case -------------------------------------------------------------------------------------
+
+
+@EACH
+def test_who_always_guesses_the_same_does_no_better_than_chance(one: Scenario) -> None:
+    """The draw is even: by four standard deviations of a share; a guess has no evidence."""
+    n, chance = 2000, 1.0 / len(one.causes)
+    drawn = Counter(scenarios._cause(scenarios.drawn(one.name, seed)) for seed in range(n))
+    assert max(drawn.values()) / n < chance + 4.0 * np.sqrt(chance * (1.0 - chance) / n)
+    points = {}
+    for cause in one.causes:  # the mean over the causes of always naming this one, of 3 points
+        points[cause.name] = [
+            scenarios.diagnose(one.name, seed_of(one.name, other.name))
+            .conclude(cause.name, cause.repair)
+            .points
+            for other in one.causes
+        ]
+    assert all(sum(row) / 3.0 <= 1.0 for row in points.values()), points
+
+
+@EVERY
+def test_a_session_ends_with_the_evidence(name: str, cause: str) -> None:
+    session = scenarios.diagnose(name, seed_of(name, cause))
+    for probe in scenarios.model_path(name):
+        session.probe(probe)
+    verdict = session.conclude(cause, scenarios.scenario(name).cause(cause).repair)
+    assert verdict.points == 3 and verdict.rows == verdict.model
+    assert verdict.minutes == verdict.model_minutes == session.minutes > 0
+    shown = verdict._repr_markdown_()
+    assert cause in shown and all(probe in shown for probe in scenarios.model_path(name))
+    other = next(c for c in scenarios.scenario(name).causes if c.name != cause)
+    wrong = session.conclude(other.name, scenarios.scenario(name).popular)
+    assert wrong.points == 0 and "had ruled" in str(wrong)
+
+
+@EVERY
+def test_the_cause_is_nowhere_by_accident(
+    name: str, cause: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only names and seeds are held; an error in the program is told without its lines."""
+    session = scenarios.diagnose(name, seed_of(name, cause))
+    finding = session.probe(scenarios.scenario(name).probes[0].name)
+    held = [repr(session), json.dumps(asdict(session)), str(vars(session.case)), str(finding)]
+    assert not any(cause in text for text in held)
+    assert cause.encode() not in pickle.dumps(session)
+
+    for kind in (ZeroDivisionError, KeyboardInterrupt):
+
+        def fails(*given: Any, kind: type[BaseException] = kind) -> float:
+            raise kind(f"in {given}")
+
+        monkeypatch.setattr(scenarios, "figure", fails)
+        with pytest.raises((RuntimeError, KeyboardInterrupt)) as caught:
+            session.probe(finding.probe)
+        told = traceback.TracebackException.from_exception(caught.value, capture_locals=True)
+        inside = [frame for frame in told.stack if frame.filename == scenarios.__file__]
+        assert told.__cause__ is None and told.__context__ is None
+        assert inside and cause not in str(told) + "".join(str(f.locals) for f in inside)
+
+
+def test_bad_input_is_named() -> None:
+    for act, name in (
+        (lambda: scenarios.diagnose("nothing"), "name is 'nothing'"),
+        (lambda: scenarios.diagnose("explodes", -1), "seed is -1"),
+        (lambda: scenarios.diagnose("explodes").probe("look"), "probe is 'look'"),
+        (lambda: scenarios.diagnose("explodes").conclude("x", "soften"), "cause is 'x'"),
+        (lambda: scenarios.diagnose("explodes").conclude("late_brake", "x"), "repair is 'x'"),
+    ):
+        with pytest.raises(ValueError, match=name):
+            act()
+
+
+def test_showing_a_case_is_the_same_for_every_cause() -> None:
+    pages = {scenarios.diagnose("explodes", seed).show() for seed in range(8)}
+    assert len(pages) == 1 and "```python" in pages.pop()._repr_markdown_()
+
+
+# --- The theory of the slide --------------------------------------------------------------------
+
+
+def test_the_growth_of_the_slide_is_that_of_its_step_matrix() -> None:
+    """Independent of the program: eigenvalues of one step of the linear recursion."""
+    from course.interview.scenarios.explodes import TUNES, symptom
+
+    for cause, tune in TUNES.items():
+        a, drag = tune.a * np.sqrt(tune.points), 2.0 * tune.zeta * tune.a
+        rub = -tune.rub if tune.turned else tune.rub
+        size = 2 + tune.age  # x / dt, v, and the speeds before
+        A = np.zeros((size, size))
+        A[1, 0], A[1, 1] = -a * a, 1.0 - rub
+        A[1, 1 + tune.age] -= drag
+        A[0] = tune.blend * A[1]
+        A[0, 0] += 1.0
+        A[0, 1] += 1.0 - tune.blend
+        for k in range(2, size):
+            A[k, k - 1] = 1.0
+        growth = np.log(np.abs(np.linalg.eigvals(A)).max())
+        assert growth > 0.0
+        steps = np.mean([symptom(cause, seed, None) for seed in SEEDS])
+        assert steps == pytest.approx(np.log(1000.0) / growth, rel=0.06), cause
+
+
+# --- The command --------------------------------------------------------------------------------
+
+
+def test_a_case_is_solved_in_a_pipe(place: Place) -> None:
+    one, seed = scenarios.scenario("touch"), seed_of("touch", "windup")
+    lines = [f"probe {name}" for name in scenarios.model_path("touch")]
+    lines += ["probes", "program", "causes", "hm", "probe x", "conclude windup bound_integral"]
+    done = place.run(
+        "debug", "touch", "--seed", str(seed), text="\n".join(lines), LC_ALL="C", NO_COLOR="1"
+    )
+    assert done.code == 0, done
+    said = done.out.replace(one.listing(), "")  # code is as wide as it is
+    assert max(map(len, said.splitlines())) <= 80 < len(said) and done.out.isascii()
+    assert len(done.out) - len(said) == len(one.listing())
+    assert "\x1b" not in done.out and "3 of 3 points" in done.out
+    data = place.json("debug", "touch", "--seed", str(seed), text="\n".join(lines))
+    assert data["verdict"]["cause"] == "windup" and data["verdict"]["points"] == 3
+    assert len(data["findings"]) == one.path and len(data["refused"]) == 2
+
+
+def test_a_case_is_left_open_or_failed(place: Place) -> None:
+    left = place.json("debug", "touch", "--seed", "5", text="probe integral_off\nquit\n")
+    assert left["verdict"] is None and left["exit"] == 0
+    text = json.dumps({**left, "findings": []})
+    assert not any(cause.name in text for cause in scenarios.scenario("touch").causes)
+    wrong = next(
+        c.name
+        for c in scenarios.scenario("touch").causes
+        if c.name != scenarios._cause(scenarios.drawn("touch", 5))
+    )
+    assert place.json("debug", "touch", "--seed", "5", text=f"conclude {wrong} soften")["exit"] == 1
+    assert place.run("debug", "tuch").code == 2
+    listed = place.json("debug")["scenarios"]
+    assert [entry["scenario"] for entry in listed] == list(scenarios.there())
