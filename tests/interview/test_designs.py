@@ -9,11 +9,14 @@ from itertools import combinations
 from pathlib import Path
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from course import derivations
 from course.derivations.records import figure
 from course.interview import designs
 from course.interview.fields import FIELD
+from tests import budget
 
 DESIGNS = {name: designs.read(name) for name in designs.NAMES}
 WEAK = sorted((Path(__file__).parent / "weak_answers").glob("*.toml"))
@@ -65,6 +68,25 @@ def test_weak_answers_score_what_a_reader_gave_them() -> None:
     assert same >= 0.9 * items
 
 
+@every
+def test_words_alone_name_and_nothing_is_missing_from_nothing(name: str) -> None:
+    design = DESIGNS[name]
+    assert set(designs.levels(design, "").values()) == {"missing"}
+    # The rubric itself, read back: words, and neither figures nor doubts.
+    found = designs.levels(design, "\n\n".join(item.asks for item in design.rubric))
+    assert set(found.values()) <= {"missing", "named"} and designs.score(design, found) > 0.2
+
+
+@given(st.permutations(WEAK), st.integers(1, 4))
+@budget.examples(20)
+def test_saying_more_never_lowers_a_level(paths, n: int) -> None:
+    texts = [tomllib.loads(path.read_text(encoding="utf-8"))["text"] for path in paths[: n + 1]]
+    for design in DESIGNS.values():
+        less, more = (designs.levels(design, "\n\n".join(part)) for part in (texts[:n], texts))
+        steps = designs.LEVELS.index
+        assert all(steps(more[item]) >= steps(less[item]) for item in less)
+
+
 def test_the_score_counts_steps_and_the_weakest_item_is_asked_about() -> None:
     design = DESIGNS["pick_and_place"]
     names = [item.name for item in design.rubric]
@@ -86,6 +108,9 @@ def test_the_age_of_a_drawing_is_the_sum_of_its_parts() -> None:
     assert design.drawn("mean_ms") == pytest.approx(least + half)
     assert design.drawn("greatest_ms") == pytest.approx(least + 2.0 * half)
     assert design.drawn("scan.hz") == scan.hz
+    fast = [replace(arrow, hz=10.0 * arrow.hz) for arrow in design.arrows]
+    with pytest.raises(ValueError, match="execution of scan"):
+        replace(design, arrows=fast).drawn("mean_ms")
     with pytest.raises(ValueError, match="drawing is 'scan'"):
         design.drawn("scan")
 
