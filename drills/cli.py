@@ -543,6 +543,7 @@ def _story(card: Card, record: Record) -> str:
     return f"{card.name}: {', '.join(parts)}"
 
 
+cli.add_command(Later("review", "drills.interview.review", "Ask back what you learned."))
 cli.add_command(Later("interview", "drills.interview.rehearse", "Rehearse an interview, timed."))
 
 

@@ -292,7 +292,8 @@ def to_read(entry: Entry) -> str:
     return f"chapter {entry.chapter}, {chapter.title}" + f", section {title}" * bool(title)
 
 
-def _chapters(context: object, option: object, text: str | None) -> frozenset[int]:
+def chapters_of(context: object, option: object, text: str | None) -> frozenset[int]:
+    """The chapters of an option such as "1,5", all if it is not given."""
     chosen = EVERY if text is None else {int(n) for n in re.findall(r"\d+", text)}
     if not chosen or not EVERY.issuperset(chosen):
         raise click.BadParameter(f"{text!r} is not a list of chapters such as 1,5.")
@@ -302,7 +303,7 @@ def _chapters(context: object, option: object, text: str | None) -> frozenset[in
 @click.command("interview")
 @click.option("--minutes", default=45, show_default=True, type=click.IntRange(1, 480))
 @click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Draw the same again.")
-@click.option("--chapters", metavar="1,5", callback=_chapters, help="Of these chapters only.")
+@click.option("--chapters", metavar="1,5", callback=chapters_of, help="Of these chapters only.")
 @click.option("--kind", multiple=True, type=click.Choice(PARTS), help="Of this kind only.")
 @click.option("--resume", is_flag=True, help="Go on with the one that is not over.")
 @options

@@ -13,9 +13,15 @@ from hypothesis import strategies as st
 
 from course import cards as pages
 from course.derivations import formula, records, run
-from drills.interview import store
-from drills.interview.deck import KINDS, Entry, deck, judge, sides
+from drills import cards as catalogue
+from drills.interview import review, store
+from drills.interview.deck import KINDS, VERDICTS, Entry, deck, judge, sides
+from drills.session import Session
+from drills.terminal import Terminal
 from tests.budget import examples
+from tests.drills.place import Place, a_place
+
+__all__ = ["a_place"]
 
 NOON = datetime(2026, 5, 4, 12, tzinfo=UTC)
 ONE, TWO = Entry("claim/one", "claim", 1), Entry("claim/two", "claim", 1)
@@ -208,3 +214,116 @@ for turn in range({many}):
         process.communicate()
     log = store.load(path)[0].log
     assert sorted(one["rating"] for one in log) == [2] * many + [3] * many
+
+
+# --- The command ----------------------------------------------------------------------------------
+
+
+def one_kind(kind: str, monkeypatch: pytest.MonkeyPatch, name: str = "") -> Entry:
+    """The deck is one card of that kind."""
+    entry = next(e for e in deck() if e.kind == kind and name in e.key)
+    monkeypatch.setattr(review, "deck", lambda chosen=None: [entry])
+    return entry
+
+
+@pytest.mark.parametrize(("right", "rating"), [(True, 3), (False, 1)])
+@pytest.mark.parametrize("kind", ["claim", "formula"])
+def test_a_judged_card_is_rated_by_a_blank_line(
+    kind: str, right: bool, rating: int, place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    entry = one_kind(kind, monkeypatch)
+    if kind == "claim":
+        verdict = records.load(entry.file)[entry.name]["verdict"]
+        said = next(k for k, v in VERDICTS.items() if (v == verdict) == right)
+    else:
+        said = formula(entry.name).expression if right else next(iter(formula(entry.name).slips))
+    found = place.json("review", "--limit", "1", text=f"{said}\n\n")
+    assert [(one["right"], one["rating"]) for one in found["rated"]] == [(right, rating)]
+    assert [one["rating"] for one in store.load(place.work / "reviews.json")[0].log] == [rating]
+    assert found["new"] == 0 and found["rated"][0]["card"] == entry.key
+
+
+def test_the_grader_rates_a_drill(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing written, wrong, then right: known, but hard. Wrong and given up: again."""
+    one_kind("drill", monkeypatch, "fk3")
+    right = catalogue.card("fk3").solution_text()
+    starter = place.json("review", text="g\n\n2\n")
+    assert [(one["right"], one["rating"]) for one in starter["rated"]] == [(None, 2)]
+    path = place.answer("def fk3(lengths, thetas):\n    return 0.0\n", "fk3")
+    (place.work / "reviews.json").unlink()
+    said = iter(["g", "", "", "g", "g", ""])
+    heard: list[str] = []
+
+    def hear() -> str:
+        heard.append(line := next(said))
+        if len(heard) == 5:
+            path.write_text(right, encoding="utf-8")
+        return line
+
+    for expected in ((False, 1), (True, 2)):
+        session = Session("review", Terminal(True), place.work)
+        turn = review.Round(session, hear, lambda: NOON)
+        assert turn.run(frozenset([4]), 1, 0) == 0
+        assert (turn.rated[0]["right"], turn.rated[0]["rating"]) == expected
+        assert turn.rated[0]["due"] < (NOON + timedelta(minutes=20)).isoformat()
+        (place.work / "reviews.json").unlink()
+
+
+def test_the_end_of_input_keeps_what_was_said_and_a_wrong_rating_is_asked_again(
+    place: Place,
+) -> None:
+    said = "\nseven\n5\n2\nskip\n\n3\n\n"
+    done = place.run("review", "--seed", "5", "--chapters", "0,12", text=said)
+    assert done.code == 0 and "'seven' is no rating" in done.out and "2 rated" in done.out, done
+    log = store.load(place.work / "reviews.json")[0].log
+    assert [one["rating"] for one in log] == [2, 3] and len({one["card"] for one in log}) == 2
+    again = place.json("review", "--seed", "5", "--chapters", "0,12", text="quit\n")
+    assert again["rated"] == [] and again["new"] == len(deck([0, 12])) - 2
+
+
+def test_what_cannot_be_kept_is_said_once_and_the_round_goes_on(place: Place) -> None:
+    place.work.mkdir()
+    (place.work / "reviews.json").mkdir()
+    found = place.json("review", "--seed", "1", "--limit", "2", text="\n3\n\n3\n\n3\n")
+    assert len(found["rated"]) == 2 and found["reviews_file"] is None
+    (notice,) = found["notices"]
+    assert "reviews.json can't be read: is a directory" in notice
+    kept_none = place.json("review", "--limit", "1", text="\n3\n", DRILLS_PROGRESS="none")
+    assert kept_none["reviews_file"] is None and len(kept_none["rated"]) == 1
+
+
+def test_a_source_that_vanished_is_told_and_kept(place: Place) -> None:
+    lost = Entry("claim/no_longer_there", "claim", 1)
+    store.rate(place.work / "reviews.json", lost, 3, NOON)
+    found = place.json("review", "--seed", "1", "--limit", "1", text="\n3\n\n3\n")
+    assert found["gone"] == [lost.key] and "no longer asks 1" in found["notices"][0]
+    assert lost.key in store.load(place.work / "reviews.json")[0].cards
+
+
+def test_a_pipe_of_80_columns_in_ascii(place: Place) -> None:
+    arguments = ("review", "--seed", "2", "--chapters", "4,12", "--limit", "12")
+    done = place.run(*arguments, text="\n3\n" * 30, LC_ALL="C", NO_COLOR="1")
+    assert done.code == 0 and "12 rated" in done.out, done
+    assert done.out.isascii() and "\x1b" not in done.out
+    assert max(map(len, done.out.splitlines())) <= 80
+
+
+def test_without_fsrs_one_sentence_says_what_is_missing(
+    place: Place, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "fsrs", None)
+    done = place.run("review", text="\n3\n")
+    assert done.code == 3 and done.out == ""
+    assert done.err.startswith("The package fsrs is not installed") and "make setup" in done.err
+
+
+def test_drills_alone_imports_nothing_of_it(tmp_path: Path) -> None:
+    program = (
+        "import sys; from drills.cli import cli; cli.main([], standalone_mode=False)\n"
+        "new = ('drills.interview', 'course.interview', 'course.derivations', 'fsrs', 'numpy')\n"
+        "print([name for name in sys.modules if name.startswith(new)])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path
+    )
+    assert done.stdout.splitlines()[-1] == "[]", done.stderr

@@ -1,0 +1,199 @@
+"""The command `drills review`: the cards that are due, then new ones, each rating kept at once."""
+
+from __future__ import annotations
+
+import io
+import os
+import secrets
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import click
+
+from course import kept
+from drills import cards as catalogue
+from drills import grading, present, workspace
+from drills.interview import store
+from drills.interview.deck import Entry, deck, judge, sides
+from drills.interview.rehearse import chapters_of
+from drills.interview.store import AGAIN, GOOD, HARD, RATINGS
+from drills.session import RIGHT, Session, body, options
+
+LIMIT = 20
+_ASK = {
+    "claim": "t true, f false, o true only if; a blank line shows the answer.",
+    "formula": "Type the formula; a blank line shows it.",
+    "drill": "g grades your answer in the work folder; a blank line shows the worked one.",
+}
+_SHOWN = "Say it aloud; a blank line shows the answer."
+
+
+class Over(Exception):
+    """The learner has had enough."""
+
+
+@dataclass
+class Round:
+    """One round of cards in a terminal or a pipe.
+
+    Attributes:
+        session: where it writes, and the work folder.
+        hear: the next line that is typed; EOFError at the end.
+        clock: the time, aware.
+        rated: what was rated, for the JSON.
+    """
+
+    session: Session
+    hear: Callable[[], str] = input
+    clock: Callable[[], datetime] = lambda: datetime.now(UTC)
+    rated: list[dict[str, Any]] = field(default_factory=list)
+
+    def run(self, chosen: frozenset[int], limit: int, seed: int) -> int:
+        """Ask up to so many cards, and tell how one stands."""
+        import fsrs  # noqa: F401  # what is missing is told before the first question
+
+        session, cards, passed = self.session, deck(chosen), set[str]()
+        self.path = store.beside(session.progress_file)
+        self.reviews, told = store.load(self.path)
+        self._tell(told)
+        try:
+            while len(self.rated) < limit:
+                line = store.queue(cards, self.reviews, self.clock(), seed)
+                entry = next((one for one in line if one.key not in passed), None)
+                if entry is None:
+                    break
+                session.say(session.terminal.paint(self._head(entry, limit), "head"))
+                if not self.ask(entry):
+                    passed.add(entry.key)
+                session.say()
+        except (Over, EOFError):
+            session.say()
+        except KeyboardInterrupt:
+            session.notices.append("What you rated is kept.")
+            raise
+        return self._finish(cards, seed)
+
+    def ask(self, entry: Entry) -> bool:
+        """One card; whether it was rated and not passed over."""
+        shown = sides(entry)
+        self._show(shown.front)
+        grades: list[bool] = []
+        while True:
+            self.session.wrap(_ASK.get(entry.kind, _SHOWN) + " Or skip, or quit.")
+            line = self._line()
+            if line == "skip":
+                return False
+            if entry.kind != "drill" or line.lower() != "g":
+                break
+            if self._graded(entry, grades):
+                break
+        right, sentence = judge(entry, line)
+        if grades:
+            right = any(grades)
+        self.session.wrap(sentence)
+        self._show(shown.back)
+        known = HARD if False in grades else GOOD
+        self.rate(entry, right, None if right is None else known if right else AGAIN)
+        return True
+
+    def rate(self, entry: Entry, right: bool | None, meant: int | None) -> None:
+        """Take the rating of a card, and keep it."""
+        words = ", ".join(f"{number} {word}" for number, word in RATINGS.items())
+        words += f"; a blank line is {RATINGS[meant]}" if meant else ""
+        self.session.say(f"How well did you know it? {words}.")
+        while (line := self._line()) not in map(str, RATINGS) and (line or not meant):
+            self.session.say(f"{present.cut(line, 20)!r} is no rating: {words}.")
+        rating, now = int(line or meant or AGAIN), self.clock()
+        try:
+            self.reviews, told = store.rate(self.path, entry, rating, now, self.reviews)
+        except kept.Problem as problem:
+            told = (str(problem),)
+            self.path = None  # said once; the round goes on
+            self.reviews, _ = store.rate(None, entry, rating, now, self.reviews)
+        self._tell(told)
+        due = self.reviews.cards[entry.key]["due"]
+        self.session.say(f"Again in {span(datetime.fromisoformat(due) - now)}.")
+        one = {"card": entry.key, "kind": entry.kind, "chapter": entry.chapter, "right": right}
+        self.rated.append({**one, "rating": rating, "due": due})
+
+    def _tell(self, notices: tuple[str, ...]) -> None:
+        told = self.session.notices
+        told += [one for one in notices if one not in told]
+
+    def _line(self) -> str:
+        line = self.hear().strip()
+        if line == "quit":
+            raise Over
+        return line
+
+    def _show(self, markdown: str) -> None:
+        if not self.session.terminal.json:
+            for line in present.markdown_lines(markdown, self.session.terminal):
+                self.session.say(line)
+
+    def _graded(self, entry: Entry, grades: list[bool]) -> bool:
+        """Grade the learner's answer to a drill; whether it is right."""
+        card = catalogue.card(entry.name)
+        path = workspace.answer(self.session.work, card.name)
+        if not path.exists() or workspace.is_untouched(path, card):
+            self.session.wrap(f"Nothing is written yet: drills start {card.name}, then come back.")
+            return False
+        report = grading.graded(self.session, card, str(path), None)
+        grading.told(self.session, card, report, str(path))
+        grades.append(report.passed)
+        return report.passed
+
+    def _head(self, entry: Entry, limit: int) -> str:
+        new = "" if entry.key in self.reviews.cards else ", new"
+        return f"{len(self.rated) + 1} of {limit}: {entry.kind}, chapter {entry.chapter}{new}"
+
+    def _finish(self, cards: list[Entry], seed: int) -> int:
+        session, now = self.session, self.clock()
+        if gone := store.gone(deck(), self.reviews):
+            session.notices.append(
+                f"The course no longer asks {len(gone)} that you rated; they are kept."
+            )
+        waiting, new = store.due(cards, self.reviews, now), store.fresh(cards, self.reviews)
+        counts = [sum(one["rating"] == number for one in self.rated) for number in RATINGS]
+        words = [f"{n} {word}" for n, word in zip(counts, RATINGS.values(), strict=True) if n]
+        session.wrap(
+            f"{len(self.rated)} rated{': ' * bool(words)}{', '.join(words)}. {len(waiting)} are "
+            f"due now, {len(new)} are new."
+        )
+        payload = {
+            "seed": seed,
+            "rated": self.rated,
+            "due": [entry.key for entry in waiting],
+            "new": len(new),
+            "gone": gone,
+            "reviews_file": str(self.path.absolute()) if self.path else None,
+        }
+        return session.finish(RIGHT, payload)
+
+
+def span(time: timedelta) -> str:
+    """How long, in the unit that one would say: "10 min", "3 days"."""
+    minutes = round(time.total_seconds() / 60)
+    days = round(minutes / 1440)
+    if minutes < 1440:
+        return f"{minutes} min" if minutes < 120 else f"{round(minutes / 60)} h"
+    return f"{days} day{'s' * (days != 1)}"
+
+
+@click.command("review")
+@click.option("--chapters", metavar="1,5", callback=chapters_of, help="Of these chapters only.")
+@click.option(
+    "--limit", default=LIMIT, show_default=True, type=click.IntRange(1), help="Ask so many cards."
+)
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Draw the same new cards again.")
+@options
+@body
+def command(session: Session, chapters: frozenset[int], limit: int, seed: int | None) -> int:
+    """Ask back what you learned: cards that are due, then new ones, rated by you."""
+    sys.stdin = sys.stdin or open(os.devnull)
+    if isinstance(sys.stdin, io.TextIOWrapper):
+        sys.stdin.reconfigure(errors="replace")
+    return Round(session).run(chapters, limit, secrets.randbits(32) if seed is None else seed)
