@@ -53,7 +53,8 @@ import numpy as np
 from IPython.display import Markdown
 
 from course.cards import figures, interview
-from course.charts import read
+from course.charts import read, stored
+from course.control.sampled import delay_limit
 from course.derivations import answer, show
 from course.middleware import controller, launch, loop, schedule, transport
 from course.middleware.bus import ActionClient, Bus, Group, Link
@@ -884,12 +885,17 @@ show("joint_states_reliable")
 
 # %%
 said("loop_lateness", "default", "nice", "SCHED_FIFO", "sleep")
+for one in stored("loop_lateness")[0].series:
+    late_ = 1e-3 * np.interp(0.99, one.x, one.y)
+    print(
+        f"{one.label:<12}gains up to {delay_limit(0.5, 0.5, late_ + 0.5e-3)[0]:7.1f} N m/rad are stable"
+    )
 
 # %% [markdown]
-# The ordinary scheduler is fair, and that is what is wrong with it: the loop had its share, in slices. With `nice -20`,
-# the largest share, fewer periods were skipped, not none. Asking is not
-# getting. `SCHED_FIFO` is the class of tasks that run before all ordinary ones, highest priority first. Here and now
-# this process is granted:
+# (Chapter 6's joint under P control, as if each cycle were as late as the worst hundredth of those that ran.) The
+# ordinary scheduler is fair, and that is what is wrong with it: the loop had its share, in slices. With `nice -20`, the
+# largest share, fewer periods were skipped, not none. Asking is not getting. `SCHED_FIFO` is the class of tasks that
+# run before all ordinary ones, highest priority first. Here and now this process is granted:
 
 # %% tags=["nbval-ignore-output"]
 with loop.urgent() as granted:

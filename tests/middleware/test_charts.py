@@ -87,6 +87,8 @@ def test_the_oldest_sample_is_depth_less_one_periods_old():
     for name in ("bus", "Cyclone DDS"):
         np.testing.assert_array_equal(panel[name].y, np.array(panel[name].x) - 1.0)
     np.testing.assert_array_equal(panel["all are taken"].y, 0.0)
+    (said,) = (r for r in charts.read("queue_ages").splitlines() if r.startswith("all are"))
+    assert re.findall(r"(\d+) \((\d+)\)", said) == [("0", "0")] * 5  # its own theory, not another's
 
 
 def test_every_row_of_the_matrix_agrees_with_cyclone():
