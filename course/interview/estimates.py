@@ -1,7 +1,8 @@
 """Back of the envelope: what an interviewer expects to be worked out before anything is drawn.
 
-Each is a plain function with the unit of every number in its name; `ESTIMATES` holds one case of
-each that an answer quotes as `{estimate.NAME:.3g}`, and its inputs as `{estimate.NAME.INPUT}`.
+Each is a plain function with the unit of every number in its name; `ESTIMATES`, from
+`estimates.toml`, holds cases that an answer quotes as `{estimate.NAME:.3g}`, and their inputs as
+`{estimate.NAME.INPUT}`.
 
     from course.interview.estimates import ESTIMATES
     print(ESTIMATES["night_workers"])                       # inputs, result and unit
@@ -13,8 +14,10 @@ out: they depend on edition, clause and part of the body.
 
 import itertools
 import math
+import tomllib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -81,7 +84,7 @@ def trials_for_gate(gate_share: float, true_share: float, power: float = 0.8) ->
     """Trials of one policy that show it to be above a gate, one-sided at 5 %.
 
     The normal approximation (Fleiss, Levin and Paik, Statistical Methods for Rates and Proportions,
-    2003, sec. 2.5).
+    2003).
     """
     from statistics import NormalDist
 
@@ -200,18 +203,14 @@ def contact_force_n(
     return finite("speed_m_per_s", speed_m_per_s, 0.0) * math.sqrt(stiffness * reduced)
 
 
-Input = float | str | tuple[float, ...]
+Input = float | str | list[float]
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """One case of an estimate.
+    """One case: what it says, the unit of the result ("" for a count or share), and the inputs.
 
-    Attributes:
-        says: what is estimated.
-        unit: of the result, "" for a count or a share.
-        function: of this module.
-        inputs: by name of the argument; a text is what was measured, `chart.NAME/STEPS`.
+    An input that is a text is what was measured, `chart.NAME/STEPS`.
     """
 
     says: str
@@ -237,60 +236,10 @@ class Estimate:
         return "\n".join([self.says, *rows, f"  -> {self.value():.3g} {self.unit}".rstrip()])
 
 
-ESTIMATES: dict[str, Estimate] = {}
+def _cases() -> dict[str, Estimate]:
+    cases = tomllib.loads(Path(__file__).with_suffix(".toml").read_text(encoding="utf-8"))
+    named = {name: globals()[case.pop("function")] for name, case in cases.items()}
+    return {name: Estimate(function=named[name], **case) for name, case in cases.items()}
 
 
-def _case(
-    name: str, says: str, unit: str, function: Callable[..., float], **inputs: Input
-) -> dict[str, Input]:
-    ESTIMATES[name] = Estimate(says, unit, function, inputs)
-    return inputs
-
-
-# fmt: off
-_case("rays", "Rays of a fleet's scanners, ten times real time", "1/s", readings_per_s,
-      robots=50, sensors_each=1, readings_each=1080.0, hertz=15.0, times_real_time=10.0)
-_case("frames", "Frames of a fleet's cameras, in real time", "1/s", readings_per_s,
-      robots=50, sensors_each=2, readings_each=1.0, hertz=30.0)
-_case("night_workers", "Workers for a thousand scenarios in a night", "", workers, scenarios=1000,
-      scenario_s=300.0, start_s=20.0, times_real_time=2.0, night_h=8.0, repeats=3)
-_case("gate_trials", "Trials that show a policy to be above a gate", "", trials_for_gate,
-      gate_share=0.7, true_share=0.8)
-_case("apart_trials", "Trials of each of two policies that tell them apart", "", trials_each,
-      first_share=0.7, second_share=0.8)
-_case("half_width", "What a share leaves open on each side", "", half_width, share=0.7, trials=100)
-_case("start_half_width", "The same, of pictures where a learned start is right", "", half_width,
-      share="chart.learned_start/0/noise x 3.75/y/4", trials=100)
-_case("width_trials", "Trials for a share to so much", "", trials_for_width, share=0.7, half=0.05)
-_pick = _case("cycle", "One pick and place", "s", cycle_s, legs_m=(0.6, 0.15, 0.15) * 2,
-              top_m_per_s=1.0, rise_m_per_s2=3.0, still_s=0.6, computing_s=0.3)
-_case("motion", "The motion of that", "s", motion_s, **dict(list(_pick.items())[:3]))
-_case("computing_share", "The share of it that computing has", "", computing_share, **_pick)
-_case("finger_error", "From the camera to the finger", "mm", finger_error_mm, range_m=0.8,
-      pixel_spread_px=0.5, focal_px=600.0, hand_eye_spread_mrad=2.0, arm_spread_mm=0.5,
-      speed_m_per_s=0.02, delay_ms=100.0)
-_case("grip_force", "Force of each of two fingers", "N", grip_force_n,
-      mass_kg=0.5, friction=0.4, rise_m_per_s2=3.0, safety=2.0, fingers=2)
-_case("samples_loop", "Samples of the arm's policy, in processes", "h", samples_h,
-      samples="chart.learning_curve_reach/1/learned/x/-1",
-      samples_per_s="chart.vector_env/0/ProcessVectorEnv/y/max")
-_case("samples_batched", "The same, closed form in batch", "h", samples_h,
-      samples="chart.learning_curve_reach/1/learned/x/-1",
-      samples_per_s="chart.vector_env/0/ArmReachVector/y/max")
-_case("samples_billion", "A billion samples of MuJoCo's arm in batch", "h", samples_h,
-      samples=1e9, samples_per_s="chart.vector_env/0/MujocoArmReachVector/y/max")
-_case("late_ramp", "Behind a belt, by a late picture", "mm", tracking_error_mm,
-      speed_m_per_s=0.2, delay_ms=100.0)
-_case("late_sine", "Behind a sine, by a late loop", "mm", sine_error_mm,
-      amplitude_mm=50.0, frequency_hz=1.0, delay_ms=20.0)
-_stop = _case("stopping", "Way of an arm to a stand", "m", stopping_m,
-              speed_m_per_s=0.25, reaction_s=0.1, braking_m_per_s2=2.0)
-_case("stopping_fast", "The same at six times the speed", "m", stopping_m,
-      **{**_stop, "speed_m_per_s": 1.5})
-_case("separation", "Gap at which to begin to stop", "m", separation_m, person_m_per_s=1.5,
-      robot_m_per_s=1.5, reaction_s=0.1, braking_m_per_s2=2.0, uncertain_m=0.1)
-_touch = _case("contact_clamped", "Peak force on what is clamped", "N", contact_force_n,
-               speed_m_per_s=0.25, stiffness_n_per_m=5e4, robot_kg=5.0)
-_case("contact_free", "Peak force on a hand that gives way", "N", contact_force_n,
-      **_touch, body_kg=0.6)
-# fmt: on
+ESTIMATES = _cases()

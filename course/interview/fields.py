@@ -70,7 +70,7 @@ def estimate(name: str) -> float | str:
     inputs = ESTIMATES[key].given()
     if not given:
         return ESTIMATES[key].value()
-    if given not in inputs or isinstance(inputs[given], tuple):
+    if given not in inputs or isinstance(inputs[given], list):
         raise refused(f"input of {key}", given, ", ".join(inputs))
     return inputs[given]
 

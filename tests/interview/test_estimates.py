@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.stats import binom
@@ -26,6 +26,7 @@ def test_the_load_of_a_fleet_is_a_product() -> None:
 @given(
     st.integers(1, 400), st.integers(1, 3), st.floats(1.0, 300.0), st.floats(0, 60), st.floats(1, 9)
 )
+@example(40, 1, 480.0, 120.0, 1.0)  # ten turns each, and none left over
 def test_the_workers_are_just_enough(scenarios, repeats, scenario_s, start_s, night_h) -> None:
     """Runs are handed out one by one, each to the worker that is free first."""
     needed = e.workers(scenarios, scenario_s, start_s, 2.0, night_h, repeats)
