@@ -59,7 +59,7 @@ _ERROR, _ALLOWED, _VERDICT, _COST, _APART, _AREA, _S = word(
     " of 1",
 )  # fmt: skip
 _DOCUMENTED = word(
-    "documented: PhysX on an NVIDIA RTX card (its manual, 2025)", "not measured here",
+    "documented: PhysX or Newton, NVIDIA's card (its manual, 2026)", "not measured here",
 )[0]  # fmt: skip
 _PAPER, _FRONT = colour("#eef3f7", "#fbe3c8")
 _INKS = np.array([draw.BLUE, draw.ORANGE, draw.GREEN, draw.PURPLE])

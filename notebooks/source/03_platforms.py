@@ -44,17 +44,18 @@ import textwrap
 
 import matplotlib.pyplot as plt
 import numpy as np
-from IPython.display import Markdown
+from IPython.display import Markdown, display
 
 from course import kinematics
 from course.cards import figures, interview
 from course.charts import read
+from course.charts.platforms import jobs
 from course.charts.platforms.record import AXES
 from course.derivations import answer, show
 from course.oracles.engines import engines
 from course.oracles.mujoco.kit import library
 from course.platforms import AS_SHIPPED, FAIR, SCENES, measures, prepared, scenes, theory
-from course.platforms.choose import Fact, Need, choose
+from course.platforms.choose import Need, choose
 from course.platforms.recorded import recorded
 from course.simulations.platforms import area
 
@@ -93,7 +94,8 @@ for make in ("tumble", "chain", "arm"):
     print(f"MuJoCo {errors[1]:.8f}, tolerance {scene.tolerance:g}")
 
 # %% [markdown]
-# Two programs with other algorithms inside (ours has no mass matrix) make the same error to eight digits. The others?
+# Two programs with different algorithms inside (ours never builds a mass matrix) make the same error, in every digit
+# that is printed. The others?
 #
 # ![Error over the step on three scenes, and how far errors are from our own](../docs/charts/platform_accuracy.png)
 
@@ -132,12 +134,11 @@ table(
 # %% [markdown]
 # (Our code has none: its defaults are what the scenes ask for, as both were written for this course.)
 #
-# One remark on honesty. MuJoCo's `solref` was chosen with results in view: a shorter one sinks less at rest, but threw
-# a sliding block off its slope. It lies within what the manual advises; `solimp` goes a little beyond. Fair is a
-# decision that can be argued with. That is why it is a list.
+# One remark on honesty. `solref` and `solimp` say how soft a contact of MuJoCo is (chapter 2). `solref` was chosen with
+# results in view: a shorter one sinks less at rest, but threw a sliding block off its slope. It lies within what the
+# manual advises; `solimp` goes a little beyond. Fair is a decision that can be argued with. That is why it is a list.
 #
-# What do the defaults cost? Error at 1 ms as shipped over error with fair settings, and which change alone would take
-# most of it away:
+# What do the defaults cost? Error at 1 ms as shipped over error with fair settings:
 
 # %%
 names = ("tumble", "chain", "brake", "tower", "grasp")
@@ -150,6 +151,9 @@ for s, name in enumerate(names):
 show("defaults_differ")
 
 # %% [markdown]
+# Which default is it? Keep the fair settings and take one change back at a time. (A **friction cone** is the set of
+# forces that a contact can bear without slipping: round, or a pyramid, which is cheaper.)
+#
 # ![Error without one change over that with all, by engine and scene](../docs/charts/platform_effects.png)
 
 # %%
@@ -160,14 +164,15 @@ for scene in (scenes.brake(np.radians(22.5)), scenes.grasp()):
     print("  ", ", ".join(f"{one.key} {1e3 * one.without:.3f}" for one in told[:4]))
 
 # %% [markdown]
-# The cone owns the braking block, and the other three share the grasp. In PyBullet it is damping for what flies, motors
-# and inertias for what is jointed, and a product of coefficients for what slides. In Drake it is one switch.
+# In MuJoCo the cone alone decides over the braking block; impratio (how much harder friction is than the normal) and
+# `solref` over most of the grasp. In PyBullet it is damping for what flies, motors and inertias for what is jointed,
+# and a product of coefficients for what slides. In Drake it is one switch, from points to patches: the next section.
 #
 # <div class="alert alert-block alert-warning">
 #
-# **Key insight.** With the same scheme and the same step, engines agree to three digits or more. Their defaults differ
-# a hundredfold. So a comparison that doesn't list its settings compares settings, and "which simulator?" comes after
-# "which scheme, which step, which contact?"
+# **Key insight.** Where nothing touches, engines with the same scheme and the same step agree to three digits. Their
+# defaults can differ a hundredfold. So a comparison that doesn't list its settings compares settings, and "which
+# simulator?" comes after "which scheme, which step, which contact?"
 #
 # </div>
 #
@@ -184,19 +189,18 @@ simulation("Collapsing tower")
 # <tr><td>MuJoCo</td> <td>Todorov, Erez, Tassa (IROS 2012); DeepMind since 2021, open since 2022</td>
 # <td>a convex problem for each step, softened, so its solution is unique</td> <td>a contact that sticks may slide a
 # little</td></tr>
-# <tr><td>Drake</td> <td>begun at MIT; Toyota Research Institute</td> <td>by points, or by
+# <tr><td>Drake</td> <td>begun at MIT's CSAIL, led by the Toyota Research Institute</td> <td>by points, or by
 # pressure over a patch</td> <td>time; and a patch has a stiffness that you choose</td></tr>
 # <tr><td>PyBullet</td> <td>Coumans and Bai, from 2016; Bullet's solver</td> <td>sweeps over single contacts until they
-# change little</td> <td>which of several answers</td></tr>
+# change little</td> <td>which of several possible answers it finds</td></tr>
 # <tr><td>own code</td> <td>chapter 2</td> <td>Coulomb's law by Newton's method</td> <td>time: Python at every
 # step</td></tr>
-# <tr><td>Isaac Sim</td> <td>NVIDIA; PhysX (manual, 2025)</td> <td>not measured here</td> <td></td></tr>
+# <tr><td>Isaac Sim</td> <td>NVIDIA; PhysX or Newton (manual, 2026)</td> <td>not measured here</td> <td></td></tr>
 # </table>
 #
 # **Point contact** has a force at each of a few points; between two boxes Drake finds one, on which a box tips.
 # **Hydroelastic contact** gives bodies a pressure inside and integrates it over the surface where two pressures are
-# equal (Elandt and others, IROS 2019). It is not its default. A **friction cone** is
-# the set of forces that a contact can bear without slipping: round, or a pyramid, which is cheaper.
+# equal (Elandt, Drumwright, Sherman and Ruina, IROS 2019).
 
 # %%
 show("drake_hydroelastic")
@@ -210,7 +214,8 @@ show("opened")
 # %% [markdown]
 # ### What an engine reports
 #
-# Chapter 2's residuals, fed with the contacts that MuJoCo reports for a tower:
+# Chapter 2's residuals say by how much each law of contact is broken. Here they are fed with the contacts that MuJoCo
+# reports for a tower:
 
 # %%
 for settings in (AS_SHIPPED, FAIR):
@@ -238,56 +243,25 @@ show("rk4_and_contact")
 #
 # A rating adds up things that can't pay for each other. Write needs instead: a limit on a measured fact. An engine that
 # misses one is out; of the rest the cheapest is taken; *unknown meets nothing*; and the answer says which limit would
-# turn it.
+# turn it. The facts come from one table, ten scenes on four engines at 1 ms, rebuilt by `make charts`:
+#
+# ![Error over tolerance of ten scenes, fair and as shipped, and their cost](../docs/charts/platforms_table.png)
 
 # %%
-facts = {}
-for e, name in enumerate(found.engines):
-    rows = {f"{scene} error": Fact(found.errors[s, 1, 1, e]) for s, scene in enumerate(names)}
-    rows |= {f"cost of {scene}": Fact(found.costs[s, 1, e]) for s, scene in enumerate(names)}
-    rows["faults told"] = Fact(found.radar[e, 4, 1])
-    rows["comes with make lab"] = Fact(name in ("own code", "MuJoCo"), source="this course")
-    facts[name] = rows
-mm, worlds = 1e-3, Need("thousands of worlds on a GPU")
-held = [Need("grasp error", 1 * mm, "at most")]
-contact = [*held, Need("brake error", 10 * mm, "at most"), Need("tower error", 1 * mm, "at most")]
-jobs = {
-    "RL training, for speed": (held, "cost of grasp"),
-    "RL training, from images": ([*held, Need("photorealistic cameras")], "cost of grasp"),
-    "Manipulation research": (contact, "cost of tower"),
-    "Visual perception": ([Need("photorealistic cameras")], "cost of tower"),
-    "Control that is proved safe": ([Need("certificate of the contact model")], "cost of tower"),
-    "A quick prototype": (
-        [Need("comes with make lab"), Need("faults told", 0.75, "at least")],
-        "cost of tower",
-    ),
-    "Soft, deformable objects": ([Need("finite elements")], "cost of grasp"),
-}
-documented = {
-    "photorealistic cameras": "Isaac Sim: ray tracing on an RTX card (its manual, 2025)",
-    "certificate of the contact model": "Drake has tools for certificates of *models* (its manual, 2026)",
-    "finite elements": "SOFA (its README, 2025); Isaac Sim with PhysX (its manual, 2025)",
-}
-
-
-def told(needs, by):
-    """The third column: what decided, and what would turn it."""
-    one = choose(facts, needs, by)
-    if one.pick is None:
-        row = next(n.row for n in needs if n.row in documented or n is worlds)
-        return "not measured here", f"{row}: unknown of all four. {documented.get(row, '')}"
-    why = "decided by " + ", ".join(one.deciding)
-    if one.turn:
-        why += f"; {one.turn.row} {one.turn.limit:.2g} would make it {one.turn.pick or 'none'}"
-    return one.pick, why
-
-
-table(("Job", "Pick", "Why"), [(job, *told(*asked)) for job, asked in jobs.items()])
+figures(read("platforms_table"), "With the same", "As shipped, the", "Fair, ", "Our own", "They are", "Drake's",
+        summary="All scenes, engines and settings")  # fmt: skip
 
 # %% [markdown]
-# Three rows have an answer, and it is the same one: among these four, on these scenes. Four have none, and the table
+# Seven jobs as limits on that table (a place may be off by 1 mm, a stop by 1 cm):
+
+# %%
+facts = jobs.facts()
+table(("Job", "Pick", "Why"), [(job, *jobs.told(job)) for job in jobs.JOBS])
+
+# %% [markdown]
+# Three jobs have an answer, and it is the same one: among these four, on these scenes. Four have none, and the table
 # says so instead of naming somebody: rendering, finite elements and proofs were not measured, so what stands there is
-# documentation with its year. Change a limit and watch the pick turn.
+# documentation with its year.
 #
 # <div class="alert alert-block alert-success">
 #
@@ -297,6 +271,39 @@ table(("Job", "Pick", "Why"), [(job, *told(*asked)) for job, asked in jobs.items
 # and is the opposite.
 #
 # </div>
+#
+# ### What one hears of them
+#
+# Names come with sentences. True, false, or only if?
+
+# %%
+for claim in ("default_of_learning", "bullet_on_gpu", "drake_planners", "proof_never_falls", "built_on",
+              "bullet_less_accurate", "python_first"):  # fmt: skip
+    display(show(claim))
+
+# %% [markdown]
+# <details><summary>More of what one hears, and what their own pages say (read in 2026, not measured here)</summary>
+#
+# <table>
+# <tr><th>heard</th> <th>documented</th> <th>source</th></tr>
+# <tr><td>MuJoCo is Multi-Joint dynamics with Contact, by Todorov, University of Washington</td> <td>so; written with
+# Erez and Tassa, sold by Roboti, bought by DeepMind in October 2021, open since May 2022</td> <td>IROS 2012; MuJoCo's
+# manual, Overview, 2026</td></tr>
+# <tr><td>Isaac Sim ray-traces for visual transfer</td> <td>its renderer is RTX, path tracing by default; whether a
+# policy transfers is another question</td> <td>its manual, Rendering modes, 2026</td></tr>
+# <tr><td>too slow? Switch from RTX to rasterisation</td> <td>there is no other renderer to switch to; RTX has a mode
+# *Minimal*, with one light and hard shadows, for training</td> <td>the same page</td></tr>
+# <tr><td>Drake is MIT's</td> <td>started by the Robot Locomotion Group there; core development led by the Toyota
+# Research Institute</td> <td>its front page, 2023</td></tr>
+# <tr><td>SOFA has finite elements on the GPU</td> <td>finite elements, yes; the GPU by a plugin, SofaCUDA, that not
+# all components support</td> <td>its README, 2024; its discussion 4705</td></tr>
+# <tr><td>Isaac Lab succeeds Isaac Gym</td> <td>it replaces the frameworks around it, IsaacGymEnvs, OmniIsaacGymEnvs and
+# Orbit; Isaac Gym was a simulator, Isaac Lab runs on one</td> <td>Isaac Sim's manual, Isaac Lab, 2026</td></tr>
+# <tr><td>SAPIEN has articulated objects and rendering</td> <td>so: two thousand objects of PartNet-Mobility; a
+# rasteriser and a ray tracer</td> <td>Xiang and others, CVPR 2020; its README, 2026</td></tr>
+# </table>
+#
+# </details>
 #
 # ### Five axes
 
@@ -327,9 +334,13 @@ for name, five in zip(found.engines, found.radar[:, :, 1], strict=True):
     )
 
 # %% [markdown]
-# Nothing was measured anew, and an area changed by up to a third. Read the axes, never the area. And where a band
+# Nothing was measured anew, and an area changed by nearly a third. Read the axes, never the area. And where a band
 # is wide, read the scenes: a median of three hides a tower.
-#
+
+# %%
+show("radar_area")
+
+# %% [markdown]
 # ## 4 · Code
 #
 # ### The contract
@@ -396,12 +407,24 @@ plt.show()
 
 # %% [markdown]
 # The first is the listing that one finds everywhere. It runs, and its elbow has wound up many turns in two seconds: a
-# constant torque does work, and nothing takes it. Joints have friction and stops, and a drive has a law of its own. So
-# the third asks a **position actuator**, a servo with gains, for angles. What a real joint has besides is **armature**,
-# the inertia of the motor's rotor as the joint feels it through the gear, which no URDF can say.
+# constant torque does work, and nothing takes it.
+
+# %%
+show("hello_world_winds")
 
 # %%
 show("motor_is_torque")
+
+# %% [markdown]
+# Joints have friction and stops, and a drive has a law of its own. So the third asks a **position actuator**, a servo
+# with gains, for angles. What a real joint has besides is **armature**, the inertia of the motor's rotor as the joint
+# feels it through the gear, which no URDF can say.
+
+# %%
+show("damping_realism")
+
+# %%
+show("servo_droops")
 
 # %% [markdown]
 # ## 5 · The simulation in full
@@ -441,9 +464,9 @@ said(
 )
 
 # %% [markdown]
-# Where nothing touches, a scheme of order four wins at every tolerance that one would ask for, whoever wrote it. With
-# contact the order is one for all, and what counts is the price of a step. There our Python is two orders of magnitude
-# too dear, and exact; see the tower.
+# Where nothing touches, a scheme of order four wins as soon as the tolerance is tight, whoever wrote it; the tumble's
+# is loose, and Euler at a long step will do. With contact the order is one for all, and what counts is the price of a
+# step. There our Python is two orders of magnitude too dear, and exact; see the tower.
 #
 # How does that price grow? The **scaling exponent** is the slope of cost over size on log axes:
 #
@@ -455,15 +478,18 @@ said("platform_scaling", "field: MuJoCo over", "field: Drake", "field: PyBullet"
 
 # %% [markdown]
 # The last panel is a trap of its own. PyBullet is called once a step, and pays for the call; the others can take many
-# steps in one. For one cube most of a step is the call. A rate that is measured on a small scene through Python is
-# Python's.
+# steps in one. For one cube more than half of a step is the call. A rate that is measured on a small scene through
+# Python is Python's.
 #
-# *What to pick.* Smooth motion: RK4, in whichever engine you have. Contact within a millimetre: MuJoCo, elliptic, at
-# the largest step that the tolerance allows. A patch that must carry a moment: Drake's hydroelastic, if you can pay for
-# it. And before the first step there is a price as well:
+# *What to pick*, on these scenes. Smooth motion: RK4, in whichever engine has it. Contact within a millimetre: MuJoCo,
+# elliptic, at the largest step that the tolerance allows. A patch that must carry a moment: Drake's hydroelastic, if
+# you can pay for it. And before the first step there is a price as well:
 
 # %% tags=["nbval-ignore-output"]
 said("platform_installs", "own", "MuJoCo", "Drake", "PyBullet")
+
+# %%
+show("lightest_install")
 
 # %% [markdown]
 # ## 7 · Where each fails
@@ -487,8 +513,8 @@ said("platform_braking", "own code", "Drake  ", "MuJoCo, as", "Drake, as", "PyBu
 
 # %% [markdown]
 # First order, one line for all: another error that is the scheme's. What leaves the line is a default. PyBullet
-# *multiplies* the coefficients of both bodies, so it slides nearly twice as far. Drake as shipped stops nearly at once,
-# by points and its default solver `lagged`; the same points by `sap` keep near the law (see the picture).
+# *multiplies* the coefficients of both bodies, so it slides nearly twice as far. Drake as shipped stops nearly at once:
+# one point, solved by its default method, `lagged`. The same point by its other method, `sap`, keeps near the law.
 
 # %%
 show("friction_rules")
@@ -556,7 +582,7 @@ figures(read("platform_grasp"), "own code", "MuJoCo, fair         1", "Drake, fa
         summary="Each squeeze")  # fmt: skip
 
 # %%
-least = {s.name: measures.grasp_limit(mujoco, 1e-3, s, rounds=5) for s in (AS_SHIPPED, FAIR)}
+least = {s.name: measures.grasp_limit(mujoco, 1e-3, s, rounds=8) for s in (AS_SHIPPED, FAIR)}
 print(", ".join(f"MuJoCo {name}: {x:.3f} of m g / (2 mu)" for name, x in least.items()))
 
 # %% [markdown]
@@ -610,16 +636,19 @@ show("reset_world")
 #
 # ### Models that can't be
 #
-# A mass of NaN, a negative one, an axis of zero, limits swapped: 27 texts that are wrong, 6 features that are right.
-# What does a reader do? *Refused* and *warned* are honest; *swallowed* means that you simulate it. As bad is a
-# **silent repair**: the model runs, and isn't yours.
+# A mass of NaN, a negative one, an axis of zero, limits swapped: texts that are wrong, and beside them features that
+# are right. What does a reader do? *Refused* and *warned* are honest; *swallowed* means that you simulate it. As bad is
+# a **silent repair**: the model runs, and isn't yours.
 #
 # ![Faulty models and features by reader: refused, repaired or swallowed](../docs/charts/platform_readers.png)
 
 # %%
 figures(read("platform_readers"), "model  ", "negative mass", "NaN mass", "triangle", "zero axis", "swapped limits",
         "mimic  ", "friction", "two parents", "chapter 4:", "Pinocchio:", "MuJoCo:", "Drake:", "PyBullet:",
-        summary="All 33")  # fmt: skip
+        summary="All texts")  # fmt: skip
+
+# %%
+show("loaded_is_not_sound")
 
 # %% [markdown]
 # Chapter 4's reader is not the better one: it reads few kinds of joint, and refuses the rest by name. Readers change
@@ -642,7 +671,7 @@ show("friction_of_a_urdf")
 # </div>
 
 # %%
-for needs in ([*held, worlds], held, [Need("grasp error", 0.01 * mm, "at most")]):
+for needs in ([*jobs.HELD, jobs.WORLDS], jobs.HELD, [Need("grasp error", 1e-5, "at most")]):
     print(textwrap.indent(str(choose(facts, needs, "cost of grasp")), "  ")[2:])
 
 # %% [markdown]
@@ -675,7 +704,8 @@ for needs in ([*held, worlds], held, [Need("grasp error", 0.01 * mm, "at most")]
 # <details><summary>What people get wrong there</summary>
 #
 # They take fewer environments. Frames get quicker, samples a second get fewer, unless memory was full. Or they trust
-# **headless**, which takes the window away: cameras that a task asks for are rendered all the same.
+# **headless**, which takes the window away (in Isaac Lab 3, `--viz none`): cameras that a task asks for are rendered
+# all the same.
 #
 # </details>
 #
@@ -694,7 +724,7 @@ simulation("Sinking grasp")
 # <tr><td>agrees at rest, lags in motion</td> <td>the drive's own loop is missing</td> <td>a step in position, on
 # both</td> <td>position actuators with its gains, rate and limit</td></tr>
 # <tr><td>Isaac Sim: few frames a second</td> <td>rendering</td> <td>cameras off: how much quicker?</td> <td>fewer,
-# smaller, less often; rasterised where photorealism isn't needed</td></tr>
+# smaller, less often; RTX's *Minimal* mode where photorealism isn't needed</td></tr>
 # <tr><td>Isaac Sim: slow without cameras</td> <td>physics step, or a small scene on the GPU</td> <td>halve the rate;
 # the CPU's physics</td> <td>the largest step in tolerance; CPU for few bodies; many worlds for the GPU</td></tr>
 # <tr><td>a part sinks in the grip</td> <td>creep</td> <td>tangential over normal force: below µ?</td> <td>impratio,
@@ -718,9 +748,9 @@ predict("millions_a_second")
 # ### How to read a claim of speed
 #
 # In December 2024 Genesis was announced with tens of millions of steps a second. Its own thread (issue 181) took the
-# benchmark apart: the robot got one action and then none, and could not hit itself. With better settings, self
-# collision and random actions, the maintainers' own table went from 14.5 to 1.2 million. Nobody had lied: a robot that
-# has come to rest is cheap. You can have that here:
+# benchmark apart: the robot got one action and then none, and could not hit itself. With more exact settings, self
+# collision and random actions, the maintainers' own table went from 14.5 to 1.2 million. Nobody need have lied: where
+# little touches, a step is cheap. You can have that here:
 
 # %% tags=["nbval-ignore-output"]
 from course.measure.timing import batches, interleaved
@@ -896,11 +926,11 @@ answer("braking_short", "v*dt/2")
 # <tr><td>MuJoCo Warp, MJX</td> <td>MuJoCo rewritten for NVIDIA's GPUs; MJX is the form in JAX (since MuJoCo 3.0, 2023),
 # which can use either</td> <td>beta in 2025, released with MuJoCo's numbers since; its package page, 2026. Not all
 # solvers are there, noslip for one</td></tr>
-# <tr><td>Newton</td> <td>one frame for several solvers, MuJoCo Warp among them; open, **differentiable** (gradients of
-# a motion with respect to what caused it)</td> <td>NVIDIA, Google DeepMind, Disney Research, under the Linux
-# Foundation; its pages, 2026</td></tr>
-# <tr><td>Isaac Lab</td> <td>learning tasks over a choice of physics, PhysX or Newton, the second without Isaac Sim</td>
-# <td>3.0 in beta; its documentation, 2026</td></tr>
+# <tr><td>Newton</td> <td>one frame for several solvers, MuJoCo Warp among them; open, contact by patches too,
+# **differentiable** (gradients of a motion with respect to what caused it)</td> <td>NVIDIA, Google DeepMind, Disney
+# Research, under the Linux Foundation; its pages, 2026</td></tr>
+# <tr><td>Isaac Lab</td> <td>learning tasks over a choice of physics, PhysX or Newton; Isaac Sim is optional</td>
+# <td>3.0, released in October 2026; its release notes</td></tr>
 # <tr><td>Genesis</td> <td>rigid, soft and fluid solvers in one; scenes made from language were announced</td> <td>2024;
 # see its issue 181</td></tr>
 # <tr><td>SAPIEN, ManiSkill 3</td> <td>a different scene in each of many worlds, with cameras</td> <td>its README,
@@ -927,23 +957,16 @@ for (name, settings), one in reach.items():
 # %% [markdown]
 # A **sim-to-sim gap** is what a controller loses that was tuned on one simulator and runs on another: a rehearsal of
 # the gap to reality that costs nothing. Here it is a reach of the seven-joint arm by chapter 6's computed torque, tuned
-# on our code. With all that are installed:
+# on our code. The same in all of them:
 
-# %% tags=["nbval-ignore-output"]
-for name in ("Drake", "PyBullet"):
-    for settings in (AS_SHIPPED, FAIR):
-        if known[name].missing():
-            print(f"{name}: {known[name].missing()}")
-            break
-        one = measures.reach(known[name], 1e-3, settings)
-        ends = f"tip {1e3 * one.error:8.4f} mm off, {'there' if one.success else 'NOT there'}"
-        print(f"{name:<9} {settings.name:<11} {ends}")
+# %%
+show("controller_moves")
 
 # %% [markdown]
-# Fair, the gap is nothing; as shipped, one engine fails, for reasons that you know. So does a gap tell of the other
-# simulator, or of its importer? Take the importer's bug of 2026: the joints' damping $d$ is lost, and the controller,
-# which counts on it, pushes with $d\,\dot q$ where nothing pushes back. Against its own $2\,\omega M \dot q$ that wins
-# where the smallest inertia is under $d/(2\,\omega)$:
+# Fair, hardly anything is lost; as shipped, one engine fails, for reasons that you know. So does a gap tell of the
+# other simulator, or of its importer? Take the importer's bug of 2026: the joints' damping $d$ is lost, and the
+# controller, which counts on it, pushes with $d\,\dot q$ where nothing pushes back. Against its own $2\,\omega M \dot
+# q$ that wins where the smallest inertia is under $d/(2\,\omega)$:
 
 
 # %%

@@ -134,9 +134,9 @@ def damping_realism(found):
 
 @claim(
     "Real joints have position servos, so a position actuator makes the model real.",
-    "The model gets a spring, not the robot's servo. It holds a link out {formula} too low: with "
-    "the default gain, {kp:.0f}, it hung {default:.0f} degrees below level; with {stiff:.0f} it "
-    "was {droop:.2f}.",
+    "The model gets a spring, not the robot's servo. By small angles it holds a link out {formula} "
+    "too low: with a gain of {stiff:.0f} it hung {droop:.2f} degrees below level, and "
+    "{default:.0f} with {kp:.0f}, the default.",
     ask=("A servo of gain kp without an integral holds a link out level, mass m with its centre at "
          "d. How low does it hang, small angles?", "e = m*g*d/kp", {
              "kp/(m*g*d)": "A stiffer servo holds it higher.",

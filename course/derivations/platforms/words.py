@@ -33,8 +33,8 @@ def seconds(call, repeats):
     "The engine's name leaves its settings open, and they decide. One engine, Bullet, stopped a "
     "block {shipped:.0%} further with PyBullet's own settings than with the scene's; three "
     "engines with the scene's settings ended within {spread:.2%}.",
-    source="Documented, not measured here: Isaac Sim on PhysX 5 and Omniverse (NVIDIA, Isaac Sim "
-    "documentation, 2025); Isaac Lab 3 offers Newton as a second backend (2026)",
+    source="Documented, not measured here: Isaac Sim on Omniverse, with PhysX or Newton (NVIDIA, "
+    "Isaac Sim documentation, 2026); both are backends of Isaac Lab 3.0 (2026)",
 )
 def built_on(found):
     from course.platforms import AS_SHIPPED, FAIR, measures
@@ -114,13 +114,16 @@ def drake_guarantees(found):
 
 @claim(
     "Drake brings the planners SNOPT and IPOPT, LQR and MPC.",
-    "SNOPT and IPOPT are solvers: the plan is the program that one writes for them. LQR is there, "
-    "with SciPy's gain to {digits:.0f} digits; of {n:.0f} names among Drake's controllers in "
-    "Python {mpc:.0f} is a predictive one, so MPC is written by hand.",
-    source="Drake 1.51, 2026, pydrake.systems.controllers, pydrake.solvers",
+    "SNOPT and IPOPT are solvers: a plan is a program for them, which one writes or takes from one "
+    "of {plans:.0f} classes of trajectory optimisation. LQR is there, with SciPy's gain to "
+    "{digits:.0f} digits. Of {n:.0f} names among the controllers in Python {mpc:.0f} are "
+    "predictive; one that is linear stays out of Python.",
+    source="Drake 1.51, 2026, pydrake.planning, solvers, systems.controllers; in C++ "
+    "systems/controllers/linear_model_predictive_controller.h",
 )
 def drake_planners(found):
     simulators(DRAKE)
+    import pydrake.planning
     import pydrake.solvers
     import pydrake.systems.controllers as controllers
     from scipy.linalg import solve_continuous_are
@@ -131,11 +134,13 @@ def drake_planners(found):
     names = [name for name in dir(controllers) if name[0].isupper() and "_" not in name]
     mpc = found.figure("mpc", sum("Predictive" in name or "Mpc" in name for name in names), 0.0)
     found.figure("n", len(names), 0.5)
+    plans = [getattr(pydrake.planning, x) for x in dir(pydrake.planning) if "TrajectoryOpt" in x]
+    found.figure("plans", sum(isinstance(plan, type) for plan in plans), 0.5)
     digits = found.figure("digits", np.floor(-np.log10(max(off, 1e-10))), 0.3)
     solvers = [getattr(pydrake.solvers, name)() for name in ("SnoptSolver", "IpoptSolver")]
     found.statement = "Names of the module, and the gain of an unstable second-order plant."
     found.heard(mpc > 0)
-    found.corrected(digits >= 7, *(s.available() and s.enabled() for s in solvers),
+    found.corrected(digits >= 7, len(plans) > 0, *(s.available() and s.enabled() for s in solvers),
                     *(isinstance(s, pydrake.solvers.SolverInterface) for s in solvers))  # fmt: skip
 
 
@@ -189,7 +194,7 @@ def proof_never_falls(found):
     "{side:.0f} pixels came out all the same, at {steps:.1f} powers of ten more than a step of the "
     "scene. To save that, take the camera out.",
     source="Documented, not measured here: Isaac Lab, AppLauncher, 2025: --headless opens no "
-    "window, --enable_cameras renders without one",
+    "window, --enable_cameras renders without one; since 3.0 (2026) it is --viz none",
 )
 def headless_renders(found):
     from course.oracles.pybullet import library
@@ -218,8 +223,8 @@ def headless_renders(found):
 
 @claim(
     "MuJoCo 3 is a simulator with a Python-first API.",
-    "Its API is C's, by its own manual: {same:.0f} of {n:.0f} functions of mujoco.h carry the same "
-    "name in Python. The bindings came with version {first}, not with the third.",
+    "Its API is the header mujoco.h, by its own manual: {same:.0f} of its {n:.0f} functions carry "
+    "the same name in Python. The bindings came with version {first}, not with the third.",
     source="MuJoCo 4.0 manual, 2026, Python and Changelog",
 )
 def python_first(found):
@@ -274,9 +279,10 @@ def opened(found):
 
 @claim(
     "PyBullet wraps Bullet, and has no physics on the GPU.",
-    "Of the {n:.0f} names of its module {gpu:.0f} speaks of a GPU, CUDA or OpenCL; {gl:.0f} speak "
-    "of OpenGL, which draws.",
-    source="PyBullet Quickstart Guide, 2023; Coumans and Bai, PyBullet, 2016 to 2021",
+    "Of the {n:.0f} names of its module {gpu:.0f} speak of a GPU, CUDA or OpenCL, and {gl:.0f} of "
+    "OpenGL, which draws. An experiment with OpenCL in Bullet's own sources stays there.",
+    source="README of bullet3, on experimental OpenCL; PyBullet Quickstart Guide, 2023; Coumans "
+    "and Bai, PyBullet, 2016 to 2021",
 )
 def bullet_on_gpu(found):
     from course.oracles.pybullet import library
@@ -333,8 +339,9 @@ def fewer_environments(found):
     "A number without its scene says nothing. A pendulum that touches nothing fell short of ten "
     "million by {short:.1f} powers of ten, and {n:.0f} cubes on the ground cost {ground:.1f} "
     "powers of ten more than in the air.",
-    source="genesis-world, issue 181, 2024: from 14.5 to 1.2 million once the robot moved and "
-    "could touch itself; DeepMind, MuJoCo XLA, 2023: millions of steps on accelerators, in batches",
+    source="genesis-world, issue 181, 2024: from 14.5 to 1.2 million with more exact settings, a "
+    "robot that moved and could touch itself; DeepMind, MuJoCo XLA, 2023: millions of steps on "
+    "accelerators, in batches",
 )
 def steps_per_second(found):
     import mujoco

@@ -1,0 +1,67 @@
+"""Seven jobs as needs on the stored tables, and what `choose` answers."""
+
+from collections.abc import Mapping
+
+from course.charts.platforms.record import READER
+from course.charts.platforms.table import ENGINES, TABLE, Rows, costs, errors, stored_rows
+from course.platforms.choose import Fact, Need, choose
+from course.platforms.models import honesty
+
+
+def facts(rows: Rows | None = None) -> dict[str, dict[str, Fact]]:
+    """What was measured of each engine with fair settings at 1 ms: error and cost of every scene.
+
+    Beside them stand the share of faulty models that it tells of, and whether `make lab` brings it.
+
+    Args:
+        rows: of `platforms_table`; None for the stored ones.
+    """
+    rows = stored_rows() if rows is None else rows
+    read = stored_rows("platform_readers")
+    found: dict[str, dict[str, Fact]] = {}
+    for name in ENGINES:
+        mine = found[name] = {}
+        for scene in TABLE:
+            mine[f"{scene} error"] = Fact(errors(rows, scene)[name])
+            mine[f"cost of {scene}"] = Fact(costs(rows, scene)[name])
+        verdicts = {row[1]: row[3] for row in read if row[0] == READER.get(name, name)}
+        mine["faults told"] = Fact(honesty(verdicts))
+        mine["comes with make lab"] = Fact(name in ENGINES[:2], source="this course")
+    return found
+
+
+WORLDS, CAMERAS = Need("thousands of worlds on a GPU"), Need("photorealistic cameras")
+HELD = [Need("grasp error", 1e-3, "at most")]
+TOUCHING = [*HELD, Need("brake error", 1e-2, "at most"), Need("tower error", 1e-3, "at most")]
+JOBS: Mapping[str, tuple[list[Need], str]] = {
+    "RL training, for speed": (HELD, "cost of grasp"),
+    "RL training, from images": ([*HELD, CAMERAS], "cost of grasp"),
+    "Manipulation research": (TOUCHING, "cost of tower"),
+    "Visual perception": ([CAMERAS], "cost of tower"),
+    "Control that is proved safe": ([Need("certificate of the contact model")], "cost of tower"),
+    "A quick prototype": (
+        [Need("comes with make lab"), Need("faults told", 0.75, "at least")], "cost of tower",
+    ),
+    "Soft, deformable objects": ([Need("finite elements")], "cost of grasp"),
+}  # fmt: skip
+DOCUMENTED = {
+    CAMERAS.row: "Isaac Sim path-traces on an RTX card (its manual, 2026)",
+    "certificate of the contact model": "Drake certifies states of a *model* (its manual, 2026)",
+    "finite elements": "SOFA (its README, 2024); PhysX has soft bodies (Isaac Lab's manual, 2026)",
+}
+
+
+def told(job: str, rows: Rows | None = None) -> tuple[str, str]:
+    """The pick for a job, and the rows that decided it; where none could, what is documented."""
+    needs, by = JOBS[job]
+    found = choose(facts(rows), needs, by)
+    if found.pick is None:
+        unknown = [row for row in found.deciding if row in DOCUMENTED]
+        return "not measured here", "; ".join(
+            f"{row}: unknown of all four. {DOCUMENTED[row]}" for row in unknown
+        )
+    why = "decided by " + ", ".join(found.deciding)
+    if found.turn:
+        limit, pick = f"{found.turn.limit:.2g}", found.turn.pick or "none"
+        why += f"; {found.turn.row} {limit} would make it {pick}"
+    return found.pick, why
