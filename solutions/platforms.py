@@ -153,12 +153,7 @@ def pick_engine(
 
 
 def compare_engines(
-    mu: float,
-    masses: ArrayLike,
-    place: float,
-    speed: float,
-    steps: ArrayLike,
-    times: ArrayLike,
+    mu: float, masses: ArrayLike, place: float, speed: float, steps: ArrayLike, times: ArrayLike
 ) -> tuple[np.ndarray, np.ndarray]:
     """One scene on two engines: a block that slides over a plank, which is free itself.
 

@@ -10,7 +10,6 @@ recommended for contact by patches: a half space gives the same motion and a war
 
 from __future__ import annotations
 
-import importlib.metadata
 import importlib.util
 from types import ModuleType
 from typing import Any
@@ -18,26 +17,14 @@ from typing import Any
 import numpy as np
 
 from course.check import positive
-from course.platforms.contract import (
-    FAIR,
-    NO_CONTACTS,
-    Array,
-    Change,
-    ContactReport,
-    Engine,
-    Run,
-    Settings,
-    State,
-    slip_of,
-)
+from course.platforms import FAIR, NO_CONTACTS, Change, ContactReport, Engine
+from course.platforms.contract import Array, Run, Settings, State, reported
 from course.platforms.scenes import Scene
-from course.rigid_body import quaternion
+from course.rigid_body.quaternion import conjugate, rotate, to_matrix
 
 MODULUS = 1e6  # of the boxes [Pa]; one on the ground sinks by its pressure over this, of its half
 _GROUND = 100.0  # side of the ground [m]
-OPTIONS = (
-    "contact", "approximation", "stiction", "modulus", "stiffness", "relaxation", "accuracy",
-)  # fmt: skip
+OPTIONS = ("approximation", "modulus", "accuracy")
 
 
 def library() -> ModuleType:
@@ -46,19 +33,12 @@ def library() -> ModuleType:
     Raises:
         ImportError: it is not installed; the text says what to install.
     """
-    try:
-        import pydrake.multibody.plant
-    except ImportError as error:
-        raise ImportError(Drake().missing() or str(error)) from error
-    import pydrake.geometry
-    import pydrake.math
-    import pydrake.multibody.math
-    import pydrake.multibody.parsing
-    import pydrake.multibody.tree
-    import pydrake.systems.analysis
-    import pydrake.systems.framework
-
-    return pydrake
+    if missing := Drake().missing():
+        raise ImportError(missing)
+    for part in ("geometry", "math", "multibody.math", "multibody.parsing", "multibody.plant",
+                 "multibody.tree", "systems.analysis", "systems.framework"):  # fmt: skip
+        importlib.import_module(f"pydrake.{part}")
+    return importlib.import_module("pydrake")
 
 
 class Drake(Engine):
@@ -68,13 +48,11 @@ class Drake(Engine):
     and `similar` a box that slides glides above the ground and hops (Castro et al. 2022, An
     unconstrained convex formulation of compliant contact, on the gliding of convex approximations).
 
-    Options: `contact` ("point", "hydroelastic_with_fallback"), `approximation` ("lagged", "sap",
-    "similar"), `stiction` (its `stiction_tolerance` [m/s]), `modulus` of the boxes [Pa],
-    `stiffness` of points [N/m], `relaxation` (of `sap` [s]), `accuracy` (of a continuous scheme,
-    whose step is then chosen, at most dt).
+    Options: `approximation` ("lagged", "sap", "similar"), `modulus` of the boxes [Pa], `accuracy`
+    (of a continuous scheme, whose step is then chosen, at most dt).
     """
 
-    name = "Drake"
+    name, package = "Drake", "drake"
     schemes = ("discrete", "runge_kutta2", "runge_kutta3", "runge_kutta5", "implicit_euler")
     changes = (
         Change(
@@ -86,12 +64,8 @@ class Drake(Engine):
     )  # fmt: skip
 
     def missing(self) -> str:
-        if importlib.util.find_spec("pydrake"):
-            return ""
-        return "this needs Drake: make platforms, or pip install 'drake>=1.45'"
-
-    def version(self) -> str:
-        return "" if self.missing() else importlib.metadata.version("drake")
+        found = importlib.util.find_spec("pydrake")
+        return "" if found else "this needs Drake: make platforms, or pip install 'drake>=1.45'"
 
     def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> DrakeRun:
         return DrakeRun(self, scene, dt, settings)
@@ -113,15 +87,15 @@ class DrakeRun(Run):
         config = drake.multibody.plant.MultibodyPlantConfig(time_step=dt if discrete else 0.0)
         approximation = options.get("approximation", config.discrete_contact_approximation)
         config.discrete_contact_approximation = approximation
-        config.contact_model = options.get("contact", config.contact_model)
-        config.stiction_tolerance = options.get("stiction", config.stiction_tolerance)
         builder = drake.systems.framework.DiagramBuilder()
-        plant, self._graph = drake.multibody.plant.AddMultibodyPlant(config, builder)
-        self.plant = plant
+        self.plant, _ = plant, _ = drake.multibody.plant.AddMultibodyPlant(config, builder)
         self._bodies: list[Any] = []
         if scene.urdf:
             drake.multibody.parsing.Parser(plant).AddModelsFromString(scene.urdf, "urdf")
             plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+        self._numbers: dict[Any, int] = {}
+        if scene.ground:
+            self._shape(plant.world_body(), -1, (_GROUND, _GROUND, 1.0), (0.0, 0.0, -0.5))
         self._add_bodies()
         plant.mutable_gravity_field().set_gravity_vector(np.array(scene.gravity))
         plant.Finalize()
@@ -130,71 +104,51 @@ class DrakeRun(Run):
         simulator = drake.systems.analysis.Simulator(builder.Build())
         if not discrete:
             wanted = drake.systems.analysis.SimulatorConfig(
-                integration_scheme=scheme, max_step_size=dt,
+                integration_scheme=scheme, max_step_size=dt, accuracy=options.get("accuracy", 1e-4),
                 use_error_control="accuracy" in options,
-                accuracy=options.get("accuracy", 1e-4),
             )  # fmt: skip
             drake.systems.analysis.ApplySimulatorConfig(wanted, simulator)
-        self.simulator = simulator
+        self.simulator, self._steps = simulator, 0
         self.context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-        self._steps = 0
         self._push()
         self._start()
         self._first = simulator.get_context().Clone()
 
     # --- building -----------------------------------------------------------------------------
 
-    def _properties(self, rigid: bool) -> Any:
-        geometry, options = self._drake.geometry, self._settings.options
+    def _shape(self, body: Any, number: int, size: Any, place: Any = (0.0, 0.0, 0.0)) -> None:
+        """A box on a body; that of the ground, number -1, is rigid."""
+        geometry, modulus = self._drake.geometry, self._settings.options.get("modulus", MODULUS)
         friction = self._drake.multibody.plant.CoulombFriction(*[self.scene.friction] * 2)
         found = geometry.ProximityProperties()
-        geometry.AddContactMaterial(
-            dissipation=None, point_stiffness=options.get("stiffness"), friction=friction,
-            properties=found,
-        )  # fmt: skip
-        if "relaxation" in options:
-            found.AddProperty("material", "relaxation_time", options["relaxation"])
+        geometry.AddContactMaterial(friction=friction, properties=found)
         if self._settings.applies("hydroelastic"):
-            if rigid:
+            if number < 0:
                 geometry.AddRigidHydroelasticProperties(resolution_hint=_GROUND, properties=found)
             else:
-                geometry.AddCompliantHydroelasticProperties(
-                    resolution_hint=1.0, properties=found,
-                    hydroelastic_modulus=options.get("modulus", MODULUS),
-                )  # fmt: skip
-        return found
+                geometry.AddCompliantHydroelasticProperties(1.0, modulus, found)
+        at, box = self._drake.math.RigidTransform(np.array(place)), geometry.Box(*size)
+        shape = self.plant.RegisterCollisionGeometry(body, at, box, f"box {number}", found)
+        self._numbers[shape] = number
 
     def _add_bodies(self) -> None:
-        drake, plant, scene = self._drake, self.plant, self.scene
-        tree, geometry = drake.multibody.tree, drake.geometry
-        self._numbers: dict[Any, int] = {}
-        if scene.ground:
-            place = drake.math.RigidTransform([0.0, 0.0, -0.5])
-            ground = plant.RegisterCollisionGeometry(
-                plant.world_body(), place, geometry.Box(_GROUND, _GROUND, 1.0), "ground",
-                self._properties(rigid=True),
-            )  # fmt: skip
-            self._numbers[ground] = -1
-        for i, body in enumerate(scene.bodies):
+        plant, tree = self.plant, self._drake.multibody.tree
+        for i, body in enumerate(self.scene.bodies):
             unit = tree.UnitInertia(*(np.array(body.moments) / body.mass))
             part = plant.AddRigidBody(body.name, tree.SpatialInertia(body.mass, np.zeros(3), unit))
             self._bodies.append(part)
             if body.half:
-                shape = geometry.Box(*(2.0 * np.array(body.half)))
-                here = drake.math.RigidTransform()
-                properties = self._properties(rigid=False)
-                found = plant.RegisterCollisionGeometry(part, here, shape, body.name, properties)
-                self._numbers[found] = i
+                self._shape(part, i, 2.0 * np.array(body.half))
             if body.guide:
                 pose = np.array(body.pose)
                 place, world = self._transform(pose), plant.world_frame()
                 rail = plant.AddFrame(tree.FixedOffsetFrame(f"{body.name} rail", world, place))
-                axis = quaternion.rotate(quaternion.conjugate(pose[3:]), np.array(body.guide))
+                axis = rotate(conjugate(pose[3:]), np.array(body.guide))
                 slide = tree.PrismaticJoint(f"{body.name} slide", rail, part.body_frame(), axis)
                 plant.AddJoint(slide)
 
     def _transform(self, pose: Array) -> Any:
-        turn = self._drake.math.RotationMatrix(quaternion.to_matrix(pose[3:]))
+        turn = self._drake.math.RotationMatrix(to_matrix(pose[3:]))
         return self._drake.math.RigidTransform(turn, pose[:3])
 
     def _push(self) -> None:
@@ -272,18 +226,13 @@ class DrakeRun(Run):
         bodies = np.empty((2, len(rows)), dtype=np.int64)
         point, normal, force, gap = *np.empty((3, 3, len(rows))), np.empty(len(rows))
         for k, (first, second, place, push) in enumerate(rows):
-            if self._numbers[second] < self._numbers[first]:
-                first, second, push = second, first, -push
             bodies[:, k] = self._numbers[first], self._numbers[second]
             near = query.ComputeSignedDistancePairClosestPoints(first, second)
             point[:, k], force[:, k], gap[k] = place, push, near.distance
             # Drake's gradient points from B into A.
             side = 1.0 if near.id_B == first else -1.0
             normal[:, k] = side * near.nhat_BA_W
-        now = self.state()
-        return ContactReport(
-            bodies, point, normal, gap, force, slip_of(now.q, now.v, bodies, point, normal)
-        )
+        return reported(self.state(), bodies, point, normal, gap, force)
 
     def set_velocity(self, v: Array) -> None:
         plant, context = self.plant, self.context

@@ -7,7 +7,6 @@ data until the next one: what the contract asks for.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,18 +14,8 @@ from numpy.typing import ArrayLike
 
 from course.check import count, positive, vector
 from course.oracles.mujoco.kit import ALWAYS_OFF, CONTACT_OFF, MUJOCO_INTEGRATORS, library
-from course.platforms.contract import (
-    FAIR,
-    NO_CONTACTS,
-    Array,
-    Change,
-    ContactReport,
-    Engine,
-    Run,
-    Settings,
-    State,
-    slip_of,
-)
+from course.platforms import FAIR, NO_CONTACTS, Change, ContactReport, Engine
+from course.platforms.contract import Array, Run, Settings, State, reported
 from course.platforms.scenes import Body, Scene
 
 _TUNING = "MuJoCo 4.0 manual (2026), Modeling, Tuning and default values"
@@ -72,7 +61,7 @@ class MuJoCo(Engine):
     `noslip_iterations`, `iterations`, `solver` ("PGS", "CG", "Newton").
     """
 
-    name = "MuJoCo"
+    name, package = "MuJoCo", "mujoco"
     schemes = MUJOCO_INTEGRATORS
     changes = CHANGES
 
@@ -82,9 +71,6 @@ class MuJoCo(Engine):
         except ImportError as error:
             return str(error)
         return ""
-
-    def version(self) -> str:
-        return "" if self.missing() else str(library().__version__)
 
     def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> Run:
         positive("dt", dt, unit="s")
@@ -111,17 +97,12 @@ def _body(body: Body, contact: str) -> str:
 
 def mjcf(scene: Scene, dt: float, settings: Settings = FAIR) -> str:
     """The MJCF text of a scene of bodies: geom 0 is the ground, where there is one."""
-    options = settings.options
-    solref: Sequence[float] | None = options.get("solref")
-    solimp: Sequence[float] | None = options.get("solimp")
-    if solref is None and settings.applies("solref"):
-        solref = (max(0.005, 2.0 * dt), 1.0)
-    if solimp is None and settings.applies("solimp"):
-        solimp = (0.95, 0.99, 0.001)
+    fair = {"solref": (max(0.005, 2.0 * dt), 1.0), "solimp": (0.95, 0.99, 0.001)}
     # Sliding friction of both geoms is the scene's; MuJoCo takes the larger of the two.
     contact = f'friction="{scene.friction:.17g}"'
-    contact += f' solref="{_text(solref)}"' if solref is not None else ""
-    contact += f' solimp="{_text(solimp)}"' if solimp is not None else ""
+    for name, value in fair.items():
+        if name in settings.options or settings.applies(name):
+            contact += f' {name}="{_text(settings.options.get(name, value))}"'
     ground = f'<geom type="plane" size="0 0 1" {contact}/>' if scene.ground else ""
     bodies = "".join(_body(body, contact) for body in scene.bodies)
     return f"<mujoco><worldbody>{ground}{bodies}</worldbody></mujoco>"
@@ -138,8 +119,7 @@ class _Run(Run):
         option, options = self.model.opt, settings.options
         option.timestep, option.gravity[:] = dt, scene.gravity
         option.integrator = getattr(mujoco.mjtIntegrator, f"mjINT_{scheme.upper()}")
-        cone = "elliptic" if settings.applies("cone") else "pyramidal"
-        cone = options.get("cone", cone)
+        cone = options.get("cone", "elliptic" if settings.applies("cone") else "pyramidal")
         option.cone = getattr(mujoco.mjtCone, f"mjCONE_{str(cone).upper()}")
         option.impratio = options.get("impratio", 10.0 if settings.applies("impratio") else 1.0)
         for name in ("noslip_iterations", "iterations"):
@@ -211,22 +191,16 @@ class _Run(Run):
         for k, i in enumerate(live):
             self.lib.mj_contactForce(self.model, data, i, local)
             force[:, k] = local[:3] @ frame[k]
-        point, normal = data.contact.pos[live].T.copy(), frame[:, 0].T.copy()
-        turned = bodies[0] > bodies[1]
-        bodies[:, turned] = bodies[::-1, turned]
-        normal[:, turned], force[:, turned] = -normal[:, turned], -force[:, turned]
-        state = self.state()
-        slip = slip_of(state.q, state.v, bodies, point, normal)
-        return ContactReport(bodies, point, normal, data.contact.dist[live].copy(), force, slip)
+        point, gap = data.contact.pos[live].T.copy(), data.contact.dist[live].copy()
+        return reported(self.state(), bodies, point, frame[:, 0].T.copy(), gap, force)
 
     def set_velocity(self, v: Array) -> None:
         if self.scene.chain:
             self.data.qvel[:] = vector("v", v, (self.model.nv,))
             return
         v = vector("v", v, (6, len(self.scene.bodies)))
-        for i, (body, (_, moves)) in enumerate(
-            zip(self.scene.bodies, self._columns(), strict=True)
-        ):
+        pairs = zip(self.scene.bodies, self._columns(), strict=True)
+        for i, (body, (_, moves)) in enumerate(pairs):
             self.data.qvel[moves] = v[:, i] if body.guide is None else v[:3, i] @ body.guide
 
     def set_torque(self, torque: Array) -> None:

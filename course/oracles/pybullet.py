@@ -8,7 +8,6 @@ goes with each call, and what is printed is caught (`quiet`).
 
 from __future__ import annotations
 
-import importlib.metadata
 import importlib.util
 import sys
 import tempfile
@@ -21,27 +20,12 @@ import numpy as np
 
 from course.check import positive, refused
 from course.oracles.quiet import quiet
-from course.platforms.contract import (
-    FAIR,
-    NO_CONTACTS,
-    Array,
-    Change,
-    ContactReport,
-    Engine,
-    Run,
-    Settings,
-    State,
-    slip_of,
-)
+from course.platforms import FAIR, NO_CONTACTS, Change, ContactReport, Engine
+from course.platforms.contract import Array, Run, Settings, State, reported
 from course.platforms.scenes import Scene
-from course.rigid_body import quaternion
+from course.rigid_body.quaternion import conjugate, rotate
 
-# What `setPhysicsEngineParameter` knows and a scene may ask for.
-OPTIONS = (
-    "numSolverIterations", "solverResidualThreshold", "enableConeFriction", "numSubSteps",
-    "contactERP", "erp", "frictionERP", "globalCFM", "contactSlop", "useSplitImpulse",
-    "restitutionVelocityThreshold", "deterministicOverlappingPairs", "warmStartingFactor",
-)  # fmt: skip
+OPTIONS = ("numSolverIterations", "enableConeFriction")  # of `setPhysicsEngineParameter`
 _MANUAL = "PyBullet Quickstart Guide (2023), "
 _GROUND = 50.0  # half side of the ground [m]
 
@@ -62,9 +46,8 @@ def library() -> ModuleType:
 class PyBullet(Engine):
     """PyBullet, Bullet's multibody dynamics from Python (Coumans and Bai)."""
 
-    name = "PyBullet"
-    schemes = ("semi-implicit Euler",)
-    loop = False
+    name, package = "PyBullet", "pybullet"
+    schemes, loop = ("semi-implicit Euler",), False
     changes = (
         Change(
             "friction", "lateralFriction", "mu on both bodies, which it multiplies",
@@ -95,9 +78,6 @@ class PyBullet(Engine):
         if sys.version_info >= (3, 12):
             return f"no wheel for Python 3.{sys.version_info.minor}"
         return "this needs PyBullet: make platforms, or pip install 'pybullet>=3.2.7'"
-
-    def version(self) -> str:
-        return "" if self.missing() else importlib.metadata.version("pybullet")
 
     def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> PyBulletRun:
         return PyBulletRun(self, scene, dt, settings)
@@ -172,15 +152,13 @@ class PyBulletRun(Run):
             shape, pose = -1, np.array(body.pose)
             if body.half:
                 shape = self._ask("createCollisionShape", lib.GEOM_BOX, halfExtents=body.half)
-            place, turn = pose[:3].tolist(), _xyzw(pose[3:]).tolist()
+            place, turn = pose[:3].tolist(), np.roll(pose[3:], -1).tolist()
             if any(body.force) and not body.guide:
                 raise refused(f"force of {body.name}", body.force, "none: it isn't on a rail")
             if body.guide:
                 # A link on a base that stands where the body starts and touches nothing.
-                back = quaternion.conjugate(pose[3:])
-                axis, force = (
-                    quaternion.rotate(back, np.array(x)) for x in (body.guide, body.force)
-                )
+                back = conjugate(pose[3:])
+                axis, force = (rotate(back, np.array(x)) for x in (body.guide, body.force))
                 here, upright = [[0, 0, 0]], [[0, 0, 0, 1]]
                 number = self._ask(
                     "createMultiBody", 0.0, -1, -1, place, turn, linkMasses=[body.mass],
@@ -192,10 +170,8 @@ class PyBulletRun(Run):
             else:
                 number = self._ask("createMultiBody", body.mass, shape, -1, place, turn)
             link = 0 if body.guide else -1
-            self._ask(
-                "changeDynamics", number, link, lateralFriction=mu,
-                localInertiaDiagonal=body.moments,
-            )  # fmt: skip
+            material = {"lateralFriction": mu, "localInertiaDiagonal": body.moments}
+            self._ask("changeDynamics", number, link, **material)
             self._free(number, [link])
             self.bodies.append(number)
             if any(body.force):
@@ -228,12 +204,8 @@ class PyBulletRun(Run):
                 place, turn = self._ask("getBasePositionAndOrientation", number)
                 speed, spin = self._ask("getBaseVelocity", number)
             q[:3, i], q[3:, i], v[:3, i] = place, (turn[3], *turn[:3]), speed
-            v[3:, i] = quaternion.rotate(quaternion.conjugate(q[3:, i]), np.array(spin))
+            v[3:, i] = rotate(conjugate(q[3:, i]), np.array(spin))
         return State(time, q, v)
-
-    def energy(self) -> float:
-        """PyBullet has none of its own."""
-        return self.scene.energy(self.state())
 
     def contacts(self) -> ContactReport:
         rows = self._ask("getContactPoints") if self._steps and not self.scene.urdf else ()
@@ -243,31 +215,21 @@ class PyBulletRun(Run):
         bodies = np.array([(number[row[1]], number[row[2]]) for row in rows]).T
         point, gap = np.array([row[6] for row in rows]).T, np.array([row[8] for row in rows])
         # The normal points to the first body, and so do the forces, which act on it.
-        normal = -np.array([row[7] for row in rows]).T
-        force = np.array([
-            row[9] * np.array(row[7]) + row[10] * np.array(row[11]) + row[12] * np.array(row[13])
-            for row in rows
-        ]).T  # fmt: skip
-        force = -force
-        turned = bodies[0] > bodies[1]
-        bodies[:, turned] = bodies[::-1, turned]
-        normal[:, turned], force[:, turned] = -normal[:, turned], -force[:, turned]
-        now = self.state()
-        return ContactReport(
-            bodies, point, normal, gap, force, slip_of(now.q, now.v, bodies, point, normal)
-        )
+        normal, along, aside = (-np.array([row[k] for row in rows]).T for k in (7, 11, 13))
+        force = sum(np.array([row[k] for row in rows]) * way
+                    for k, way in ((9, normal), (10, along), (12, aside)))  # fmt: skip
+        return reported(self.state(), bodies, point, normal, gap, force)
 
     def set_velocity(self, v: Array) -> None:
         if self.scene.urdf:
-            self._set_joints(self.state().q, v)
-            return
+            return self._set_joints(self.state().q, v)
         q = self.state().q
         for i, (body, number) in enumerate(zip(self.scene.bodies, self.bodies, strict=True)):
             if body.guide:
                 along = [float(np.dot(body.guide, x)) for x in (q[:3, i] - body.pose[:3], v[:3, i])]
                 self._ask("resetJointState", number, 0, *along)
             else:
-                spin = quaternion.rotate(q[3:, i], v[3:, i])
+                spin = rotate(q[3:, i], v[3:, i])
                 self._ask("resetBaseVelocity", number, v[:3, i].tolist(), spin.tolist())
 
     def _set_joints(self, q: Array, v: Array) -> None:
@@ -286,7 +248,7 @@ class PyBulletRun(Run):
             if body.guide:
                 self._ask("resetJointState", number, 0, 0.0, 0.0)
             else:
-                turn = _xyzw(q[3:]).tolist()
+                turn = np.roll(q[3:], -1).tolist()
                 self._ask("resetBasePositionAndOrientation", number, q[:3].tolist(), turn)
         if not self.scene.urdf:
             self.set_velocity(start.v)
@@ -304,7 +266,3 @@ class PyBulletRun(Run):
             with quiet():
                 self._ask("disconnect")
             self.client = -1
-
-
-def _xyzw(q: Array) -> Array:
-    return np.roll(q, -1)

@@ -23,6 +23,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -163,14 +164,8 @@ class ContactReport:
         )  # fmt: skip
 
 
-NO_CONTACTS = ContactReport(
-    np.zeros((2, 0), dtype=np.int64),
-    np.zeros((3, 0)),
-    np.zeros((3, 0)),
-    np.zeros(0),
-    np.zeros((3, 0)),
-    np.zeros((3, 0)),
-)
+_NONE = np.zeros((3, 0))
+NO_CONTACTS = ContactReport(_NONE[:2].astype(np.int64), _NONE, _NONE, _NONE[0], _NONE, _NONE)
 
 
 def slip_of(q: Array, v: Array, bodies: NDArray[np.int64], point: Array, normal: Array) -> Array:
@@ -181,6 +176,20 @@ def slip_of(q: Array, v: Array, bodies: NDArray[np.int64], point: Array, normal:
         speed = v[:3, here] + quaternion.cross(spin, point - q[:3, here])
         relative += np.where(here >= 0, sign, 0.0) * speed
     return np.asarray(relative - np.sum(relative * normal, axis=0) * normal)
+
+
+def reported(
+    now: State, bodies: NDArray[np.int64], point: Array, normal: Array, gap: Array, force: Array
+) -> ContactReport:
+    """The report of contacts whose bodies an engine tells in any order, with the slip of a state.
+
+    Normals point from the first to the second, and forces act on the second, as it tells them.
+    """
+    turned = bodies[0] > bodies[1]
+    bodies = np.where(turned, bodies[::-1], bodies)
+    normal, force = np.where(turned, -normal, normal), np.where(turned, -force, force)
+    slip = slip_of(now.q, now.v, bodies, point, normal)
+    return ContactReport(bodies, point, normal, gap, force, slip)
 
 
 class Run(ABC):
@@ -238,11 +247,13 @@ class Engine(ABC):
     Attributes:
         name: as its makers write it.
         schemes: names of its time stepping schemes; the first is what it ships.
+        package: that is installed, whose version counts.
         changes: all differences between as shipped and fair.
         loop: whether `run(steps)` is one call for all steps; else Python pays for each.
     """
 
     name: str
+    package: str
     schemes: tuple[str, ...]
     changes: tuple[Change, ...] = ()
     loop: bool = True
@@ -251,9 +262,9 @@ class Engine(ABC):
     def missing(self) -> str:
         """Empty where it can run; else one sentence: what to install, or that there is no wheel."""
 
-    @abstractmethod
     def version(self) -> str:
         """Of what is installed; empty where nothing is."""
+        return "" if self.missing() else metadata.version(self.package)
 
     @abstractmethod
     def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> Run:

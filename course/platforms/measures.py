@@ -17,41 +17,8 @@ from course.check import POSITIVE, count, positive, refused, vector
 from course.contact import Residuals, residuals
 from course.platforms import theory
 from course.platforms.bodies import free_velocity, step_of
-from course.platforms.contract import (
-    AS_SHIPPED,
-    FAIR,
-    ContactReport,
-    Engine,
-    Settings,
-    State,
-    prepared,
-)
+from course.platforms.contract import AS_SHIPPED, FAIR, Engine, Settings, State, prepared
 from course.platforms.scenes import GRAVITY, Scene, arm, brake, grasp
-
-
-@dataclass(frozen=True)
-class Row:
-    """One line of the table scene x engine x settings.
-
-    Attributes:
-        scene, engine, version, settings, scheme: names.
-        dt: step [s].
-        error: `Scene.error` at the end, infinite where the run left the finite numbers.
-        unit: of the error.
-        tolerance: of the scene.
-        within: whether the error is within the tolerance.
-    """
-
-    scene: str
-    engine: str
-    version: str
-    settings: str
-    scheme: str
-    dt: float
-    error: float
-    unit: str
-    tolerance: float
-    within: bool
 
 
 def position_error(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) -> float:
@@ -63,16 +30,6 @@ def position_error(engine: Engine, scene: Scene, dt: float, settings: Settings =
         return scene.error(run.state(), steps * dt)
     finally:
         run.close()
-
-
-def row(engine: Engine, scene: Scene, dt: float, settings: Settings = FAIR) -> Row:
-    """`position_error` with all that belongs to it."""
-    error = position_error(engine, scene, dt, settings)
-    return Row(
-        scene.name, engine.name, engine.version(), settings.name,
-        settings.scheme or engine.schemes[0], dt, error, scene.unit, scene.tolerance,
-        error <= scene.tolerance,
-    )  # fmt: skip
 
 
 def slope(x: ArrayLike, y: ArrayLike) -> float:
@@ -116,11 +73,6 @@ def energy_drift(
     rate, start = np.polyfit(times, found, 1)
     swing = np.max(np.abs(found - start - rate * times))
     return Drift(float(rate), float(swing), float(found[-1] - found[0]))
-
-
-def penetration(report: ContactReport) -> float:
-    """The deepest overlap of a report [m], 0 where nothing overlaps."""
-    return float(np.max(-report.gap, initial=0.0))
 
 
 @dataclass(frozen=True)
@@ -323,17 +275,10 @@ def effects(engine: Engine, scene: Scene, dt: float) -> list[Effect]:
     """Each change of an engine that acts on this kind of scene, by itself."""
     kind = "joints" if scene.chain else "bodies"
     shipped, fair = (position_error(engine, scene, dt, s) for s in (AS_SHIPPED, FAIR))
-    return [
-        Effect(
-            change.key,
-            shipped,
-            fair,
-            position_error(engine, scene, dt, AS_SHIPPED.using(but=(change.key,))),
-            position_error(engine, scene, dt, FAIR.using(but=(change.key,))),
-        )
-        for change in engine.changes
-        if change.kind in ("all", kind)
-    ]
+    keys = [change.key for change in engine.changes if change.kind in ("all", kind)]
+    turned = [[position_error(engine, scene, dt, s.using(but=(key,))) for s in (AS_SHIPPED, FAIR)]
+              for key in keys]  # fmt: skip
+    return [Effect(key, shipped, fair, *pair) for key, pair in zip(keys, turned, strict=True)]
 
 
 # --- sim to sim: a controller tuned on one engine, run on all ------------------------------------
@@ -360,12 +305,9 @@ class Reach:
 
 
 def reach(
-    engine: Engine,
-    dt: float = 1e-3,
-    settings: Settings = FAIR,
-    duration: float = 1.5,
+    engine: Engine, dt: float = 1e-3, settings: Settings = FAIR, duration: float = 1.5,
     damping: float = 0.5,
-) -> Reach:
+) -> Reach:  # fmt: skip
     """A reach of the 7-R arm by PD on chapter 4's model of it (computed torque), once a step.
 
     The model knows all that the URDF text says, so that an engine fails by what it leaves out or

@@ -23,17 +23,14 @@ from course.platforms.contract import (
     Run,
     Settings,
     State,
-    slip_of,
+    reported,
 )
 from course.platforms.scenes import Scene
 from course.rigid_body.integrators import System, retract
 from course.rigid_body.spatial import free_flight_acceleration
 
-WARM = (
-    "pgs",
-    "coulomb",
-    "convex",
-)  # models of chapter 2 that start from the impulses of the last step
+# Models of chapter 2 that start from the impulses of the last step.
+WARM = ("pgs", "coulomb", "convex")
 NEAR = 1e-3  # distance from which two bodies are watched, besides what they travel in a step [m]
 
 
@@ -44,16 +41,11 @@ class Own(Engine):
     penetration that a step takes back.
     """
 
-    name = "own code"
+    name, package = "own code", "robotics-simulation-course"
     schemes = ("semi_implicit_euler", "rk4", "implicit_midpoint", "velocity_verlet")
 
     def missing(self) -> str:
         return ""
-
-    def version(self) -> str:
-        from importlib import metadata
-
-        return metadata.version("robotics-simulation-course")
 
     def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> Run:
         scheme = settings.checked(self, ("model", "recovery"))
@@ -165,8 +157,8 @@ class Touching(Run):
             done = contact.solve(self.model, step.problem, **start)
             memory[key], force[:, ours] = done.impulses, step.force(done.impulses)
             v[:, members] = step.spread(done.velocity)
-        slip = slip_of(self.q, v, bodies, found.point, found.normal)
-        self.last = ContactReport(bodies, found.point, found.normal, found.distance, force, slip)
+        now = State(0.0, self.q, v)
+        self.last = reported(now, bodies, found.point, found.normal, found.distance, force)
         self.q, self.v, self.memory = retract(self.q, dt * v), v, memory
 
     def _groups(self, pairs: Any) -> list[list[int]]:

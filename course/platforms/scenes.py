@@ -190,13 +190,9 @@ def _text(values: ArrayLike) -> str:
 
 
 def linked(
-    name: str,
-    chain: Chain,
-    q0: ArrayLike,
-    duration: float,
-    tolerance: float,
+    name: str, chain: Chain, q0: ArrayLike, duration: float, tolerance: float,
     down: tuple[float, float, float] = (0.0, 0.0, -GRAVITY),
-) -> Scene:
+) -> Scene:  # fmt: skip
     """A scene of joints that is released at rest; its truth is chapter 1's tight reference."""
     start = vector("q0", q0, (chain.n,)).copy()
 
@@ -242,12 +238,9 @@ def arm(duration: float = 0.5, tolerance: float = 5e-2, damping: float = 0.0) ->
 
 
 def box(
-    name: str,
-    half: Sequence[float],
-    mass: float,
-    place: Sequence[float],
+    name: str, half: Sequence[float], mass: float, place: Sequence[float],
     **more: Sequence[float] | None,
-) -> Body:
+) -> Body:  # fmt: skip
     """A uniform upright box with its centre at a place; `more` are fields of `Body`."""
     x, y, z = vector("half", half, (3,), unit="m").tolist()
     m = positive("mass", mass, unit="kg") / 3.0
@@ -401,14 +394,7 @@ def field(n: int = 64, duration: float = 0.5, tolerance: float = 1e-3) -> Scene:
 
 
 SCENES: dict[str, Callable[..., Scene]] = {
-    "tumble": tumble,
-    "chain": chain,
-    "arm": arm,
-    "drop": drop,
-    "rest": slope,
-    "slide": functools.partial(slope, 0.5, 0.2),
-    "brake": brake,
-    "tower": tower,
-    "grasp": grasp,
+    "tumble": tumble, "chain": chain, "arm": arm, "drop": drop, "rest": slope,
+    "slide": functools.partial(slope, 0.5, 0.2), "brake": brake, "tower": tower, "grasp": grasp,
     "field": field,
-}
+}  # fmt: skip

@@ -11,17 +11,9 @@ from course import kinematics
 from course.oracles.engines import engines
 from course.oracles.mujoco import chain as reader
 from course.oracles.mujoco.kit import library
-from course.platforms import (
-    AS_SHIPPED,
-    FAIR,
-    SCENES,
-    ContactReport,
-    Settings,
-    State,
-    prepared,
-    slip_of,
-)
+from course.platforms import AS_SHIPPED, FAIR, SCENES, ContactReport, Settings, State
 from course.platforms.bodies import step_of
+from course.platforms.contract import prepared, slip_of
 from course.platforms.scenes import GRAVITY, HALF, arm, brake, chain, field, grasp, slope, tower
 from course.rigid_body import quaternion
 from course.rigid_body.integrators import retract
@@ -104,16 +96,6 @@ def test_what_is_no_scene_is_refused() -> None:
 
 
 # --- the same scheme, the same error --------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", ["tumble", "chain", "arm"])
-def test_the_same_scheme_makes_the_same_error(name: str) -> None:
-    scene = SCENES[name]()
-    errors = [scene.error(ran(engine, scene, 1e-3).state()) for engine in (OWN, MUJOCO)]
-    assert errors[0] == pytest.approx(errors[1], rel=1e-3)
-    halved = scene.error(ran(MUJOCO, scene, 5e-4).state())
-    assert 1.8 < errors[1] / halved < 2.2
-    assert scene.error(ran(MUJOCO, scene, 1e-3, settings=FAIR.using("RK4")).state()) < 1e-6
 
 
 @pytest.mark.parametrize("scheme", ["rk4", "implicit_midpoint"])

@@ -283,9 +283,6 @@ def test_the_effect_of_each_change() -> None:
     assert all(effect.without == effect.fair == effect.shipped for effect in joints)
 
 
-def test_a_reach_tuned_on_own_code_succeeds_in_mujoco() -> None:
-    own, other = (m.reach(engine, 4e-3) for engine in (OWN, MUJOCO))
-    assert own.success and other.success
-    assert abs(own.error - other.error) < 1e-5
+def test_a_reach_without_a_motion_is_none() -> None:
     stuck = m.reach(Teller(lambda t, _: np.zeros(7)), 1e-2)
     assert not stuck.success and stuck.error > 0.1

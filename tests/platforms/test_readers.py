@@ -32,14 +32,6 @@ def test_there_are_models_of_each_kind_and_each_is_one_change_of_the_sound_one()
     assert len(BY_NAME) == len({model.text for model in MODELS} | {GOOD}) - 1 == len(MODELS)
 
 
-@pytest.mark.parametrize(
-    "model", [m for m in MODELS if m.kind == "impossible"], ids=lambda m: m.name
-)
-def test_the_importer_of_chapter_4_refuses_the_impossible(model) -> None:
-    with pytest.raises(ValueError):
-        read(model.text)
-
-
 def test_the_importer_reads_the_sound_one_and_what_it_has() -> None:
     assert read(GOOD).n == read(BY_NAME["long line"].text).n == 2
     assert read(BY_NAME["damping"].text).damping.tolist() == [0.0, 0.5]

@@ -13,7 +13,7 @@ from course.charts.platforms.smooth import LIBRARIES, here, on_one_another
 from course.measure.figure import Panel, Series
 from course.measure.work_precision import machine
 from course.oracles.mujoco_scenes import MuJoCo
-from course.platforms import AS_SHIPPED, FAIR, SCENES, Engine, Settings, prepared, theory
+from course.platforms import AS_SHIPPED, FAIR, SCENES, Engine, Scene, Settings, prepared, theory
 from course.platforms.measures import creep, position_error, slope, squeezed, stop
 from course.platforms.scenes import grasp, tower
 
@@ -119,29 +119,17 @@ def platform_cone(points: int = 9, dt: float = 2e-3) -> Iterator[Panel]:
     yield off
 
 
-SOFT: dict[str, Any] = {
-    "cone": "elliptic",
-    "solref": (0.02, 1.0),
-    "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
-}
+SOFT: dict[str, Any] = {"cone": "elliptic", "solref": (0.02, 1.0),
+                        "solimp": (0.9, 0.95, 0.001, 0.5, 2.0)}  # fmt: skip
 
 
-def law_of_creep(impratio: float, angle: float, dt: float) -> float:
-    """Theory's speed on a slope [m/s], from the load and the gap that MuJoCo reports."""
-    run = prepared(MuJoCo(), SCENES["rest"](angle), dt, FAIR.using(impratio=impratio, **SOFT))
+def law_of_creep(impratio: float, scene: Scene, dt: float) -> float:
+    """Theory's speed of the first body [m/s], from the load and the gap that MuJoCo reports."""
+    run = prepared(MuJoCo(), scene, dt, FAIR.using(impratio=impratio, **SOFT))
     run.run(round(0.4 / dt))
     report = run.contacts()
     load = float(np.linalg.norm(report.tangential_force, axis=0)[0])
-    return theory.creep_speed(load, float(report.gap[0]), 1.0, 0.5, dt, impratio=impratio, **SOFT)
-
-
-def law_of_sinking(impratio: float, squeeze: float, dt: float) -> float:
-    """The same for a part between two fingers of 0.05 kg [m/s]."""
-    run = prepared(MuJoCo(), grasp(squeeze), dt, FAIR.using(impratio=impratio, **SOFT))
-    run.run(round(0.4 / dt))
-    report = run.contacts()
-    load = float(np.linalg.norm(report.tangential_force, axis=0)[0])
-    weight = 1.0 / 0.2 + 1.0 / 0.05
+    weight = sum(1.0 / body.mass for body in scene.bodies[:2])  # a block on the ground is alone
     return theory.creep_speed(load, float(report.gap[0]), weight, 0.5, dt, impratio=impratio,
                               **SOFT)  # fmt: skip
 
@@ -155,17 +143,15 @@ def platform_creep(
     Args:
         ratios: MuJoCo's impratio; dt: step [s].
     """
-    scenes = {
-        "A block on a slope of 0.1": (SCENES["rest"](0.1), partial(law_of_creep, angle=0.1)),
-        "A part held by 6 N a finger": (grasp(6.0), partial(law_of_sinking, squeeze=6.0)),
-    }
+    scenes = {"A block on a slope of 0.1": SCENES["rest"](0.1),
+              "A part held by 6 N a finger": grasp(6.0)}  # fmt: skip
     sides = {
         "MuJoCo, noslip 3": ("MuJoCo", AS_SHIPPED.using(noslip_iterations=3)),
-        "Drake": ("Drake", FAIR),
-        "PyBullet": ("PyBullet", FAIR),
+        "Drake": ("Drake", FAIR), "PyBullet": ("PyBullet", FAIR),
         "own code, 10 ms": ("own code", FAIR),
-    }
-    for title, (scene, law) in scenes.items():
+    }  # fmt: skip
+    for title, scene in scenes.items():
+        law = partial(law_of_creep, scene=scene, dt=dt)
         panel = Panel(title, "impratio", "creep [m/s]", scale="log", theory="R f / b",
                       footer=FOOTER())  # fmt: skip
         for cone, style in (("elliptic", ""), ("pyramidal", "--")):
@@ -176,8 +162,8 @@ def platform_creep(
                           hollow=cone == "pyramidal",
                           note=f"{scene.name}, {cone}, um/s by impratio: {told}")  # fmt: skip
             if cone == "elliptic":
-                line.theory = partial(law, dt=dt)
-                far = [abs(v / law(r, dt=dt) - 1.0) for r, v in zip(ratios, y, strict=True)]
+                line.theory = law
+                far = [abs(v / law(r) - 1.0) for r, v in zip(ratios, y, strict=True)]
                 line.note += f"; from the law by {max(far):.1e} of it at most"
             panel.series.append(line)
         for label, name, engine, settings in known(sides):
