@@ -111,12 +111,8 @@ class Choice:
     def __str__(self) -> str:
         lines = [f"{self.pick or 'none is known to meet all needs'}: " + ", ".join(self.deciding)]
         for one in self.out:
-            lines.append(
-                f"  {one.engine}: "
-                + "; ".join(
-                    [*(f"fails {r}" for r in one.failed), *(f"{r} unknown" for r in one.unknown)]
-                )
-            )
+            why = [*(f"fails {r}" for r in one.failed), *(f"{r} unknown" for r in one.unknown)]
+            lines.append(f"  {one.engine}: " + "; ".join(why))
         if self.turn:
             other = self.turn.pick or "none"
             lines.append(f"  {self.turn.row} {self.turn.limit:.3g} would make it {other}")
@@ -154,10 +150,8 @@ def _ranked(
         failed = [need.row for need, fact in facts if fact.known and not need.met(fact)]
         unknown = [need.row for need, fact in facts if not fact.known]
         cost = rows.get(by, UNKNOWN)
-        if not cost.known:
-            unknown.append(by)
-        assert not cost.known or cost.value is not None
         value = float(cost.value) if cost.known and cost.value is not None else math.inf
+        unknown += [] if cost.known else [by]
         once = [tuple(dict.fromkeys(names)) for names in (failed, unknown)]
         judged.append(Candidate(engine, once[0], once[1], value))
     ranking = sorted((one for one in judged if one.meets), key=lambda one: one.cost)

@@ -152,7 +152,8 @@ show("defaults_differ")
 
 # %% [markdown]
 # Which default is it? Keep the fair settings and take one change back at a time. (A **friction cone** is the set of
-# forces that a contact can bear without slipping: round, or a pyramid, which is cheaper.)
+# forces that a contact can bear without slipping: round, or a pyramid, which is cheaper.) A bar to the left is a change
+# that costs something: with the pyramid the tower would sink still less.
 #
 # ![Error without one change over that with all, by engine and scene](../docs/charts/platform_effects.png)
 
@@ -164,8 +165,8 @@ for scene in (scenes.brake(np.radians(22.5)), scenes.grasp()):
     print("  ", ", ".join(f"{one.key} {1e3 * one.without:.3f}" for one in told[:4]))
 
 # %% [markdown]
-# In MuJoCo the cone alone decides over the braking block; impratio (how much harder friction is than the normal) and
-# `solref` over most of the grasp. In PyBullet it is damping for what flies, motors and inertias for what is jointed,
+# In MuJoCo the cone alone decides where the block stops; impratio (how much harder friction is than the normal) and
+# `solref` make most of the grasp. In PyBullet it is damping for what flies, motors and inertias for what is jointed,
 # and a product of coefficients for what slides. In Drake it is one switch, from points to patches: the next section.
 #
 # <div class="alert alert-block alert-warning">
@@ -619,12 +620,6 @@ show("tower_by_engine")
 predict("after_a_reset")
 
 # %%
-one = measures.repeatability(mujoco, scenes.brake(), 1e-3, 300)
-print(
-    f"MuJoCo, braking block: fresh world {one.fresh:g}, reset {one.reset:g}, saved state {one.saved:g}"
-)
-
-# %%
 show("fresh_worlds_repeat")
 
 # %%
@@ -640,7 +635,9 @@ show("reset_world")
 # are right. What does a reader do? *Refused* and *warned* are honest; *swallowed* means that you simulate it. As bad is
 # a **silent repair**: the model runs, and isn't yours.
 #
-# ![Faulty models and features by reader: refused, repaired or swallowed](../docs/charts/platform_readers.png)
+# ![Faulty models and features by reader: refused or swallowed](../docs/charts/platform_readers.png)
+#
+# (What is missing to the number in brackets was repaired; of features, refused or warned about.)
 
 # %%
 figures(read("platform_readers"), "model  ", "negative mass", "NaN mass", "triangle", "zero axis", "swapped limits",

@@ -56,10 +56,8 @@ def told(job: str, rows: Rows | None = None) -> tuple[str, str]:
     needs, by = JOBS[job]
     found = choose(facts(rows), needs, by)
     if found.pick is None:
-        unknown = [row for row in found.deciding if row in DOCUMENTED]
-        return "not measured here", "; ".join(
-            f"{row}: unknown of all four. {DOCUMENTED[row]}" for row in unknown
-        )
+        row = next(row for row in found.deciding if row in DOCUMENTED)
+        return "not measured here", f"{row}: unknown of all four. {DOCUMENTED[row]}"
     why = "decided by " + ", ".join(found.deciding)
     if found.turn:
         limit, pick = f"{found.turn.limit:.2g}", found.turn.pick or "none"

@@ -244,7 +244,7 @@ def platform_sag(
         panel.series.append(Series(label, x, y, name, "--" if "shipped" in label else "-",
                                    size=4.0, note=f"{label}, um by cubes: {told}"))  # fmt: skip
         if name == "MuJoCo":
-            panel.series[-1].theory = partial(grown, y[0], compliance="inverse mass")
+            panel.series[-1].theory = lambda n, one=y[0]: one * n * n
     yield panel
     ratio = Panel("Over that of one cube", "cubes", "sag", scale="log", ticks=sizes)
     for series in panel.series:
@@ -257,8 +257,3 @@ def platform_sag(
         y = [theory.sag_growth(n, compliance) for n in sizes]
         ratio.series.append(Series(words, sizes, y, "theory", style, marker=""))
     yield ratio
-
-
-def grown(one: float, n: float, compliance: str) -> float:
-    """Theory's sag of n cubes [m]; between whole numbers n^2 as well."""
-    return one * (n * n if compliance == "inverse mass" else 0.5 * n * (n + 1))

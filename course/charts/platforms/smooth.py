@@ -117,8 +117,7 @@ SMOOTH = {
     "own code": ("semi_implicit_euler", "rk4"), "MuJoCo": ("Euler", "RK4"),
     "Drake": ("discrete", "runge_kutta3"), "PyBullet": ("semi-implicit Euler",),
 }  # fmt: skip
-TOUCHING = {"own code": ("semi_implicit_euler",), "MuJoCo": ("Euler",), "Drake": ("discrete",),
-            "PyBullet": ("semi-implicit Euler",)}  # fmt: skip
+TOUCHING = {name: schemes[:1] for name, schemes in SMOOTH.items()}
 Schemes = Mapping[str, Sequence[str]]
 QUESTIONS: dict[str, tuple[Callable[[], Scene], Schemes, Sequence[float]]] = {
     "tumble": (partial(SCENES["tumble"], 1.0), SMOOTH, (16e-3, 8e-3, 4e-3, 2e-3, 1e-3)),

@@ -134,30 +134,23 @@ def platforms_table(scenes: Sequence[str] = tuple(TABLE), dt: float = 1e-3) -> I
         unit = next(row[7] for row in rows[first:] if row[1:3] == ["MuJoCo", "fair"])
         for row in rows[first:]:
             row[7] /= unit
-    panels = []
-    for how in ("fair", "as shipped"):
-        panel = Panel(
-            f"Error over tolerance, {how}", "scene", "error over tolerance", scale="log y",
-            ticks=tuple(range(len(scenes))), lines=[("y", 1.0, "tolerance")],
-            footer=machine(0.0, libraries=LIBRARIES),
-        )  # fmt: skip
+    panels, places = [], ", ".join(f"{k}\u00a0{s}" for k, s in enumerate(scenes))
+    for title, unit, how in (
+        ("Error over tolerance, fair", "error over tolerance", "fair"),
+        ("Error over tolerance, as shipped", "error over tolerance", "as shipped"),
+        ("Cost of the motion, fair", "over MuJoCo's", "fair"),
+    ):
+        error = title.startswith("Error")
+        panel = Panel(title, places, unit, scale="log y", ticks=tuple(range(len(scenes))),
+                      lines=[("y", 1.0, "tolerance")] * error,
+                      footer=machine(0.0, libraries=LIBRARIES) if error else "")  # fmt: skip
         for engine_name in here():
             some = [row for row in rows if row[1:3] == [engine_name, how]]
             x = [list(scenes).index(row[0]) for row in some]
-            y = [max(row[4] / row[6], 1e-8) for row in some]
+            y = [max(row[4] / row[6], 1e-8) if error else row[7] for row in some]
             if some:
                 panel.series.append(Series(engine_name, x, y, engine_name, "", size=6.0))
         panels.append(panel)
-    cost = Panel("Cost of the motion, fair", "scene", "over MuJoCo's", scale="log y",
-                 ticks=tuple(range(len(scenes))))  # fmt: skip
-    for engine_name in here():
-        some = [row for row in rows if row[1:3] == [engine_name, "fair"]]
-        x = [list(scenes).index(row[0]) for row in some]
-        cost.series.append(
-            Series(engine_name, x, [row[7] for row in some], engine_name, "", size=6.0)
-        )
-    panels.append(cost)
-    panels[0].x = panels[1].x = cost.x = ", ".join(f"{k}\u00a0{s}" for k, s in enumerate(scenes))
     told = panels[0].notes
     told.append(f"a step of {1e3 * dt:g} ms; cost over that of MuJoCo, fair; below tolerance: good")
     told.append(f"{'scene':<8} {'engine':<9} {'settings':<10} {'error':>10}     {'cost':>8}")

@@ -54,9 +54,7 @@ def engines_agree(found):
     brake = errors((MUJOCO, DRAKE, PYBULLET), scenes.brake(0.3), 1e-3)
     touch = found.figure("touch", np.ptp(brake) / brake.min(), 0.2)
     spread = found.figure("spread", max(np.ptp(row) / row.min() for row in tried), 0.3)
-    found.statement = (
-        "Own code, MuJoCo, Drake and PyBullet with fair settings; the truth is tighter."
-    )
+    found.statement = "All four with fair settings, beside a truth that is tighter."
     found.heard(any(row[2] < 0.9 * row[1] < 0.81 * row[3] for row in tried))
     found.corrected(spread < 0.01, touch > 0.1, min(row.min() for row in tried) > 1e-6)
 
@@ -131,9 +129,7 @@ def rk4_and_contact(found):
     touching = [both(scene, dt) for scene, dt in draws]
     worse = found.figure("worse", sum(b > a for a, b in touching), 0.4)
     free = [both(scenes.tumble(0.5), 1e-3 * dt) for dt in found.rng.uniform(0.5, 5.0, 8)]
-    found.statement = (
-        "Tumble at random steps; blocks sent off at random speeds, headings and steps."
-    )
+    found.statement = "Tumbles at random steps; blocks at random speeds, headings and steps."
     found.heard(worse == 0, only_if="nothing touches",
                 inside=[b < a for a, b in free], outside=[b < a for a, b in touching])  # fmt: skip
     found.corrected(smooth > 3, worse >= 2, all(b < 1e-3 * a for a, b in free))

@@ -295,9 +295,7 @@ def friction_rules(found):
     twice = found.figure("twice", in_pybullet(same, same), 0.02)
     draws = found.rng.uniform(0.1, 0.9, (4, 2)).tolist()
     off = [rule(*pair) / told(*pair) - 1.0 for pair in draws for rule, told in rules]
-    found.statement = (
-        "MuJoCo's contact, Drake's own function, and how a block slows down in PyBullet."
-    )
+    found.statement = "MuJoCo's contact, Drake's own function, a block that slows down in PyBullet."
     found.heard(max(made) < 1.05 * min(made))
     found.corrected(bool(np.max(np.abs(off)) < 0.03), abs(twice / same**2 - 1.0) < 0.03)
 

@@ -289,9 +289,8 @@ def bullet_on_gpu(found):
 
     names = [name.lower() for name in dir(library()) if not name.startswith("_")]
     found.figure("n", len(names), 0.2)
-    gpu = found.figure(
-        "gpu", sum(any(w in x for w in ("gpu", "cuda", "opencl")) for x in names), 0.0
-    )
+    on_gpu = [name for name in names if any(word in name for word in ("gpu", "cuda", "opencl"))]
+    gpu = found.figure("gpu", len(on_gpu), 0.0)
     gl = found.figure("gl", sum("opengl" in name for name in names), 0.5)
     found.statement = "Names of the installed module."
     found.heard(gpu == 0)
