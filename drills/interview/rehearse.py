@@ -103,9 +103,12 @@ class Talk:
         weak |= {card.key for card in self.due()}
         weak |= {f"drill/{n}" for n, r in records if r.attempts and r.state != SOLVED}
         seed = secrets.randbits(32) if seed is None else seed
-        items = list(pool(chosen).values())
+        items, last = list(pool(chosen).values()), set(past.last)
+        if past.open:
+            last |= {entry.key for entry in past.open[max(past.open)].items}
+            self.session.notices.append("One is not over: drills interview --resume goes on.")
         try:
-            drawn = rehearsal.draw(items, parts, minutes, weak, past.last, seed)
+            drawn = rehearsal.draw(items, parts, minutes, weak, last, seed)
         except ValueError:
             raise Misuse("Of these chapters and kinds there is only what was just asked.") from None
         called = [item.title.partition("\n")[0] for item in drawn]
@@ -302,7 +305,7 @@ def chapters_of(context: object, option: object, text: str | None) -> frozenset[
 
 @click.command("interview")
 @click.option("--minutes", default=45, show_default=True, type=click.IntRange(1, 480))
-@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Draw the same again.")
+@click.option("--seed", type=click.IntRange(0, 2**32 - 1), help="Of the draw.")
 @click.option("--chapters", metavar="1,5", callback=chapters_of, help="Of these chapters only.")
 @click.option("--kind", multiple=True, type=click.Choice(PARTS), help="Of this kind only.")
 @click.option("--resume", is_flag=True, help="Go on with the one that is not over.")

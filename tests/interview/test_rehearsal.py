@@ -230,6 +230,16 @@ def test_what_was_weak_is_drawn_for(place: Place, monkeypatch: pytest.MonkeyPatc
     assert talk.run() == 0 and talk.interview.cards_due == [card.key]
 
 
+def test_what_was_asked_in_one_that_is_not_over_is_not_asked_again(place: Place) -> None:
+    talk, again = (talk_of(place, ["One line."], 15, ("concept",), 1) for _ in range(2))
+    with pytest.raises(EOFError):
+        talk.run()
+    assert again.interview.items[0].key == talk.interview.items[0].key
+    third = talk_of(place, [], 15, ("concept",), 1)
+    assert third.interview.items[0].key != talk.interview.items[0].key
+    assert "One is not over" in third.session.notices[0]
+
+
 # --- Ended from outside, a pipe, a terminal -------------------------------------------------------
 
 
