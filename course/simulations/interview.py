@@ -1,0 +1,271 @@
+"""Flashcards of the coding drills, and how fast one forgets them: work, turn, rate, wait.
+
+A second is a day. Beside the card is the chance to recall it, by the model of memory behind
+`drills review` (FSRS 6, as in the library fsrs with its default weights; Ye, Su and Cao, KDD 2022),
+here without its steps within a day. A card is rated only after it was turned: first one works.
+"""
+
+import math
+import textwrap
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numba.extending import register_jitable
+
+from course.check import one_of
+from course.simulations import pen as draw
+from course.simulations.model import Model, Preset
+from course.simulations.record import Field, Record, menu, slider, switch
+
+AGAIN, HARD, GOOD, EASY = 1, 2, 3, 4
+WEIGHTS = (
+    0.212, 1.2931, 2.3065, 8.2956, 6.4133, 0.8334, 3.0194, 0.001, 1.8722, 0.1666, 0.796, 1.4835,
+    0.0614, 0.2629, 1.6483, 0.6014, 1.8729, 0.5425, 0.0912, 0.0658, 0.1542,
+)  # fmt: skip
+W = np.array(WEIGHTS)
+WANTED = 0.9  # chance to recall at which a card is asked again
+_FACTOR = 0.9 ** (-1.0 / WEIGHTS[20]) - 1.0
+_LEAST, _MOST = 0.001, 36500.0  # days
+
+# --- Memory ---------------------------------------------------------------------------------------
+
+
+@register_jitable
+def recall(days, stability):
+    """Chance to recall so many days after a review; 0.9 where they are the stability."""
+    return (1.0 + _FACTOR * days / stability) ** -W[20]
+
+
+@register_jitable
+def interval(stability):
+    """Days until a card is asked again: whole ones, one at least."""
+    return min(max(np.round(stability), 1.0), _MOST)
+
+
+@register_jitable
+def _first_difficulty(rating):
+    return W[4] - math.exp(W[5] * (rating - 1)) + 1.0
+
+
+@register_jitable
+def first(rating):
+    """Stability [days] and difficulty (1 to 10) after the first rating."""
+    return W[rating - 1], min(max(_first_difficulty(rating), 1.0), 10.0)
+
+
+@register_jitable
+def after(stability, difficulty, days, rating):
+    """Stability and difficulty after a rating, so many whole days after the last one."""
+    if days < 1.0:
+        growth = math.exp(W[17] * (rating - 3 + W[18])) * stability ** -W[19]
+        new = stability * (growth if rating == AGAIN else max(growth, 1.0))
+    elif rating == AGAIN:
+        lost = math.exp((1.0 - recall(days, stability)) * W[14])
+        slow = W[11] * difficulty ** -W[12] * ((stability + 1.0) ** W[13] - 1.0) * lost
+        new = min(slow, stability / math.exp(W[17] * W[18]))
+    else:
+        late = math.exp((1.0 - recall(days, stability)) * W[10]) - 1.0
+        gain = math.exp(W[8]) * (11.0 - difficulty) * stability ** -W[9] * late
+        gain *= W[15] if rating == HARD else 1.0
+        gain *= W[16] if rating == EASY else 1.0
+        new = stability * (1.0 + gain)
+    moved = difficulty - W[6] * (rating - 3) * (10.0 - difficulty) / 9.0
+    moved = W[7] * _first_difficulty(EASY) + (1.0 - W[7]) * moved
+    return max(new, _LEAST), min(max(moved, 1.0), 10.0)
+
+
+# --- What there is to set and to see --------------------------------------------------------------
+
+DRILLS = ("fk3", "rrt", "pid", "randomize")
+_CATALOGUE = Path(__file__).parents[2] / "drills" / "catalogue"
+_CARDS = [tomllib.loads((_CATALOGUE / n / "card.toml").read_text("utf-8")) for n in DRILLS]
+_ROWS, _WIDE = 9, 48  # lines and letters on a card
+NOBODY, WHEN_DUE, DAILY = range(3)
+
+CONTROLS = Record(
+    card=menu("Drill", DRILLS, live=True),
+    turned=switch("turned", False, live=True),
+    reviewer=menu("Reviews by themselves", ("none", "when due", "every day")),
+    rating=menu("Rated then", ("again", "hard", "good", "easy"), 2),
+    speed=slider("Speed", 1.0, 0.0, 10.0, 0.5, "days/s", live=True),
+)
+STATE = Record(
+    time=Field(0.0, unit="days"),
+    since=Field(0.0, shape=(4,)),
+    stability=Field(1.0, shape=(4,)),
+    difficulty=Field(5.0, shape=(4,)),
+    reviews=Field(0, shape=(4,)),
+)
+
+TITLE = "Flashcards of the coding drills"
+word, colour = draw.words_table(), draw.colours_table()
+
+
+def _face(text: str) -> int:
+    lines = textwrap.wrap(text, _WIDE)
+    return word(*(lines + [" "] * (_ROWS - len(lines))))[0]
+
+
+_NAMES = word(*(card["title"] for card in _CARDS))[0]
+_FRONTS = np.array([
+    _face(f"{card['teaches'].capitalize()}. {card['minutes']} minutes. Write it first: drills "
+          f"start {name}. Then turn the card: click on it.")
+    for name, card in zip(DRILLS, _CARDS, strict=True)
+])  # fmt: skip
+_BACKS = np.array([_face(card["insight"]) for card in _CARDS])
+_RATINGS = word("again", "hard", "good", "easy")[0]
+_SHORT = word(*DRILLS)[0]
+_DAYS, _CHANCE, _HEAD, _NOW, _STABLE, _HARD, _NEXT, _COUNT, _UNIT, _NEVER, _OF = word(
+    "days since the last review", "chance to recall", "How it is forgotten", "chance now",
+    "stability", "difficulty", "asked again in", "reviews of all four", " days", "never rated",
+    "all four, now",
+)  # fmt: skip
+_PAPER, _BACK = colour("#eef3f7", "#fbe3c8")
+_CARD = (0.2, 4.4, 1.5, 4.6)
+_PLOT = (5.3, 8.8, 2.3, 4.4)
+_AT = (0.2, 1.0)  # of the buttons
+
+
+def initial(controls, state):
+    """No card was ever rated."""
+    state["time"] = 0.0
+
+
+@register_jitable
+def rate(state, k, rating):
+    """A card is rated now."""
+    if state["reviews"][k] == 0:
+        known, hard = first(rating)
+    else:
+        days = math.floor(state["since"][k])
+        known, hard = after(state["stability"][k], state["difficulty"][k], days, rating)
+    state["stability"][k], state["difficulty"][k] = min(known, _MOST), hard
+    state["since"][k] = 0.0
+    state["reviews"][k] += 1
+
+
+def advance(state, controls, seconds):
+    """Days pass; whoever reviews by himself does it at the end of a day."""
+    left = seconds * controls["speed"]
+    while left > 0.0:
+        step = min(left, 1.0 - state["time"] % 1.0)
+        left -= step
+        state["time"] += step
+        state["since"] += step
+        if controls["reviewer"] == NOBODY or state["time"] % 1.0 > 1e-9:
+            continue
+        state["time"] = np.round(state["time"])
+        for k in range(4):
+            wait = interval(state["stability"][k]) if controls["reviewer"] == WHEN_DUE else 1.0
+            if state["reviews"][k] == 0 or state["since"][k] >= wait - 1e-6:
+                state["since"][k] = np.round(state["since"][k])
+                rate(state, k, controls["rating"] + 1)
+
+
+def drag(controls, state, x, y):
+    """Nothing moves with the pointer; what counts is where it went down."""
+
+
+def grab(controls, state, x, y):
+    """A click on the card turns it; on a button it rates the card, once that is turned."""
+    left, right, bottom, top = _CARD
+    if left <= x <= right and bottom <= y <= top:
+        controls["turned"] = 1 - controls["turned"]
+    chosen = draw.button_at(_AT[0], _AT[1], 4, x, y)
+    if chosen >= 0:
+        _rated(controls, state, chosen + 1)
+
+
+@register_jitable
+def _rated(controls, state, rating):
+    if controls["turned"]:
+        rate(state, controls["card"], rating)
+        controls["card"] = (controls["card"] + 1) % 4
+        controls["turned"] = 0
+
+
+def press(controls, state, key):
+    """Left turns the card, right takes the next; - again, down hard, up good, + easy."""
+    if key == 0:
+        controls["turned"] = 1 - controls["turned"]
+    elif key == 1:
+        controls["card"] = (controls["card"] + 1) % 4
+        controls["turned"] = 0
+    else:
+        _rated(controls, state, (GOOD, HARD, EASY, AGAIN)[key - 2])
+
+
+def frame(pen, state, controls):
+    """The card, its forgetting, and the chance to recall each of the four."""
+    k, turned = controls["card"], controls["turned"]
+    left, right, bottom, top = _CARD
+    draw.box(pen, left, right, bottom, top, _BACK if turned else _PAPER, draw.INK, 1.5)
+    draw.text(pen, left + 0.15, top - 0.25, _NAMES + k, draw.INK, 13.0, draw.LEFT, draw.MIDDLE,
+              0.0, 0.0, 0.0, 1.0)  # fmt: skip
+    face = (_BACKS if turned else _FRONTS)[k]
+    for row in range(_ROWS):
+        draw.text(pen, left + 0.15, top - 0.6 - 0.27 * row, face + row, draw.INK, 12.0)
+    if turned:
+        draw.buttons(pen, _AT[0], _AT[1], _RATINGS, 4)
+    known, since = state["stability"][k], state["since"][k]
+    seen = state["reviews"][k] > 0
+    far = 1.25 * max(since, 2.0 * interval(known), 4.0)
+    draw.chart(pen, _PLOT, (0.0, far, 0.0, 1.0), _DAYS, _CHANCE, _HEAD)
+    if seen:
+        days = np.linspace(0.0, far, 60)
+        draw.curve(pen, days, recall(days, known), draw.BLUE, 2.2)
+        draw.spot(pen, since, recall(since, known), 0.015 * far, draw.ORANGE, draw.INK)
+    draw.segment(pen, 0.0, WANTED, far, WANTED, draw.INK, 1.4, 0.8, 5.0, 4.0)
+    draw.window(pen)
+    draw.text(pen, 5.3, 1.35, _OF, draw.INK, 12.0)
+    for one in range(4):
+        x = 5.3 + 0.9 * one
+        now = recall(state["since"][one], state["stability"][one])
+        now *= state["reviews"][one] > 0
+        draw.box(pen, x, x + 0.7, 0.45, 1.15, draw.FAINT)
+        ink = draw.BLUE if now >= WANTED else draw.ORANGE
+        draw.box(pen, x, x + 0.7, 0.45, 0.45 + 0.7 * now, ink)
+        draw.text(pen, x + 0.35, 0.25, _SHORT + one, draw.INK, 11.0, draw.CENTRE)
+    never = 0 if seen else _NEVER
+    draw.reading(pen, _NOW, recall(since, known), 2, 0, never)
+    draw.reading(pen, _STABLE, known, 1, _UNIT, never)
+    draw.reading(pen, _HARD, state["difficulty"][k], 1, 0, never)
+    draw.reading(pen, _NEXT, max(interval(known) - since, 0.0), 1, _UNIT, never)
+    draw.reading(pen, _COUNT, np.sum(state["reviews"]), 0)
+
+
+PRESETS = {
+    "Work, turn, rate": Preset(
+        {}, "Write the drill, then turn the card and rate how well you knew it. Let days pass: the "
+        "orange spot slides down; below the dashed line the card is asked again."),
+    "Asked when due": Preset(
+        {"reviewer": "when due", "speed": 5.0}, "Each review comes when nine in ten would still "
+        "know it. The waits grow. How many reviews are there after sixty days?"),
+    "Crammed": Preset(
+        {"reviewer": "every day", "speed": 5.0}, "A review every day. The chance stays near one, "
+        "and the stability grows far less with each review."),
+    "Always forgotten": Preset(
+        {"reviewer": "when due", "rating": "again", "speed": 5.0}, "Rated 'again' each time: "
+        "difficulty runs to its limit, and the wait never leaves a day."),
+}  # fmt: skip
+
+PAPER = draw.Paper(TITLE, word, colour)
+MODEL = Model(
+    TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag, grab=grab, press=press,
+    live_drag=True,
+)  # fmt: skip
+
+
+def simulation(preset: str = "Work, turn, rate") -> Any:
+    """The simulation of this chapter as a panel for a notebook; it starts paused.
+
+    Raises:
+        ValueError: there is no such preset.
+    """
+    from course.simulations.panel import Panel
+
+    panel = Panel(MODEL)
+    panel.choose(one_of("preset", preset, MODEL.presets))
+    return panel

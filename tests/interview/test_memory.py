@@ -1,0 +1,63 @@
+"""The memory of the flashcards against the library that schedules them."""
+
+from datetime import UTC, datetime, timedelta
+
+import fsrs
+import pytest
+from fsrs.scheduler import DEFAULT_PARAMETERS
+from hypothesis import given
+from hypothesis import strategies as st
+
+from course.simulations import interview
+from course.simulations.model import Experiment
+from tests.budget import examples
+
+RATINGS = st.sampled_from([interview.AGAIN, interview.HARD, interview.GOOD, interview.EASY])
+
+
+def test_the_weights_are_those_of_the_library() -> None:
+    assert tuple(DEFAULT_PARAMETERS) == interview.WEIGHTS
+
+
+@examples(60)
+@given(st.lists(st.tuples(RATINGS, st.integers(0, 400)), min_size=1, max_size=12))
+def test_a_memory_is_that_of_the_library(turns: list[tuple[int, int]]) -> None:
+    scheduler = fsrs.Scheduler(learning_steps=(), relearning_steps=(), enable_fuzzing=False)
+    card, now = fsrs.Card(1), datetime(2026, 1, 1, tzinfo=UTC)
+    run = Experiment(interview.MODEL)
+    for rating, days in turns:
+        card, _ = scheduler.review_card(card, fsrs.Rating(rating), now)
+        interview.rate(run.state, 2, rating)
+        assert run.state["stability"][2] == pytest.approx(card.stability, rel=1e-9)
+        assert run.state["difficulty"][2] == pytest.approx(card.difficulty, rel=1e-9)
+        assert interview.interval(run.state["stability"][2]) == (card.due - now).days
+        run.advance(float(days))
+        now += timedelta(days=days)
+        known = scheduler.get_card_retrievability(card, now)
+        assert interview.recall(days, run.state["stability"][2]) == pytest.approx(known, rel=1e-9)
+
+
+def test_a_card_is_rated_by_mouse_or_key_only_after_it_was_turned() -> None:
+    x, y = interview._AT[0] + 0.1, interview._AT[1] + 0.1  # again
+    for rating, act in ((1, lambda e: e.grab(x, y)), (4, lambda e: e.press("+"))):
+        run = Experiment(interview.MODEL)
+        act(run)
+        assert run.state["reviews"].sum() == 0
+        run.grab(1.0, 3.0)
+        act(run)
+        assert list(run.state["reviews"]) == [1, 0, 0, 0]
+        assert run.state["stability"][0] == interview.WEIGHTS[rating - 1]
+        assert (run.controls["card"], run.controls["turned"]) == (1, 0)
+
+
+def test_waiting_makes_each_review_worth_more() -> None:
+    """What the presets say, after 60 days."""
+    ends = {}
+    for name in ("Asked when due", "Crammed", "Always forgotten"):
+        run = Experiment(interview.MODEL)
+        run.choose(name)
+        run.advance(12.0)
+        ends[name] = (int(run.state["reviews"][0]), float(run.state["stability"][0]))
+    (few, spaced), (many, crammed), (all_days, lost) = ends.values()
+    assert many == all_days == 60 and few < 8 and spaced / few > 5.0 * crammed / many
+    assert lost < 1.0 and run.state["difficulty"][0] > 9.9
