@@ -1,0 +1,243 @@
+"""A roadmap finds no way through a door: causes, probes, repairs."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from course.interview.scenarios import Cause, Probe, Repair, Scenario
+from course.interview.scenarios.programs import gap as planner
+from course.interview.scenarios.programs.gap import SIZE, Array, Mask, Room, clear, free
+
+HALF, DOOR, WALL = 0.3, 1.1, 4.0  # half a carriage, width of the door, its place along x [m]
+TRIALS = 10  # roadmaps that are drawn for a symptom
+NOWHERE = np.empty((0, 2))
+
+
+def door_middle(seed: int) -> Array:
+    """Of the door of a seed [m]."""
+    return np.array([WALL, np.random.default_rng([8, seed]).uniform(1.8, 2.3)])
+
+
+def room(cause: str, seed: int) -> Room:
+    """The room of a seed that has a fault."""
+    draw = np.random.default_rng([9, seed])
+    middle = door_middle(seed)[1]
+    half_door = 0.5 * (0.61 if cause == "improbable" else DOOR)
+    goal = np.array([7.0, 3.05 if cause == "goal_inside" else 2.5]) + [draw.uniform(-0.3, 0.3), 0.0]
+    return Room(
+        boxes=np.array([
+            [-0.1, -0.1, 0.0, 4.1], [8.0, -0.1, 8.1, 4.1], [-0.1, -0.1, 8.1, 0.0],
+            [-0.1, 4.0, 8.1, 4.1], [3.95, -0.1, 4.05, middle - half_door],
+            [3.95, middle + half_door, 4.05, 4.1], [1.4, 2.6, 2.2, 3.0], [5.6, 0.7, 6.2, 1.2],
+            [6.3, 3.3, 7.7, 3.6],
+        ]),
+        grown=HALF if cause == "inflated_twice" else 0.0,
+        half=HALF,
+        first=0.0,
+        last=4.0 if cause == "edge_check" else 1.0,
+        start=draw.uniform(0.7, 1.1, 2),
+        goal=goal,
+        samples=60,
+        hints=NOWHERE,
+    )  # fmt: skip
+
+
+def repaired(cause: str, seed: int, repair: str | None) -> Room:
+    """The room after a repair."""
+    one = room(cause, seed)
+    if repair == "grow_once":
+        return replace(one, grown=0.0)
+    if repair == "guide":
+        return replace(one, hints=door_middle(seed) + [[-0.6, 0.0], [0.0, 0.0], [0.6, 0.0]])
+    if repair == "clip_edges":
+        return replace(one, last=1.0)
+    if repair == "stand_off":
+        return replace(one, goal=np.minimum(one.goal, [np.inf, 2.9]))
+    if repair == "more_samples":
+        return replace(one, samples=3 * one.samples)
+    return one
+
+
+def failures(one: Room, seed: int, trials: int = TRIALS) -> float:
+    """Of so many roadmaps, how many find no path."""
+    draws = np.random.default_rng([10, seed]).spawn(trials)
+    return float(sum(not planner.solved(one, draw) for draw in draws))
+
+
+def symptom(cause: str, seed: int, repair: str | None) -> float:
+    """Of ten roadmaps, how many find no path."""
+    return failures(repaired(cause, seed, repair), seed)
+
+
+def price(cause: str, seed: int, repair: str) -> float:
+    """Pairs of points to look at, by those of the room as it came."""
+    one, other = repaired(cause, seed, repair), room(cause, seed)
+    return ((one.samples + len(one.hints)) / other.samples) ** 2
+
+
+# --- Probes ---------------------------------------------------------------------------------------
+
+
+def hand_path(one: Room, seed: int) -> Array:
+    """A path through the middle of the door, (4, 2)."""
+    before, after = door_middle(seed) + [[-0.8, 0.0], [0.8, 0.0]]
+    return np.array([one.start, before, after, one.goal])
+
+
+def goal_free(cause: str, seed: int) -> float:
+    """Whether the goal is free to the planner."""
+    one = room(cause, seed)
+    return float(free(one, one.goal[None])[0])
+
+
+def path_points(cause: str, seed: int) -> float:
+    """The share of a path by hand that the planner's check of points refuses."""
+    one = room(cause, seed)
+    path, share = hand_path(one, seed), np.linspace(0.0, 1.0, 500)[:, None, None]
+    points = path[:-1] + share * np.diff(path, axis=0)
+    return float(np.mean(~free(one, points.reshape(-1, 2))))
+
+
+def path_edges(cause: str, seed: int) -> float:
+    """How many of its three edges the planner's check of edges refuses."""
+    one = room(cause, seed)
+    path = hand_path(one, seed)
+    return float(np.sum(~clear(one, path[:-1], path[1:])))
+
+
+def margin(cause: str, seed: int) -> float:
+    """Distance from a wall at which a point is refused [m]."""
+    away = np.arange(0.005, 1.0, 0.01)
+    points = np.column_stack((away, np.full(len(away), 2.0)))
+    return float(away[np.argmax(free(room(cause, seed), points))])
+
+
+def door_width(cause: str, seed: int) -> float:
+    """Free width of the door for the carriage's middle, to the planner [m]."""
+    middle = door_middle(seed)
+    across = np.arange(-1.0, 1.0, 0.002)
+    points = middle + np.column_stack((0.0 * across, across))
+    return 0.002 * float(np.sum(free(room(cause, seed), points)))
+
+
+def cells(one: Room) -> tuple[Array, Mask]:
+    """Areas [m^2] of a grid whose lines are the edges of all walls, and what the start reaches.
+
+    A cell is free or not as a whole, so that the flood is exact.
+    """
+    edges = np.clip(np.concatenate(planner.walls(one)), 0.0, SIZE)
+    x, y = np.unique(edges[:, 0]), np.unique(edges[:, 1])
+    area = np.outer(np.diff(x), np.diff(y))
+    number = np.arange(area.size).reshape(area.shape)
+    middles = np.meshgrid((x[1:] + x[:-1]) / 2.0, (y[1:] + y[:-1]) / 2.0, indexing="ij")
+    open_ = free(one, np.column_stack([part.ravel() for part in middles]))
+    pairs = np.concatenate([
+        np.column_stack((part[1:].ravel(), part[:-1].ravel())) for part in (number, number.T)
+    ])  # fmt: skip
+    first = number[np.searchsorted(x, one.start[0]) - 1, np.searchsorted(y, one.start[1]) - 1]
+    found = planner.reached(area.size, pairs[open_[pairs].all(axis=1)], int(first))
+    return area, found.reshape(area.shape)
+
+
+def flood(cause: str, seed: int) -> float:
+    """Area that the carriage's middle can reach from the start, by the planner's walls [m^2]."""
+    area, found = cells(room(cause, seed))
+    return float(np.sum(area[found]))
+
+
+def edges_against_points(cause: str, seed: int) -> float:
+    """Of random edges whose points are all free, the share that the planner refuses."""
+    one, draw = room(cause, seed), np.random.default_rng([11, seed])
+    a = draw.uniform(0.0, SIZE, (300, 2))
+    b = a + draw.normal(0.0, 0.5, a.shape)
+    share = np.linspace(0.0, 1.0, 41)[:, None, None]
+    inner = (a + share * (b - a)).reshape(-1, 2)
+    true = free(one, inner).reshape(41, -1).all(axis=0)
+    return float(np.mean(~clear(one, a[true], b[true])))
+
+
+def joined(cause: str, seed: int) -> float:
+    """The share of a roadmap's points that the start is joined to, mean of six."""
+    one, shares = room(cause, seed), []
+    for draw in np.random.default_rng([12, seed]).spawn(6):
+        points, pairs = planner.roadmap(one, draw)
+        shares.append(np.mean(planner.reached(len(points), pairs)))
+    return float(np.mean(shares))
+
+
+def points_in_door(cause: str, seed: int) -> float:
+    """Of a hundred thousand points drawn anywhere, those in the door."""
+    points = np.random.default_rng([13, seed]).uniform(0.0, SIZE, (10_000, 2))
+    points = points[np.abs(points[:, 0] - WALL) < HALF]
+    return 10.0 * float(np.sum(free(room(cause, seed), points)))
+
+
+def wide_door(cause: str, seed: int) -> float:
+    """Of ten roadmaps in a room without the wall, how many find no path."""
+    one = room(cause, seed)
+    return failures(replace(one, boxes=np.delete(one.boxes, [4, 5], axis=0)), seed)
+
+
+def triple(cause: str, seed: int) -> float:
+    """Of three roadmaps with three times the points, how many find no path."""
+    return failures(repaired(cause, seed, "more_samples"), seed, 3)
+
+
+SCENARIO = Scenario(
+    name="gap",
+    title="No path through the door",
+    prompt="A square carriage that does not turn has to get from one side of a wall to the other. "
+    "The wall has a door, and the door is wider than the carriage. Of ten roadmaps hardly one "
+    "finds a path. The program is what you may read; the numbers of the room are on a computer "
+    "that you can only run things on. What is it, and what do you change?",
+    symptom_words="of ten roadmaps those without a path",
+    unit="",
+    symptom=symptom,
+    spread=0.2,
+    removed=lambda figure: figure <= 2.0,
+    causes=(
+        Cause("inflated_twice", "The map had made every box larger by half the carriage already, "
+              "and the checks do it again: to the planner the door is closed.", "grow_once"),
+        Cause("improbable", "The door is open, but so little wider than the carriage that hardly "
+              "a point or an edge that is drawn anywhere goes through.", "guide"),
+        Cause("edge_check", "The check of an edge goes on beyond its end, and refuses it for a "
+              "wall behind.", "clip_edges"),
+        Cause("goal_inside", "The goal is nearer to a shelf than half the carriage: it is inside "
+              "what no middle may enter.", "stand_off"),
+    ),
+    probes=(
+        Probe("ask_goal", "whether the goal is free to the planner", "", 2, goal_free, 0.1),
+        Probe("hand_path_points", "share of a path by hand through the door that the check of "
+              "points refuses", "", 8, path_points, 0.01),
+        Probe("hand_path_edges", "how many of its three edges the check of edges refuses", "", 6,
+              path_edges, 0.3),
+        Probe("walk_to_wall", "distance from a wall at which a point is refused", "m", 4, margin,
+              0.02),
+        Probe("measure_door", "free width of the door for the carriage's middle, to the planner",
+              "m", 5, door_width, 0.004),
+        Probe("flood", "area that the middle can reach from the start, to the planner", "m^2", 12,
+              flood, 0.5),
+        Probe("edges_by_points", "of random edges whose points are all free, the share that the "
+              "check of edges refuses", "", 8, edges_against_points, 0.1),
+        Probe("joined_share", "share of a roadmap's points that are joined to the start", "", 5,
+              joined, 0.12),
+        Probe("points_in_door", "of a hundred thousand points drawn anywhere, those in the door",
+              "", 4, points_in_door, 200.0),
+        Probe("no_wall", "the wall taken out: of ten roadmaps those without a path", "", 3,
+              wide_door, 2.0),
+        Probe("triple_samples", "three times the points: of three roadmaps those without a path",
+              "", 10, triple, 1.5),
+    ),
+    repairs=(
+        Repair("grow_once", "The map keeps the boxes as they are; the checks make them larger."),
+        Repair("guide", "The roadmap takes three points on the door's axis besides."),
+        Repair("clip_edges", "An edge is checked from its beginning to its end."),
+        Repair("stand_off", "The goal is the nearest place in front of the shelf that is free."),
+        Repair("more_samples", "Three times the points."),
+    ),
+    popular="more_samples",
+    price=price,
+    price_words="pairs of points to look at, by those before",
+    affordable=2.0,
+    path=5,
+)  # fmt: skip

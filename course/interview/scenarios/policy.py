@@ -1,0 +1,288 @@
+"""A policy that is right on its model fails on the robot: causes, probes, repairs."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from course.interview.scenarios import Cause, Probe, Repair, Scenario
+from course.interview.scenarios.programs import policy as program
+from course.interview.scenarios.programs.policy import STEP, SURFACE, Array, Log, Robot, move, press
+
+BANDWIDTH = 10.7  # rad/s, of the policy that was trained
+STEPS, HELD = 150, 25  # of a press: 0.6 s, within the key's width for the last 0.1 s
+KEYS = 200
+WIDTHS = np.linspace(0.01, 0.06, KEYS)  # rad
+ENCODER = 2e-4  # standard deviation of a reading [rad]
+SOFT = 7.0  # rad/s
+
+_SEEN = program.observe(*program.poses(np.random.default_rng(0), 2000))
+MODEL = Robot(
+    inertia=0.05,
+    drag=0.1,
+    friction=0.02,
+    stiffness=6.0,
+    damping=0.1,
+    delay=0,
+    mean=_SEEN.mean(axis=1, keepdims=True),
+    std=_SEEN.std(axis=1, keepdims=True),
+)
+# What is different on the robot; of the statistics it is the angle's standard deviation.
+FAULTS: dict[str, dict[str, Any]] = {
+    "late_drive": {"delay": 12},
+    "dry_joint": {"friction": 0.56},
+    "heavy_tool": {"inertia": 0.1095},
+    "stiff_keys": {"stiffness": 9.3},
+    "foreign_statistics": {"std": MODEL.std * np.array([[1.415], [1.0], [1.0], [1.0], [1.0]])},
+}
+LEARNT = {"refit_friction": "dry_joint", "refit_inertia": "heavy_tool", "refit_key": "stiff_keys"}
+
+
+def robot(cause: str, seed: int) -> Robot:
+    """The robot of a seed, which is nearly the model but for one cause."""
+    one, draw = replace(MODEL, **FAULTS[cause]), np.random.default_rng([2, seed])
+    sizes = {"inertia": 0.005, "drag": 0.05, "friction": 0.02, "stiffness": 0.01}
+    near = {name: getattr(one, name) * draw.uniform(1 - s, 1 + s) for name, s in sizes.items()}
+    return replace(one, **near)
+
+
+@cache
+def weights(cause: str | None = None, bandwidth: float = BANDWIDTH) -> Array:
+    """The policy trained on the model, or on one that has what was measured of a cause."""
+    return program.train(replace(MODEL, **FAULTS[cause]) if cause else MODEL, bandwidth)
+
+
+@cache
+def widest() -> float:
+    """The bandwidth [rad/s] that presses most keys on robots drawn from wide ranges of all."""
+    rng = np.random.default_rng(0)
+    target, width = rng.uniform(0.3, 1.0, 600), rng.uniform(0.01, 0.06, 600)
+    wide = replace(
+        MODEL,
+        inertia=MODEL.inertia * rng.uniform(0.5, 1.5, 600),
+        friction=rng.uniform(0.0, 0.6, 600),
+        stiffness=MODEL.stiffness * rng.uniform(0.5, 1.5, 600),
+        delay=rng.integers(0, 16, 600),
+    )
+    tried = (6.0, 8.0, 10.0, 12.0, 14.0)
+    runs = [press(wide, weights(None, bandwidth), target, STEPS) for bandwidth in tried]
+    return tried[int(np.argmax([program.success(run, target, width, HELD) for run in runs]))]
+
+
+def repaired(cause: str, seed: int, repair: str | None) -> tuple[Robot, Array]:
+    """Robot and policy after a repair."""
+    one = robot(cause, seed)
+    if repair == "empty_queue":
+        return replace(one, delay=MODEL.delay), weights()
+    if repair == "ship_statistics":
+        return replace(one, mean=MODEL.mean, std=MODEL.std), weights()
+    if repair in ("widen", "soften"):
+        return one, weights(None, widest() if repair == "widen" else SOFT)
+    return one, weights(LEARNT.get(repair or ""))
+
+
+def keys(seed: int) -> Array:
+    """Targets [rad], spread evenly over depths and over `WIDTHS` (a golden-ratio sequence)."""
+    first = np.random.default_rng([3, seed]).uniform()
+    return 0.3 + 0.7 * ((first + np.arange(KEYS) * (np.sqrt(5.0) - 1.0) / 2.0) % 1.0)
+
+
+def pressed(one: Robot, policy: Array, seed: int) -> tuple[Log, Array]:
+    """A press of every key, and their targets in the order of the seed."""
+    target = keys(seed)
+    return press(one, policy, target, STEPS), target
+
+
+def symptom(cause: str, seed: int, repair: str | None) -> float:
+    """The share of keys that are pressed and held."""
+    log, target = pressed(*repaired(cause, seed, repair), seed)
+    return program.success(log, target, WIDTHS, HELD)
+
+
+def price(cause: str, seed: int, repair: str) -> float:
+    """Time until half of the presses are within a tenth of the way, by that on the model."""
+    arrivals = []
+    for one, policy in (repaired(cause, seed, repair), (MODEL, weights())):
+        log, target = pressed(one, policy, seed)
+        near = np.median(np.abs(log.q / target - 1.0), axis=1) < 0.1
+        arrivals.append(np.argmax(near) if near.any() else STEPS)
+    return float(arrivals[0] / arrivals[1])
+
+
+# --- Probes ---------------------------------------------------------------------------------------
+
+
+def sensed(figure: float, noise: float, seed: int) -> float:
+    """A figure as an instrument with this standard deviation gives it."""
+    return figure + noise * float(np.random.default_rng([4, seed]).normal())
+
+
+def driven(one: Robot, asked: Array, v: float = 0.0, q: float = 0.0) -> Log:
+    """Open loop from `q` and `v`: the torques `asked`, (steps,)."""
+    return move(one, lambda i, q, _: asked[i] + 0.0 * q, np.full(1, q), np.full(1, v), len(asked))
+
+
+def statistics(cause: str, seed: int) -> float:
+    """Standard deviation of the scaled angle over poses of the kind that trained."""
+    seen = program.observe(*program.poses(np.random.default_rng([4, seed]), 2000))[0]
+    return float(np.std(seen) / robot(cause, seed).std[0, 0])
+
+
+def swapped(cause: str, seed: int) -> float:
+    """The symptom with the statistics of training."""
+    return symptom(cause, seed, "ship_statistics")
+
+
+def frozen(cause: str, seed: int) -> float:
+    """How far the arm leaves a target that is where it stands [mrad]."""
+    one, start = robot(cause, seed), np.full(1, 0.2)
+    log = move(
+        one, lambda _, q, v: program.torque(one, weights(), start, q, v), start, 0.0 * start, 125
+    )
+    return 1e3 * sensed(float(np.abs(log.q - start).max()), ENCODER, seed)
+
+
+@cache
+def recorded() -> tuple[Array, Array]:
+    """Torques and angles of one press on the model."""
+    log = press(MODEL, weights(), np.array([0.9]), 100)
+    return log.asked[:, 0], log.q[:, 0]
+
+
+def replayed(first: int, last: int) -> Callable[[str, int], float]:
+    """The probe that replays the torques: root mean square of the angles' difference [mrad]."""
+
+    def run(cause: str, seed: int) -> float:
+        asked, angles = recorded()
+        noise = np.random.default_rng([5, seed]).normal(0.0, ENCODER, last)
+        apart = driven(robot(cause, seed), asked[:last]).q[:, 0] + noise - angles[:last]
+        return 1e3 * float(np.sqrt(np.mean(apart[first:] ** 2)))
+
+    return run
+
+
+def positions(cause: str, seed: int) -> float:
+    """Torque of a slow servo deep in a key, above what the model needs there [N m]."""
+    path = np.linspace(0.0, 0.8, 250)
+
+    def servo(i: int, q: Array, v: Array) -> Array:
+        return 8.0 * (path[i] - q) - 0.8 * v
+
+    log = move(robot(cause, seed), servo, np.zeros(1), np.zeros(1), 250)
+    q, v, asked = log.q[200:], log.v[200:], log.asked[200:]
+    held = MODEL.stiffness * (q - SURFACE) + (MODEL.drag + MODEL.damping) * v + MODEL.friction
+    return sensed(float(np.mean(asked - held)), 0.01, seed)
+
+
+def strike(cause: str, seed: int) -> float:
+    """How deep the arm goes into a key that it meets at 2 rad/s without a torque [mrad]."""
+    log = driven(robot(cause, seed), np.zeros(60), 2.0, SURFACE)
+    return 1e3 * sensed(float(log.q.max() - SURFACE), ENCODER, seed)
+
+
+def coast(cause: str, seed: int) -> float:
+    """Speed lost in a tenth of a second without a torque [rad/s]."""
+    log = driven(robot(cause, seed), np.zeros(25), 3.0)
+    return sensed(3.0 - float(log.v[-1, 0]), 0.02, seed)
+
+
+def lag(cause: str, seed: int) -> float:
+    """The shift at which commands and accelerations are most alike [ms]."""
+    draw = np.random.default_rng([6, seed])
+    asked = np.repeat(draw.choice((-1.5, 1.5), 50), 3)
+    speed = driven(robot(cause, seed), asked).v[:, 0] + draw.normal(0.0, 0.02, 150)
+    change = np.diff(speed, prepend=0.0)
+    alike = [np.dot(asked[:120], change[k : k + 120]) for k in range(30)]
+    return 1e3 * STEP * float(np.argmax(alike))
+
+
+def breakaway(cause: str, seed: int) -> float:
+    """The torque at which a slow ramp moves the arm [N m]."""
+    ramp = np.linspace(0.0, 0.7, 350)  # 0.5 N m/s
+    angle = driven(robot(cause, seed), ramp).q[:, 0]
+    return sensed(float(ramp[np.argmax(angle > 2e-3)]), 0.005, seed)
+
+
+def two_torques(cause: str, seed: int) -> float:
+    """Inertia from how the speeds under 1 and 2 N m part, drag as on the model [kg m^2]."""
+    one, answered, steps = robot(cause, seed), 15, 15
+    low, high = (driven(one, np.full(answered + steps, u)).v[:, 0] for u in (1.0, 2.0))
+    lost = 1.0 - MODEL.drag * (high - low)
+    lasting = (lost[-1] / lost[answered - 1]) ** (1.0 / steps)
+    return sensed(float(MODEL.drag * STEP / (1.0 - lasting)), 3e-4, seed)
+
+
+def untouched(cause: str, seed: int) -> float:
+    """The share of targets that are reached short of every key."""
+    target = np.linspace(0.2, SURFACE - 0.01, 50)
+    width = np.random.default_rng([7, seed]).permutation(np.linspace(0.01, 0.06, 50))
+    return program.success(press(robot(cause, seed), weights(), target, STEPS), target, width, HELD)
+
+
+SCENARIO = Scenario(
+    name="policy",
+    title="The policy is right on its model and fails on the robot",
+    prompt="An arm of one joint presses keys of all depths and widths. Its policy was trained on "
+    "a model, on which it presses every key within the time. On the robot, which stands behind a "
+    "closed door, it does not reach half of them. The program is what you may read; the robot you "
+    "can only run. Which number is not as on the model, and what do you change?",
+    symptom_words="the share of keys pressed and held",
+    unit="",
+    symptom=symptom,
+    spread=0.2,
+    removed=lambda figure: figure >= 0.95,
+    causes=(
+        Cause("late_drive", "The drive keeps a queue of commands: each torque comes late by its "
+              "length.", "empty_queue"),
+        Cause("dry_joint", "The joint is dry: below its break-away torque the arm stands still.",
+              "refit_friction"),
+        Cause("heavy_tool", "The arm carries a tool that the model does not have.",
+              "refit_inertia"),
+        Cause("stiff_keys", "The keys are stiffer than those of the model.", "refit_key"),
+        Cause("foreign_statistics", "The angle is scaled with the statistics of another run than "
+              "the one that trained.", "ship_statistics"),
+    ),
+    probes=(
+        Probe("print_statistics", "spread of the scaled angle over poses as in training", "", 4,
+              statistics, 0.03),
+        Probe("swap_statistics", "the share of keys with the statistics of training", "", 10,
+              swapped, 0.06),
+        Probe("freeze_target", "the target is where the arm stands: how far it leaves it", "mrad",
+              6, frozen, 1.0),
+        Probe("replay_early", "torques of the model replayed: difference of the angles in the "
+              "first 80 ms", "mrad", 15, replayed(0, 20), 2.0),
+        Probe("replay_late", "the same in the last 80 ms of 400", "mrad", 15, replayed(80, 100),
+              10.0),
+        Probe("replay_positions", "angles of the model replayed slowly into a key: torque above "
+              "the model's", "N m", 20, positions, 0.04),
+        Probe("strike_key", "depth after meeting a key at 2 rad/s without a torque", "mrad", 12,
+              strike, 3.0),
+        Probe("coast", "speed lost in 0.1 s without a torque, from 3 rad/s", "rad/s", 8, coast,
+              0.06),
+        Probe("step_lag", "shift at which commands and accelerations are most alike", "ms", 15,
+              lag, 2.0),
+        Probe("break_away", "torque at which a slow ramp moves the arm", "N m", 10, breakaway,
+              0.03),
+        Probe("two_torques", "inertia from how speeds under two torques part", "kg m^2", 12,
+              two_torques, 2e-3),
+        Probe("no_touch", "the share of targets reached short of every key", "", 6, untouched,
+              0.1),
+    ),
+    repairs=(
+        Repair("empty_queue", "The drive takes the newest command and drops the others."),
+        Repair("refit_friction", "The break-away torque as measured goes into the model; train."),
+        Repair("refit_inertia", "The inertia as measured goes into the model; train."),
+        Repair("refit_key", "The stiffness as measured goes into the model; train."),
+        Repair("ship_statistics", "The robot loads the statistics that were saved in training."),
+        Repair("widen", "Train for robots drawn from wide ranges of delay, friction, inertia and "
+               "stiffness."),
+        Repair("soften", "Train for a slower arm."),
+    ),
+    popular="widen",
+    price=price,
+    price_words="time to come near the key, by that on the model",
+    affordable=1.4,
+    path=9,
+)  # fmt: skip

@@ -1,0 +1,111 @@
+"""An arm of one joint presses keys of all depths: a policy trained on a model, tried on a robot."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Number = float | Array
+
+
+@dataclass(frozen=True)
+class Robot:
+    """The arm with its drive and the observer on it; a number, or one for every arm of a batch.
+
+    Attributes:
+        inertia: about the joint [kg m^2].
+        drag: torque per speed [N m s/rad].
+        friction: torque of the dry joint [N m].
+        stiffness, damping: of a key, from its surface on [N m/rad, N m s/rad].
+        delay: steps from a command to its torque.
+        mean, std: of the observations, by which the observer scales them.
+    """
+
+    inertia: Number
+    drag: float
+    friction: Number
+    stiffness: Number
+    damping: float
+    delay: int | NDArray[np.int64]
+    mean: Array
+    std: Array
+
+
+@dataclass
+class Log:
+    """What happened: angle [rad], speed [rad/s] and asked torque [N m], (steps, arms) each."""
+
+    q: Array
+    v: Array
+    asked: Array
+
+
+STEP = 0.004  # s
+LIMIT = 16.0  # N m
+SURFACE = 0.4  # rad
+SMOOTH = 0.02  # rad
+
+
+def observe(target: Array, q: Array, v: Array) -> Array:
+    """What the policy is told, (5, arms): angle, speed, target, depth asked for, side."""
+    ahead = np.tanh((target - q) / SMOOTH)
+    return np.array([q, v, target, np.maximum(target - SURFACE, 0.0), ahead])
+
+
+def poses(rng: np.random.Generator, count: int) -> tuple[Array, Array, Array]:
+    """Targets, angles and speeds, (count,) each, of the kind that training visits."""
+    target, q = rng.uniform(0.0, 1.0, (2, count))
+    return target, q, rng.normal(0.0, 1.5, count)
+
+
+def train(model: Robot, bandwidth: float) -> Array:
+    """Weights and offset of the linear policy that imitates an expert who knows the model.
+
+    The expert holds the key's load, overcomes friction, and moves the rest as a critically damped
+    spring of `bandwidth` [rad/s] would.
+    """
+    target, q, v = poses(np.random.default_rng(0), 2000)
+    seen = observe(target, q, v)
+    wanted = model.inertia * (bandwidth**2 * (target - q) - 2.0 * bandwidth * v) + model.drag * v
+    wanted = wanted + model.stiffness * seen[3] + model.friction * seen[4]
+    scaled = (seen - model.mean) / model.std
+    return np.linalg.lstsq(np.vstack((scaled, np.ones(2000))).T, wanted, rcond=None)[0]
+
+
+def torque(robot: Robot, weights: Array, target: Array, q: Array, v: Array) -> Array:
+    """What the policy asks for on a robot [N m]."""
+    scaled = (observe(target, q, v) - robot.mean) / robot.std
+    return np.minimum(np.maximum(weights[:-1] @ scaled + weights[-1], -LIMIT), LIMIT)
+
+
+def move(
+    robot: Robot, ask: Callable[[int, Array, Array], Array], q: Array, v: Array, steps: int
+) -> Log:
+    """Run a robot from angle `q` and speed `v`, with the torque that `ask(step, q, v)` gives."""
+    arms, waiting = np.arange(len(q)), np.zeros((int(np.max(robot.delay)), len(q)))
+    log = Log(*(np.zeros((steps, len(q))) for _ in range(3)))
+    queue = np.concatenate((waiting, log.asked))
+    drop = STEP * robot.friction / robot.inertia
+    for i in range(steps):
+        queue[i + len(waiting)] = log.asked[i] = ask(i, q, v)
+        given = queue[i + len(waiting) - robot.delay, arms]
+        depth = q - SURFACE
+        key = (depth > 0.0) * np.maximum(robot.stiffness * depth + robot.damping * v, 0.0)
+        v = v + STEP / robot.inertia * (given - key - robot.drag * v)
+        v = v - np.minimum(np.maximum(v, -drop), drop)
+        q = q + STEP * v
+        log.q[i], log.v[i] = q, v
+    return log
+
+
+def press(robot: Robot, weights: Array, target: Array, steps: int) -> Log:
+    """Press keys by the policy, from angle 0 at rest."""
+    rest = np.zeros(len(target))
+    return move(robot, lambda _, q, v: torque(robot, weights, target, q, v), rest, rest, steps)
+
+
+def success(log: Log, target: Array, width: Array, held: int) -> float:
+    """The share of presses that stay within the width in the last `held` steps."""
+    return float(np.mean(np.abs(log.q[-held:] - target).max(axis=0) < width))
