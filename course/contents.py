@@ -1,5 +1,7 @@
 """The table of contents as Markdown: for the index of the course and for the README."""
 
+from pathlib import Path
+
 from course import CHAPTERS, DIMENSIONS
 
 
@@ -39,3 +41,23 @@ def map_of_chapters(folder: str = "") -> str:
             f"| {chapter.number} | {title} | {chapter.question} | {chapter.simulation} | {state} |"
         )
     return "\n".join(rows) + "\n"
+
+
+def neighbours(number: int) -> str:
+    """The last line of a chapter's page: the chapter before, the contents, the chapter behind.
+
+    Args:
+        number: of the chapter.
+
+    Returns:
+        Markdown with links to notebooks of the same folder; only to chapters that are there.
+    """
+    there = [chapter for chapter in CHAPTERS if chapter.there]
+    before = [c for c in there if c.number < number][-1:]
+    behind = [c for c in there if c.number > number][:1]
+    links = [
+        *(f"[← {c.number} · {c.title}]({Path(c.notebook).name})" for c in before),
+        "[Contents](index.ipynb)",
+        *(f"[{c.number} · {c.title} →]({Path(c.notebook).name})" for c in behind),
+    ]
+    return "\n".join(["---", "", " | ".join(links)])

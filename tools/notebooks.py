@@ -73,7 +73,8 @@ def read_source(source: Path) -> NotebookNode:
 
     Every cell's id is a hash of its place and its text, so that it only changes with them. A text
     is `filled`; in it `{open minutes}` and `{folded minutes}` become the time to read it, and
-    `{exercise minutes}` the sum of its exercises' cards.
+    `{exercise minutes}` the sum of its exercises' cards. A chapter ends with links to
+    its neighbours.
 
     Args:
         source: path of the py:percent file.
@@ -84,6 +85,9 @@ def read_source(source: Path) -> NotebookNode:
     parsed = jupytext.read(source, fmt="py:percent")
     minutes = {**form.reading(parsed.cells), "exercise": _exercise_minutes(source)}
     cells = []
+    number = source.stem.partition("_")[0]
+    if any(source.stem == f"{c.number:02d}_{c.topic}" for c in course.CHAPTERS):
+        parsed.cells.append(nbformat.v4.new_markdown_cell(course.contents.neighbours(int(number))))
     for index, cell in enumerate(parsed.cells):
         if cell.cell_type == "markdown":
             cell.source = _MINUTES.sub(lambda match: str(minutes[match[1]]), filled(cell.source))

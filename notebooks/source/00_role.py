@@ -283,7 +283,7 @@ figures(read("age_precision"), "closed form", "1000 random", summary="Times and 
 # A thousand starts are needed for half a millisecond; but they show the run of *this* start.
 # Use the formula to design, and events for what breaks its assumptions.
 #
-# ## 6 · Where it fails
+# ## 6 · Debug: where it fails
 #
 # ### Clocks that know one another
 
@@ -332,7 +332,7 @@ except ValueError as refusal:
 show("jitter_leaves_the_mean")
 
 # %% [markdown]
-# <div class="alert alert-block alert-success">
+# <div class="alert alert-block alert-danger">
 #
 # **Debugging tip.** *The arm is late.* Log the capture stamp with every command and plot the age. A constant: add up
 # executions and half intervals. A jump by whole periods at one edge: a queue. A slope with jumps: two clocks. Growth:

@@ -752,7 +752,7 @@ figures(
 #   MuJoCo's `discrete` does to a spring). Implicit midpoint stays stable too, but lets the unresolved spring ring.
 # * *Long runs whose statistics matter*: a symplectic method with a fixed step.
 #
-# ## 7 · Where it fails
+# ## 7 · Debug: where it fails
 #
 # ### The limit, measured
 

@@ -686,7 +686,7 @@ show("coal_is_the_truth")
 # %%
 show("constraints_take_larger_steps")
 # %% [markdown]
-# ## 7 · Where it fails
+# ## 7 · Debug: where it fails
 #
 # ### No answer at all
 # %%

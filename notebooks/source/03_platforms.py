@@ -493,7 +493,7 @@ said("platform_installs", "own", "MuJoCo", "Drake", "PyBullet")
 show("lightest_install")
 
 # %% [markdown]
-# ## 7 · Where each fails
+# ## 7 · Debug: where each fails
 #
 # ### The braking law: all alike
 #

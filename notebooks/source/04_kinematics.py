@@ -759,7 +759,7 @@ figures(
 # * *Torques*: RNEA. *Simulation*: ABA, or CRBA and Cholesky for a short arm. *A check*: each against the others.
 # * *Thousands at once*: a batch, whoever computes it.
 #
-# ## 6 · Where it fails
+# ## 6 · Debug: where it fails
 #
 # ### Damping, and what it costs
 #

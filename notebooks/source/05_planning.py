@@ -578,7 +578,7 @@ figures(
 show("ompl_defaults")
 
 # %% [markdown]
-# ## 7 · Where it fails
+# ## 7 · Debug: where it fails
 #
 # ### Narrow in how many directions?
 #

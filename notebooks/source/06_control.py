@@ -622,7 +622,7 @@ said("control_speed", "")
 # ahead, by a quadratic program while the model is linear enough, by samples when it is not. With the model wrong as
 # here, PD with gravity is better than computed torque.
 #
-# ## 7 · Where it fails: what a simulator hides
+# ## 7 · Debug: what a simulator hides
 #
 # A stepping simulator has limits that belong to its steps:
 

@@ -696,7 +696,7 @@ said("pose_precision", "white noise, shape", "white noise, pick", "noise shared 
 # of some millimetres, with the shared noise in mind. For clusters of one picture components of its pixels; DBSCAN where
 # points come from several. For the table RANSAC on a few thousand points, then the linear fit to all pixels near it.
 #
-# ## 7 · Where it fails
+# ## 7 · Debug: where it fails
 #
 # ### Lost parts
 #

@@ -763,7 +763,7 @@ said(
 show("same_as_mujoco")
 
 # %% [markdown]
-# ## 7 · Where it fails
+# ## 7 · Debug: where it fails
 #
 # ### How sure, and since when
 #

@@ -619,7 +619,7 @@ said("learning_curve_reach", "targets")
 said("arm_learned", "DAgger", "cloned", "PPO")
 
 # %% [markdown]
-# ## 8 · Where it fails
+# ## 8 · Debug: where it fails
 #
 # ### Too far in one iteration
 #

@@ -830,7 +830,7 @@ print(f"response times of 1,000 sets of 8 tasks: {1e3 * (perf_counter() - begun)
 # lost. What the verdicts, depths and events lose by that is nothing (the table above); what times lose is the left side
 # of the picture.
 #
-# ## 7 · Where it fails
+# ## 7 · Debug: where it fails
 #
 # ### Six hundred packets
 #

@@ -409,7 +409,7 @@ said("two_numbers", "a picture", "two numbers", "the noise")
 # curves have other periods.)
 # The default of 50 mm is no camera near a part of 10 cm; it is one far away, or a detector of few pixels.
 #
-# ## 7 · Where it fails
+# ## 7 · Debug: where it fails
 #
 # ### Noise, and who reacts to it
 

@@ -6,7 +6,7 @@ from collections import Counter
 import nbformat
 import pytest
 
-from course import CHAPTERS, cards, derivations
+from course import CHAPTERS, DIMENSIONS, cards, derivations
 from course.derivations import records
 from drills import cards as catalogue
 from tools import form, notebooks
@@ -17,6 +17,8 @@ BUILT = {
 }
 CHAPTER = {f"{chapter.number:02d}_{chapter.topic}": chapter.topic for chapter in CHAPTERS}
 WRITTEN = sorted(set(BUILT) & set(CHAPTER))
+BOXES = {"Interview question": "info", "Interview tip": "success", "Debugging tip": "danger",
+         "Key insight": "warning"}  # fmt: skip
 
 
 def told(name: str) -> list[str]:
@@ -111,6 +113,24 @@ def test_exercises_are_listed_in_the_order_of_their_notebook(name: str) -> None:
     asked = re.findall(r'^card\("(\w+)"\)', source, re.M)
     listed = [one.name for one in catalogue.cards() if one.name in asked]
     assert asked == listed, "`place` in card.toml is the exercise's place in the notebook"
+
+
+@pytest.mark.parametrize("name", WRITTEN)
+def test_a_chapter_has_its_five_sides_and_its_neighbours(name: str) -> None:
+    texts = [cell.source for cell in BUILT[name].cells if cell.cell_type == "markdown"]
+    heads = re.findall(r"^## \d+ · (\w+):? ?", "\n".join(texts), re.M)
+    assert {side.capitalize() for side in DIMENSIONS} <= set(heads)
+    place, linked = WRITTEN.index(name), re.findall(r"\]\(([\w.]+)\)", texts[-1])
+    before, behind = WRITTEN[max(place - 1, 0) : place], WRITTEN[place + 1 : place + 2]
+    assert linked == [f"{stem}.ipynb" for stem in (*before, "index", *behind)]
+
+
+@pytest.mark.parametrize("name", sorted(BUILT))
+def test_a_box_is_one_of_four_and_says_which(name: str) -> None:
+    text = "\n".join(cell.source for cell in BUILT[name].cells if cell.cell_type == "markdown")
+    boxes = re.findall(r'<div class="alert alert-block alert-(\w+)">\s*\*\*([\w ]+)\.\*\*', text)
+    assert len(boxes) == text.count('class="alert')
+    assert [(colour, BOXES.get(title)) for colour, title in boxes] == [(c, c) for c, _ in boxes]
 
 
 # --- What is counted ------------------------------------------------------------------------------
