@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import ast
 import json
 import pickle
+import re
 import sys
 import traceback
 from collections import Counter
@@ -53,10 +53,10 @@ def test_a_scenario_is_whole(one: Scenario) -> None:
 def test_the_listing_is_short_and_gives_nothing_away(one: Scenario) -> None:
     text = one.listing()
     assert len(text.splitlines()) < 120
-    words = {cause.name for cause in one.causes} | {cause.repair for cause in one.causes}
-    assert [word for word in words if word in text] == []
-    used = {node.id for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Name)}
-    assert "cause" not in used and "seed" not in used
+    assert re.search(r"fault|wrong|\bbugs?\b|cause|hidden|mistake", text, re.I) is None
+    page = scenarios.diagnose(one.name, 0).show()
+    assert {scenarios.diagnose(one.name, seed).show() for seed in SEEDS} == {page}
+    assert text in page._repr_markdown_()
 
 
 @EACH
@@ -133,15 +133,15 @@ def test_who_always_guesses_the_same_does_no_better_than_chance(one: Scenario) -
     n, chance = 2000, 1.0 / len(one.causes)
     drawn = Counter(scenarios._cause(scenarios.drawn(one.name, seed)) for seed in range(n))
     assert max(drawn.values()) / n < chance + 4.0 * np.sqrt(chance * (1.0 - chance) / n)
-    points = {}
-    for cause in one.causes:  # the mean over the causes of always naming this one, of 3 points
-        points[cause.name] = [
-            scenarios.diagnose(one.name, seed_of(one.name, other.name))
-            .conclude(cause.name, cause.repair)
-            .points
+    for cause in one.causes:
+        verdicts = [
+            scenarios.diagnose(one.name, seed_of(one.name, other.name)).conclude(
+                cause.name, cause.repair
+            )
             for other in one.causes
         ]
-    assert all(sum(row) / 3.0 <= 1.0 for row in points.values()), points
+        assert sum(v.points for v in verdicts) / (3 * len(verdicts)) <= chance, cause.name
+        assert not any(v.supported for v in verdicts)
 
 
 @EVERY
@@ -176,7 +176,8 @@ def test_the_cause_is_nowhere_by_accident(
             raise kind(f"in {given}")
 
         monkeypatch.setattr(scenarios, "figure", fails)
-        with pytest.raises((RuntimeError, KeyboardInterrupt)) as caught:
+        told_as = KeyboardInterrupt if kind is KeyboardInterrupt else RuntimeError
+        with pytest.raises(told_as) as caught:
             session.probe(finding.probe)
         told = traceback.TracebackException.from_exception(caught.value, capture_locals=True)
         inside = [frame for frame in told.stack if frame.filename == scenarios.__file__]
@@ -194,11 +195,6 @@ def test_bad_input_is_named() -> None:
     ):
         with pytest.raises(ValueError, match=name):
             act()
-
-
-def test_showing_a_case_is_the_same_for_every_cause() -> None:
-    pages = {scenarios.diagnose("explodes", seed).show() for seed in range(8)}
-    assert len(pages) == 1 and "```python" in pages.pop()._repr_markdown_()
 
 
 # --- The theory of the slide --------------------------------------------------------------------
@@ -224,6 +220,33 @@ def test_the_growth_of_the_slide_is_that_of_its_step_matrix() -> None:
         assert growth > 0.0
         steps = np.mean([symptom(cause, seed, None) for seed in SEEDS])
         assert steps == pytest.approx(np.log(1000.0) / growth, rel=0.06), cause
+
+
+def test_the_energy_of_a_step_is_that_of_its_scheme() -> None:
+    """Explicit Euler turns and stretches by 1 + a^2; semi-implicit keeps a skewed energy."""
+    from course.interview.scenarios.explodes import TUNES
+
+    for cause, tune in TUNES.items():
+        gained = scenarios.figure("explodes", "log_energy", cause, 0)
+        theory = 10.0 * np.log(1.0 + tune.a**2) if tune.blend == 0.0 else 0.0
+        assert gained == pytest.approx(theory, abs=1e-9), cause
+
+
+def test_what_is_tried_first_helps_at_times() -> None:
+    """Half the step only mends what the step's limit breaks; a softer loop only what is late a
+    little. It is shown whether the symptom is gone, and the price is told."""
+    gone = {
+        name: {c.name for c in scenarios.scenario(name).causes if helped(name, c.name)}
+        for name in ("explodes", "touch")
+    }
+    assert gone == {"explodes": {"double_contact"}, "touch": {"uneven_ticks", "soft_sensor"}}
+
+
+def helped(name: str, cause: str) -> bool:
+    one = scenarios.scenario(name)
+    verdict = scenarios.diagnose(name, seed_of(name, cause)).conclude(cause, one.popular)
+    assert verdict.tried.price > one.affordable and "too much" in str(verdict)
+    return verdict.tried.removed
 
 
 # --- The command --------------------------------------------------------------------------------

@@ -143,7 +143,7 @@ def brake_lag(log: Rows) -> int:
 def stops_gain(cause: str, seed: int) -> float:
     """Share of energy gained in ten steps with neither brake nor friction."""
     one = replace(machine(cause, seed), damping=0.0, friction=0.0)
-    log = simulate(one, 1000)
+    log = simulate(one, 1001)  # a thousand steps lie between its rows
     x, v, old = log["x"], log["v"], 1.0 - one.blend
     # What the scheme keeps on a spring: with the new speed first, a skewed energy.
     hooke = one.stiffness * len(one.stops) / 2
