@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from drills.report import Report
 
 STANDARD_INPUT = "-"
-_UNCOUNTED = (Reason.NOT_ATTEMPTED, Reason.UNREADABLE)  # nothing was graded
+UNCOUNTED = (Reason.NOT_ATTEMPTED, Reason.UNREADABLE)  # nothing was graded
 _LOOKS = 0.2  # s between two looks at a watched file
 
 
@@ -213,7 +213,7 @@ def graded(
         report = Report(card.name, session.seed, filename, "", Reason.UNREADABLE, why)
     else:
         report = grade(card.name, source, filename=filename, seed=session.seed)
-    if report.reason not in _UNCOUNTED and not quietly:
+    if report.reason not in UNCOUNTED and not quietly:
         costs = {cost.what: (cost.yours, cost.unit) for cost in report.costs}
 
         def enter(record: Record) -> None:
@@ -233,7 +233,7 @@ def told(session: Session, card: Card, report: Report, path: str) -> tuple[int, 
             report, card, colour=terminal.colour, unicode=terminal.unicode, width=terminal.width
         )
         session.say(text.rstrip("\n"))
-        if not report.passed and report.reason not in _UNCOUNTED:
+        if not report.passed and report.reason not in UNCOUNTED:
             session.say(f"A hint: drills hint {card.name}")
         elif report.passed:
             session.say(f"The worked answer: drills solution {card.name}")

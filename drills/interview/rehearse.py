@@ -96,9 +96,7 @@ class Talk:
         self, minutes: int, seed: int | None, chosen: frozenset[int], parts: tuple[str, ...]
     ) -> None:
         """Begin a new interview."""
-        past, notices = kept.load(self.file, FORM)
-        self.session.notices += notices
-        records = self.session.records().records.items()
+        past, records = self.past(), self.session.records().records.items()
         weak = {key for key, score in past.scores.items() if score < rehearsal.WEAK}
         weak |= {card.key for card in self.due()}
         weak |= {f"drill/{n}" for n, r in records if r.attempts and r.state != SOLVED}
@@ -111,28 +109,31 @@ class Talk:
             drawn = rehearsal.draw(items, parts, minutes, weak, last, seed)
         except ValueError:
             raise Misuse("Of these chapters and kinds there is only what was just asked.") from None
-        called = [item.title.partition("\n")[0] for item in drawn]
         entries = [
-            Entry(i.key, i.part, i.chapter, i.minutes, name)
-            for i, name in zip(drawn, called, strict=True)
+            Entry(i.key, i.part, i.chapter, i.minutes, i.title.partition("\n")[0]) for i in drawn
         ]
         if left_out := [part for part in parts if part not in {item.part for item in drawn}]:
             what = ", ".join(left_out)
             self.session.notices.append(f"Left out for lack of time or of choice: {what}.")
         self.interview = Interview(
-            self.looked.isoformat(timespec="seconds"), seed, minutes, entries
+            self.looked.isoformat(timespec="milliseconds"), seed, minutes, entries
         )
+
+    def past(self) -> Past:
+        """What is kept; what is wrong with its file is said."""
+        past, notices = kept.load(self.file, FORM)
+        self.session.notices += notices
+        return past
 
     def due(self) -> list[deck.Entry]:
         """The cards that are due now."""
         reviews, notices = store.load(store.beside(self.session.progress_file))
         self.session.notices += notices
-        return store.due(deck.deck(), reviews, self.clock())
+        return store.due(deck.deck(), reviews, self.looked)
 
     def resume(self) -> None:
         """Go on with the last interview that is not over."""
-        past, notices = kept.load(self.file, FORM)
-        self.session.notices += notices
+        past = self.past()
         if not past.open:
             raise Misuse("No interview is waiting to go on. drills interview begins one.")
         self.interview = past.open[max(past.open)]
@@ -231,8 +232,9 @@ class Talk:
             elif not line:
                 report = grading.graded(self.session, card, str(path), None)
                 grading.told(self.session, card, report, str(path))
-                entry.attempts.append({"verdict": report.verdict, "sentence": report.sentence})
-                verdicts.append(report.verdict)
+                if report.reason not in grading.UNCOUNTED:
+                    entry.attempts.append({"verdict": report.verdict, "sentence": report.sentence})
+                    verdicts.append(report.verdict)
             self.keep(entry)
         entry.score = 1 / len(verdicts) if "pass" in verdicts else 0.0
         entry.weakest = item.rubric[0]
@@ -252,12 +254,14 @@ class Talk:
                 entry.done = True
                 self.keep(entry)
             self.interview.cards_due = [card.key for card in self.due()]
-            path = self.folder / f"report-{re.sub('[^0-9]', '', self.interview.started)[:14]}.json"
+            path = self.folder / f"report-{re.sub('[^0-9]', '', self.interview.started)[:17]}.json"
             found = {**asdict(self.interview), "seconds": self.interview.seconds}
             workspace.write_over(path, json.dumps(found, indent=2, ensure_ascii=False) + "\n")
             workspace.write_over(path.with_suffix(".md"), rehearsal.markdown(self.interview))
         except (KeyboardInterrupt, EOFError, OutputLost, click.ClickException):
-            session.notices.append("What you said is kept: drills interview --resume goes on.")
+            if self.file:
+                self.keep(entry)
+                session.notices.append("What you said is kept: drills interview --resume goes on.")
             raise
         except OSError as error:
             why = f"{workspace.shown(self.folder)} can't be written: {error.strerror}."
@@ -290,6 +294,7 @@ def to_read(entry: Entry) -> str:
     cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
     text = "\n".join("".join(cell["source"]) for cell in cells)
     parts = re.split(r"^## (?=\d+ · )", text, flags=re.M)[1:]
+    parts = [part for part in parts if not re.match(r"\d+ · (Exercises|Interview)\b", part)]
     found = rehearsal.nearest(entry.weakest, parts)
     title = "" if found is None else parts[found].splitlines()[0].replace(" · ", ": ")
     return f"chapter {entry.chapter}, {chapter.title}" + f", section {title}" * bool(title)
