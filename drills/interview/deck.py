@@ -10,7 +10,7 @@ when it is shown. A key ("claim/semi_implicit_limit") stays the same as long as 
 from __future__ import annotations
 
 import functools
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from hashlib import blake2b
 
@@ -98,19 +98,19 @@ def _all() -> tuple[Entry, ...]:
     return tuple(sorted(found, key=lambda entry: (entry.chapter, KINDS.index(entry.kind))))
 
 
-def sides(entry: Entry) -> Sides:
+def sides(entry: Entry, tex: Callable[[str], str] = str) -> Sides:
     """What stands on a card, with the figures on record.
+
+    Args:
+        entry: the card.
+        tex: sets the sentences of claims; `course.cards.tex` where formulas can be shown.
 
     Raises:
         ValueError: for a card whose source is gone.
     """
-    return {
-        "drill": _drill,
-        "claim": _claim,
-        "formula": _formula,
-        "question": _question,
-        "exhibit": _exhibit,
-    }[entry.kind](entry)
+    if entry.kind in ("claim", "formula"):
+        return (_claim if entry.kind == "claim" else _formula)(entry, tex)
+    return {"drill": _drill, "question": _question, "exhibit": _exhibit}[entry.kind](entry)
 
 
 def judge(entry: Entry, said: str) -> tuple[bool | None, str]:
@@ -149,24 +149,25 @@ def _drill(entry: Entry) -> Sides:
     return Sides(front, f"{card.insight}\n\n```python\n{card.solution_text()}```")
 
 
-def _claim(entry: Entry) -> Sides:
+def _claim(entry: Entry, tex: Callable[[str], str]) -> Sides:
     from course.derivations import Block, recorded
 
     shown = Block(recorded(entry.name, entry.file))
     claim = shown.outcome.claim
     source = f"\n\n{claim.source}" if claim.source else ""
     return Sides(
-        f"One hears: “{claim.claim}”", f"**{shown.verdict}** {shown.outcome.corrected}{source}"
+        f"One hears: “{tex(claim.claim)}”",
+        f"**{tex(shown.verdict)}** {tex(shown.outcome.corrected)}{source}",
     )
 
 
-def _formula(entry: Entry) -> Sides:
+def _formula(entry: Entry, tex: Callable[[str], str]) -> Sides:
     from course.derivations import formula
 
     _sourced(entry)
     asked = formula(entry.name)
     symbols = [f"* `{name}`: {symbol.meaning}" for name, symbol in asked.symbols.items()]
-    return Sides("\n".join([f"{asked.question}\n", *symbols]), f"`{asked.expression}`")
+    return Sides("\n".join([f"{tex(asked.question)}\n", *symbols]), f"`{asked.expression}`")
 
 
 def _question(entry: Entry) -> Sides:
