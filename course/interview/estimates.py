@@ -52,7 +52,7 @@ def workers(
     runs = count("scenarios", scenarios, 1) * count("repeats", repeats, 1)
     faster = positive("times_real_time", times_real_time)
     each = positive("scenario_s", scenario_s) / faster + finite("start_s", start_s, 0.0)
-    turns = math.floor(3600.0 * positive("night_h", night_h) / each)
+    turns = math.floor(3600.0 * positive("night_h", night_h) / each * (1.0 + 2e-12))
     if turns < 1:
         raise refused("night_h", night_h, f"{each / 3600.0:.3g} on, which one scenario takes [h]")
     return math.ceil(runs / turns)

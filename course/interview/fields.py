@@ -119,7 +119,7 @@ def _step(here: Any, step: str, data: Any, path: str) -> Any:
             return styled
         if step == "pick" and (points := _good(entries, data)):
             return min(points, key=lambda point: float(point["time"]))
-        names = [next((str(e[key]) for key in _NAMES if key in e), "") for e in entries]
+        names = [_name(entry) for entry in entries]
         begun = [i for i, n in enumerate(names) if n == step] or [
             i for i, n in enumerate(names) if n.startswith(step)
         ]
@@ -162,10 +162,15 @@ def _read_off(series: dict[str, Any], column: str, place: str, path: str) -> flo
     return float(x[i] + (x[i + 1] - x[i]) * off[i] / (off[i] - off[i + 1]))
 
 
+def _name(entry: dict[str, Any]) -> str:
+    return next((str(entry[key]) for key in _NAMES if key in entry), "")
+
+
 def _offered(here: Any) -> str:
+    """What may stand behind this place, for a message."""
     if isinstance(here, dict):
         return ", ".join([*here, *(_offered(here[key]) for key in _INNER if key in here)])
-    names = [next((str(e[key]) for key in _NAMES if key in e), "") for e in here if
-             isinstance(e, dict)] if isinstance(here, list) else []  # fmt: skip
-    numbers = f"0 to {len(here) - 1}" if isinstance(here, list) else "nothing further"
-    return ", ".join([numbers, *(n for n in names if n)])
+    if not isinstance(here, list):
+        return "nothing further"
+    names = [_name(entry) for entry in here if isinstance(entry, dict)]
+    return ", ".join([f"0 to {len(here) - 1}", *filter(None, names)])
