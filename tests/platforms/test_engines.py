@@ -13,7 +13,7 @@ from course.oracles.mujoco import chain as reader
 from course.oracles.mujoco.kit import library
 from course.platforms import AS_SHIPPED, FAIR, SCENES, ContactReport, Settings, State
 from course.platforms.bodies import step_of
-from course.platforms.contract import prepared, slip_of
+from course.platforms.contract import prepared, reported, slip_of
 from course.platforms.scenes import GRAVITY, HALF, arm, brake, chain, field, grasp, slope, tower
 from course.rigid_body import quaternion
 from course.rigid_body.integrators import retract
@@ -227,6 +227,15 @@ def test_rows_of_contacts_are_the_speed_of_the_point_on_the_body() -> None:
     np.testing.assert_allclose(found, speed[:, 1] - speed[:, 0], atol=1e-7)
     slip = slip_of(q, v, report.bodies, point, normal)[:, 0]
     np.testing.assert_allclose(slip, found - normal[:, 0] * (found @ normal[:, 0]), atol=1e-12)
+
+
+def test_contacts_are_the_same_whichever_body_is_told_first() -> None:
+    up, one = np.tile([[0.0], [0.0], [1.0]], 2) * [1, -1], np.ones((3, 2))
+    told = np.array([[0, 1], [1, 0]]), one, up, np.zeros(2), up + [[2.0, -2.0]]
+    found = reported(tower(2).start, *told)
+    assert found.bodies.tolist() == [[0, 0], [1, 1]] and found.normal_force.tolist() == [3.0, 3.0]
+    for each in (found.normal, found.force, found.slip):
+        np.testing.assert_array_equal(each[:, 0], each[:, 1])
 
 
 def test_forces_are_told_by_their_parts() -> None:

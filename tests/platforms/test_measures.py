@@ -59,9 +59,6 @@ class Teller(Engine):
     def missing(self):
         return ""
 
-    def version(self):
-        return "1"
-
     def build(self, scene, dt, settings=FAIR):
         return Told(scene, dt, self.path)
 
@@ -197,9 +194,6 @@ def test_a_braking_block_stops_where_the_sum_says() -> None:
         1.0 - m.stop(MUJOCO, 0.0, share * edge).distance / true for share in (0.95, 1.1)
     )
     assert inside < 0.005 < outside
-
-
-# --- the shape of the cone ------------------------------------------------------------------------
 
 
 def test_the_extremes_of_the_cones() -> None:

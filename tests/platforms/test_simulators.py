@@ -16,12 +16,8 @@ from course.oracles.pybullet import PyBullet
 from course.oracles.quiet import quiet
 from course.platforms import AS_SHIPPED, FAIR, NO_CONTACTS, measures, prepared, scenes
 
-SEMI_IMPLICIT = {
-    "own code": "semi_implicit_euler",
-    "MuJoCo": "Euler",
-    "Drake": "discrete",
-    "PyBullet": "semi-implicit Euler",
-}
+SEMI_IMPLICIT = {"own code": "semi_implicit_euler", "MuJoCo": "Euler", "Drake": "discrete",
+                 "PyBullet": "semi-implicit Euler"}  # fmt: skip
 Version = namedtuple("Version", "major minor")
 OTHERS = ("Drake", "PyBullet")
 
