@@ -480,6 +480,7 @@ def status(session: Session) -> int:
                 "reading_minutes": one.reading_minutes,
                 "exercise_minutes": one.exercise_minutes,
                 "checkpoint": one.checkpoint or None,
+                "tried": loaded.reading(number).tried,
             }
         )
         label = f"Chapter {number}: {one.chapter.title}"
@@ -493,6 +494,8 @@ def status(session: Session) -> int:
                 f"      {len(one.sections) - len(one.unread)} of {len(one.sections)} sections "
                 f"read, checkpoint {passed}"
             )
+        for key, state in sorted(loaded.reading(number).tried.items()):
+            session.say(f"        {present.sign(state, terminal)} {key}")
         for card in here:
             record = loaded.of(card.name)
             if record.attempts or record.hints or record.gave_up:

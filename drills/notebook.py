@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from course import CHAPTERS, kept
+from course.check import one_of
 from drills import agenda, chapters, present, progress, workspace
 from drills import cards as catalogue
 from drills.borrowed import Assembled, Borrowed, Unusable, assemble, defined_by, own_source
@@ -37,6 +38,7 @@ from drills.terminal import listed
 if TYPE_CHECKING:
     from course.cards import Gate
 
+TRIED = ("derivation", "lab", "design")
 _CELL = "your cell"
 _GRACE = 5.0  # s that an interrupted grader has to end its child
 # Text and ground are both set, so that a light and a dark page show the same contrast.
@@ -169,6 +171,8 @@ def card(name: str) -> Shown:
 def badges(chapter: int) -> Shown:
     """A row with the state of each exercise of a chapter: not attempted, attempted, solved.
 
+    Derivations, labs and designs join it once they were tried.
+
     It stands at the top of a chapter, so the chapter counts as opened.
     """
 
@@ -177,18 +181,21 @@ def badges(chapter: int) -> Shown:
 
     loaded = _noted(chapter, opened)
     spans, words = [], []
-    for one in catalogue.cards():
-        if one.chapter != chapter:
-            continue
-        state = loaded.of(one.name).state
+    here = [
+        (one.name, one.title, loaded.of(one.name).state)
+        for one in catalogue.cards()
+        if one.chapter == chapter
+    ]
+    here += [(key, key, state) for key, state in sorted(loaded.reading(chapter).tried.items())]
+    for name, title, state in here:
         ground, ink = _BADGE_COLOURS[state]
         sign, word = present.STATE_SIGNS[state], present.STATE_WORDS[state]
         spans.append(
-            f'<span title="{_escaped(one.title)}" style="display:inline-block;'
+            f'<span title="{_escaped(title)}" style="display:inline-block;'
             f"margin:2px 6px 2px 0;padding:2px 10px;border-radius:10px;background:{ground};"
-            f'color:{ink};white-space:nowrap">{sign} {_escaped(one.name)}: {word}</span>'
+            f'color:{ink};white-space:nowrap">{sign} {_escaped(name)}: {word}</span>'
         )
-        words.append(f"{sign} {one.name}: {word}")
+        words.append(f"{sign} {name}: {word}")
     if not words:
         return Shown(f"Chapter {chapter} has no graded exercises.")
     notes = "".join(f"<p>{_escaped(notice)}</p>" for notice in loaded.notices)
@@ -210,6 +217,36 @@ def checkpoint(topic: str, **answers: str) -> Gate:
         shown.text = "\n".join([shown.text, *notices])
         shown.markdown = "\n\n".join([shown.markdown, *notices])
     return shown
+
+
+def answer(claim: str, text: str) -> Any:
+    """Check a formula, `course.derivations.answer`; the attempt is kept, unless it is blank.
+
+    Raises:
+        ValueError: for an unknown claim, or one that asks for no formula.
+    """
+    from course import derivations
+
+    found = derivations.answer(claim, text)
+    if text.strip():
+        tried("derivation", claim, derivations.CLAIMS[claim].chapter, found.correct)
+    return found
+
+
+def tried(kind: str, name: str, chapter: int, passed: bool = False) -> None:
+    """Keep an attempt at something that is no exercise, for the badges of its chapter.
+
+    Args:
+        kind: "derivation", "lab" or "design".
+        name: of it.
+        chapter: its number.
+        passed: whether it was solved.
+
+    Raises:
+        ValueError: for another kind.
+    """
+    key = f"{one_of('kind', kind, TRIED)}/{name}"
+    _noted(chapter, lambda reading: progress.note_tried(reading, key, passed))
 
 
 def home() -> Shown:

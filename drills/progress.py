@@ -50,11 +50,13 @@ class Reading:
         opened: when its notebook was last run from the top; ISO 8601, UTC.
         read: numbers of the sections that the learner has marked as read, in order.
         checkpoint: when its checkpoint was passed first.
+        tried: state of what is no exercise, by kind and name: "derivation/deep_queue".
     """
 
     opened: str = ""
     read: list[int] = field(default_factory=list)
     checkpoint: str = ""
+    tried: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -163,6 +165,12 @@ def note_checkpoint(reading: Reading, undo: bool = False) -> None:
     reading.checkpoint = "" if undo else reading.checkpoint or timestamp()
 
 
+def note_tried(reading: Reading, key: str, passed: bool) -> None:
+    """Enter an attempt at a derivation, a lab or a design; what is solved stays solved."""
+    if passed or reading.tried.get(key) != SOLVED:
+        reading.tried[key] = SOLVED if passed else ATTEMPTED
+
+
 def timestamp() -> str:
     """The time now, in UTC, to the second."""
     return datetime.now(UTC).isoformat(timespec="seconds")
@@ -190,6 +198,9 @@ def _reading(entry: Any) -> Reading:
         all(isinstance(text, str) and text.isprintable() for text in texts)
         and isinstance(reading.read, list)
         and all(type(number) is int and 0 <= number < 1000 for number in reading.read)
+        and isinstance(reading.tried, dict)
+        and all(key.isprintable() for key in reading.tried)
+        and all(state in (ATTEMPTED, SOLVED) for state in reading.tried.values())
     )
     if not sane:
         raise Damaged

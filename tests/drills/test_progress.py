@@ -260,3 +260,35 @@ def test_a_field_of_a_later_revision_is_not_damage(file: Path, state: str) -> No
     loaded = progress.load(file)
     assert loaded.notices == ()
     assert loaded.of("fk3").attempts == 2
+
+
+def test_a_derivation_a_lab_and_a_design_have_their_badges(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from click.testing import CliRunner
+
+    from course import derivations
+    from drills import notebook
+    from drills.cli import cli
+
+    path = tmp_path / "progress.json"
+    monkeypatch.setenv("DRILLS_PROGRESS", str(path))
+    asked = derivations.formula("deep_queue")
+    assert not notebook.answer("deep_queue", " ") and not path.exists()
+    assert not notebook.answer("deep_queue", next(iter(asked.slips)))
+    notebook.tried("lab", "late_messages", 0)
+    notebook.tried("design", "nightly_fleet", 0, True)
+    said = repr(notebook.badges(0))
+    assert "◐ derivation/deep_queue: attempted" in said and "◐ lab/late_messages" in said
+    assert "● design/nightly_fleet: solved" in said
+    assert notebook.answer("deep_queue", asked.expression)
+    notebook.answer("deep_queue", next(iter(asked.slips)))  # run again: what is solved stays so
+    assert "● derivation/deep_queue: solved" in repr(notebook.badges(0))
+    out = CliRunner().invoke(cli, ["status"]).output
+    assert "● derivation/deep_queue" in out.replace("[x]", "●")
+    with pytest.raises(ValueError, match="kind is 'quiz'"):
+        notebook.tried("quiz", "x", 0)
+    content = json.loads(path.read_text(encoding="utf-8"))
+    content["chapters"]["0"]["tried"]["lab/late_messages"] = "perhaps"
+    path.write_text(json.dumps(content), encoding="utf-8")
+    assert "damaged" in progress.load(path).notices[0]
