@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import html
 import json
 import re
 import tomllib
-from html.parser import HTMLParser
 from pathlib import Path
 
 import numpy as np
@@ -181,12 +181,8 @@ def test_a_terminal_shows_80_columns_and_a_page_all_cells() -> None:
         words = {word for row in table.rows for cell in row for word in cell.split()}
         assert words <= set(text.split())
         assert table.markdown().count("\n") == len(table.rows) + 1
-    found: list[str] = []
-    reader = HTMLParser()
-    reader.handle_data = found.append  # type: ignore[method-assign]
-    reader.feed(tables.page())
-    cells = {cell for row in tables.cheat_sheet(plain=True).rows for cell in row}
-    assert cells <= set(found)
+    found = {html.unescape(cell) for cell in re.findall("<td>(.*?)</td>", tables.page())}
+    assert {cell for row in tables.cheat_sheet(plain=True).rows for cell in row} == found
 
 
 def test_a_row_that_lacks_a_cell_is_refused() -> None:
