@@ -56,8 +56,8 @@ def rate(
 ) -> tuple[Reviews, tuple[str, ...]]:
     """Enter a rating, and when the card is asked next.
 
-    Where the clock stood ahead at the last review, that review counts as one just now, so that
-    the card does not wait for a time that was never meant.
+    Where the clock stood ahead at the last review, fsrs takes that review for one of today, and
+    the card waits from now on.
 
     Args:
         path: of the file, or None to keep none.
@@ -88,7 +88,6 @@ def rate(
         card = fsrs.Card.from_dict(before) if before else fsrs.Card(entry.number, due=now)
         if card.last_review and card.last_review > now:
             notices.append(f"The clock stood ahead when {entry.key} was last rated; mended.")
-            card.last_review = now
         card, _ = scheduler.review_card(card, fsrs.Rating(rating), now)
         content.cards[entry.key] = dict(card.to_dict())
         content.log.append({"card": entry.key, "rating": rating, "when": now.isoformat()})

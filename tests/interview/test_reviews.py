@@ -58,7 +58,7 @@ def test_both_sides_of_a_card_are_whole(kind: str) -> None:
 
 
 def test_a_claim_on_record_reads_as_the_claim_that_is_run() -> None:
-    for id in ("queue_carries_overload", "gigabit_is_enough"):
+    for id in ("reaction_is_age", "same_rate_in_step"):
         (entry,) = (e for e in deck() if e.key == f"claim/{id}")
         assert (whole := run(id)).finding.inputs
         assert whole.corrected in sides(entry).back
