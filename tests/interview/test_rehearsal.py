@@ -191,7 +191,9 @@ def test_a_whole_interview(
             # Its model answer was shown once: when all of its lines had been said.
             answer = pool[one["key"]].fill(pool[one["key"]].answer, figure)
             assert [at for at, text in shown if answer in text] == [left.pop(0)]
-    assert re.search(r"section \d+: (?!Exercises|Interview)", items[1]["read"])
+    for one in (one for one in pool.values() if one.part == "coding"):
+        entry = rehearsal.Entry(one.key, "coding", one.chapter, 1, "", weakest=one.rubric[0])
+        assert re.search(r"section \d+: (?!Exercises|Interview)", rehearse.to_read(entry))
     assert [one["verdict"] for one in items[2]["attempts"]] == ["fail", "pass"]
     assert place.record("fk3")["state"] == "solved" and place.record("fk3")["attempts"] == 2
     spent = np.cumsum([one["seconds"] for one in items])
