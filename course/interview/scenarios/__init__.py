@@ -152,6 +152,12 @@ def figure(name: str, probe: str, cause: str, seed: int) -> float:
 
 
 @cache
+def symptom(name: str, repair: str | None, cause: str, seed: int) -> float:
+    """The symptom of one machine, repaired or not, kept."""
+    return float(scenario(name).symptom(cause, seed, repair))
+
+
+@cache
 def expected(name: str, probe: str, cause: str) -> tuple[float, float]:
     """The lowest and highest figure that a cause explains: those of `REFERENCE` and the noise."""
     noise = scenario(name).a_probe(probe).noise
@@ -408,7 +414,7 @@ class Diagnosis:
             self.case,
             cause,
             _cause(self.case),
-            _sealed(self.case, lambda c, s: one.symptom(c, s, None)),
+            _sealed(self.case, lambda c, s: symptom(one.name, None, c, s)),
             self._tried(repair),
             self._tried(one.popular),
             evidence(one.name, self.findings),
@@ -419,7 +425,7 @@ class Diagnosis:
 
     def _tried(self, repair: str) -> Tried:
         one = scenario(self.case.name)
-        after = _sealed(self.case, lambda c, s: one.symptom(c, s, repair))
+        after = _sealed(self.case, lambda c, s: symptom(one.name, repair, c, s))
         price = _sealed(self.case, lambda c, s: one.price(c, s, repair))
         return Tried(repair, after, one.removed(after), price, price <= one.affordable)
 
