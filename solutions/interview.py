@@ -71,3 +71,66 @@ def stopping_distance(
     left = sight - person * reaction - unsure
     top = 2.0 * left / (linear + np.sqrt(linear**2 + 2.0 * max(left, 0.0) / slowing))
     return way, gap, max(3.6 * float(top), 0.0)
+
+
+def latency_budget(
+    edges: ArrayLike, runs: ArrayLike, periods: ArrayLike, sensor: int, actuator: int,
+    allowed: float,
+) -> tuple[float, np.ndarray]:  # fmt: skip
+    """The worst latency of a graph of stages, and how much longer each of them may take.
+
+    Args:
+        edges: from stage, to stage, shape (m, 2); no loops.
+        runs: measured execution times of each stage, (n, k) [s].
+        periods: of its clock, (n,) [s]; 0 where it starts when its input arrives.
+        sensor: stage where a chain begins.
+        actuator: stage where it ends.
+        allowed: latency [s].
+
+    Returns:
+        (worst latency from sensor to actuator [s], what is left for each stage (n,) [s]).
+    """
+    cost = np.asarray(runs, dtype=float).max(axis=1) + np.asarray(periods, dtype=float)
+    links = np.asarray(edges, dtype=int).tolist()
+    ahead, behind = np.full((2, len(cost)), -np.inf)
+    ahead[sensor], behind[actuator] = cost[sensor], cost[actuator]
+    for _ in range(len(cost)):  # the longest chain has no more edges than that
+        for a, b in links:
+            ahead[b] = max(ahead[b], ahead[a] + cost[b])
+            behind[a] = max(behind[a], behind[b] + cost[a])
+    through = ahead + behind - cost
+    worst = through[sensor]
+    return float(worst), allowed - np.where(np.isfinite(through), through, 0.0)
+
+
+def truncated_advantages(
+    reward: ArrayLike, value: ArrayLike, starts: ArrayLike, ended: ArrayLike, final: ArrayLike,
+    last: float, gamma: float, lam: float,
+) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    """Generalised advantages of a buffer of episodes, some of which a time limit has cut off.
+
+    Args:
+        reward: of each step, shape (n,).
+        value: of the state in which it begins, (n,).
+        starts: 1 where a step is the first of its episode, else 0, (n,).
+        ended: 1 where the episode terminated with this step, else 0, (n,).
+        final: values of the states in which time limits cut episodes off, in their order, (m,).
+        last: value of the state that the last step led to.
+        gamma: discount.
+        lam: lambda, from 0 to 1.
+
+    Returns:
+        (advantages (n,), targets of the critic (n,)).
+    """
+    r, v = np.asarray(reward, dtype=float), np.asarray(value, dtype=float)
+    over = np.asarray(ended) != 0
+    others = np.append(np.asarray(starts)[1:] != 0, True)  # the next row is another episode's
+    ahead = np.append(v[1:], last)
+    cut = others[:-1] & ~over[:-1]
+    ahead[:-1][cut] = np.asarray(final, dtype=float)
+    delta = r + gamma * np.where(over, 0.0, ahead) - v
+    advantage, trace = np.empty_like(r), 0.0
+    for t in range(len(r) - 1, -1, -1):
+        trace = delta[t] + gamma * lam * np.where(others[t], 0.0, trace)
+        advantage[t] = trace
+    return advantage, advantage + v

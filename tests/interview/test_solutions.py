@@ -1,6 +1,7 @@
 """The worked answers of chapter 12 against SciPy, small steps and everything written out."""
 
 import ast
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -83,3 +84,68 @@ def test_the_way_is_that_of_small_steps(rng):
         assert stops(top)[1] == pytest.approx(sight, abs=1e-3)
     else:
         assert stops(0.0)[1] > sight - 1e-3
+
+
+# --- latency over a graph -------------------------------------------------------------------------
+
+
+@examples(40)
+@given(rngs(), st.integers(2, 6))
+def test_the_budget_is_that_of_every_chain_written_out(rng, n):
+    edges = [pair for pair in itertools.combinations(range(n), 2) if rng.random() < 0.5] + [(0, 1)]
+    runs, periods = rng.random((n, 3)), rng.random(n) * rng.integers(0, 2, n)
+    goal = max(b for a, b in edges if a == 0)
+    chains = [
+        (0, *middle, goal)
+        for k in range(goal)
+        for middle in itertools.combinations(range(1, goal), k)
+        if all(pair in edges for pair in itertools.pairwise((0, *middle, goal)))
+    ]
+    lengths = {chain: sum(max(runs[i]) + periods[i] for i in chain) for chain in chains}
+    through = [max((s for chain, s in lengths.items() if i in chain), default=0) for i in range(n)]
+    name = rng.permutation(n)
+    place = np.argsort(name)
+    order = rng.permutation(len(edges))
+    worst, left = solutions.latency_budget(
+        name[np.array(edges)][order], runs[place], periods[place], name[0], name[goal], 2.0
+    )
+    assert worst == pytest.approx(max(lengths.values()))
+    np.testing.assert_allclose(left[name], 2.0 - np.array(through), atol=1e-12)
+
+
+# --- episodes in a buffer -------------------------------------------------------------------------
+
+
+@examples(30)
+@given(rngs(), st.integers(1, 5), st.booleans())
+def test_each_episode_has_the_advantages_that_it_has_alone(rng, episodes, begun):
+    """The double sum over each episode, whatever stands beside it in the buffer."""
+    gamma, lam = rng.uniform(0.5, 1.0, 2)
+    rows, finals, right, last = [], [], [], 0.0
+    for k in range(episodes):
+        n, over = int(rng.integers(1, 6)), rng.random() < 0.5
+        reward, value = rng.normal(size=(2, n))
+        last = rng.normal()
+        if not over and k < episodes - 1:
+            finals.append(last)
+        ahead = [*value[1:], 0.0 if over else last]
+        delta = reward + gamma * np.array(ahead) - value
+        right += [sum((gamma * lam) ** (s - t) * delta[s] for s in range(t, n)) for t in range(n)]
+        first = [int(k > 0 or not begun)] + [0] * (n - 1)
+        rows += list(zip(reward, value, first, [0] * (n - 1) + [int(over)], strict=True))
+    columns = list(np.array(rows).T)
+    found, target = solutions.truncated_advantages(*columns, finals, last, gamma, lam)
+    np.testing.assert_allclose(found, right, atol=1e-12)
+    np.testing.assert_allclose(target - columns[1], right, atol=1e-12)
+
+
+def test_a_reward_of_one_for_ever_leaves_nothing_to_learn_whatever_the_time_limit():
+    """What is worth 1 / (1 - gamma) everywhere has no advantage anywhere, cut off or not."""
+    gamma, n = 0.9, 12
+    worth = 1.0 / (1.0 - gamma)
+    starts = np.arange(n) % 4 == 0
+    found, target = solutions.truncated_advantages(
+        np.ones(n), np.full(n, worth), starts, np.zeros(n), [worth] * 2, worth, gamma, 0.95
+    )
+    np.testing.assert_allclose(found, 0.0, atol=1e-12)
+    np.testing.assert_allclose(target, worth, atol=1e-12)
