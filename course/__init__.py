@@ -151,5 +151,6 @@ CHAPTERS = (
         "The interview",
         "What is asked, and what does a good answer contain?",
         "Flashcards of the coding drills",
+        there=True,
     ),
 )

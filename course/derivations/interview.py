@@ -201,9 +201,9 @@ def stiff_is_position(found):
 
 @claim(
     "A PID controller has to filter its derivative.",
-    "Where samples are noisy: the difference of two of them carries {formula}. A filter with alpha "
-    "{alpha:.2f} leaves {quiet:.2f} of it, and is late: a loop without noise settles in "
-    "{soft:.0f} ms in place of {sharp:.0f}.",
+    "Where samples are noisy: the difference of two of them carries {formula}. A filter that moves "
+    "by {alpha:.2f} of what is new leaves {quiet:.2f} of it, and is late: a loop without noise "
+    "settles in {soft:.0f} ms in place of {sharp:.0f}.",
     ask=("Samples h apart carry white noise of deviation s. The deviation of (y[i] - y[i-1])/h?",
          "sqrt(2)*s/h", {
              "s/h": "Two samples are noisy.",

@@ -1,6 +1,7 @@
 """The learner's copies of the notebooks: nothing that was written is lost, nothing is half new."""
 
 import copy
+import dataclasses
 import functools
 import http.server
 import importlib.machinery
@@ -408,6 +409,19 @@ def test_a_damaged_chapter_is_a_damaged_file(tmp_path: Path, entry: str) -> None
 
 
 # --- The home page --------------------------------------------------------------------------------
+
+
+def test_a_chapter_to_come_is_named_with_those_that_are_ready(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    first, *others = CHAPTERS
+    planned = dataclasses.replace(first, there=False)
+    monkeypatch.setattr(chapters, "CHAPTERS", (planned, *others))
+    with pytest.raises(
+        Misuse, match=rf"{first.title}, is still to come\. Ready: {others[0].number},"
+    ):
+        chapters.of_number(first.number)
+    assert chapters.of_number(others[0].number) is others[0]
 
 
 @pytest.fixture
