@@ -16,26 +16,25 @@ simulation()
 
 # %% [markdown]
 # **You will be able to** answer with a figure that you can defend, in half a minute and in five; design a system on a
-# whiteboard with rates and latencies on its arrows; find the cause of a failure in counted probes; and rehearse all of
+# whiteboard with rates and latencies on its arrows; find the cause of a failure in counted experiments; and rehearse all of
 # it, timed and graded, in a terminal. **Know first:** as many of the chapters as you have time for. A card of a chapter
 # that you have not read tells you what to read.
 #
 # ## How this chapter works
 #
-# It has no physics of its own. Each number in an answer is a figure that a claim, a chart or a function of this course
-# computes; `python -m course.derivations 12` runs the claims of this page again. Three commands do the same in a
-# terminal:
+# Each number in an answer is computed by a claim, a chart or a function of this course;
+# `python -m course.derivations 12` runs the claims of this page again. Three commands do the same in a terminal:
 #
 # | | |
 # |---|---|
 # | `drills review` | the cards that are due, each with its own next date |
 # | `drills interview --minutes 45` | a question, a scenario, a drill that is graded, a design; a report at the end |
-# | `drills debug explodes` | one of four programs that fail, with probes |
+# | `drills debug explodes` | one of four programs that fail, to be questioned |
 #
 # Section 8 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, card, check, checkpoint
+from drills.notebook import badges, checkpoint
 
 badges(12)
 
@@ -55,8 +54,7 @@ from course.interview.scenarios import diagnose, model_path, scenario
 # %% [markdown]
 # ## 1 · Concept: the whole course in thirty seconds each
 #
-# Eight subjects. The thirty seconds end with what was measured here: the pick, its error and its price beside the real
-# library, and where it fails.
+# Eight subjects; each ends with what was measured here: the pick, its price beside the real library, and its limit.
 
 # %%
 tables.cheat_sheet()
@@ -65,13 +63,13 @@ tables.cheat_sheet()
 # ### What is said often, and is not so
 #
 # Each of these has been heard in an interview. Is it true, false, or true under a condition? Decide before you turn the
-# card.
+# card. (A **gate** is a threshold that a policy has to pass before it goes on.)
 
 # %%
 show("hundred_trials")
 
 # %% [markdown]
-# A **gate** is a threshold that a policy has to pass before it goes on. How likely it passes, against how good it is:
+# How likely a policy passes, against how good it is:
 
 # %%
 rate = np.linspace(0.4, 1.0, 121)
@@ -108,9 +106,6 @@ show("imu_reads_acceleration")
 show("stiff_is_position")
 
 # %%
-show("derivative_is_filtered")
-
-# %%
 show("joints_by_sums")
 
 # %%
@@ -125,7 +120,14 @@ show("hold_is_half_a_sample")
 predict("twice_the_planner")
 
 # %%
-for name in ("cycle", "computing_share", "finger_error", "grip_force", "stopping", "contact_clamped"):
+for name in (
+    "cycle",
+    "computing_share",
+    "finger_error",
+    "grip_force",
+    "stopping",
+    "contact_clamped",
+):
     one = ESTIMATES[name]
     print(f"{one.says:<36}{one.value():9.3g} {one.unit}")
 
@@ -139,7 +141,12 @@ one = ESTIMATES["contact_clamped"]
 base = one.value()
 for name, given in one.given().items():
     if isinstance(given, float) and given:
-        print(f"{name:<24} {given:9.3g} -> {2 * given:9.3g}: {one.value(**{name: 2 * given}) / base:5.2f} times")
+        print(
+            f"{name:<24} {given:9.3g} -> {2 * given:9.3g}: {one.value(**{name: 2 * given}) / base:5.2f} times"
+        )
+
+# %%
+show("computing_and_cycle")
 
 # %%
 predict("ten_newtons")
@@ -179,7 +186,9 @@ Markdown(designs.read("among_people").markdown(figure))
 # %% tags=["nbval-ignore-output"]
 mine = "I would ask first which failures the nights have to find."
 found = designs.levels(fleet, mine)
-print(f"score {designs.score(fleet, found):.2f}; the weakest item: {designs.weakest(fleet, found).asks}")
+print(
+    f"score {designs.score(fleet, found):.2f}; the weakest item: {designs.weakest(fleet, found).asks}"
+)
 
 # %% [markdown]
 # ## 4 · Code: four drills, and cards
@@ -249,13 +258,15 @@ diagnose("gap", seed=1).show()
 # %%
 from itertools import combinations
 
-from course.interview.scenarios import there, tells_apart
+from course.interview.scenarios import tells_apart, there
 
 figure_, axes = plt.subplots(1, len(there()), figsize=(10, 3.2), layout="constrained", sharex=True)
 for axis, name in zip(axes, there(), strict=True):
     one = scenario(name)
     pairs = list(combinations([cause.name for cause in one.causes], 2))
-    parted = {p.name: np.mean([tells_apart(name, p.name, *pair) for pair in pairs]) for p in one.probes}
+    parted = {
+        p.name: np.mean([tells_apart(name, p.name, *pair) for pair in pairs]) for p in one.probes
+    }
     order = sorted(parted, key=parted.get)
     inside = model_path(name)
     colours = ["C0" if probe in inside else "0.75" for probe in order]
@@ -329,7 +340,7 @@ print(f"a rotation: {invariants.rotation_error(turn):.0e}, its mirror: "
 predict("learned_or_not")
 
 # %% [markdown]
-# A **crossing** is the model error, the time or the number of samples from which on one of the two wins. Where this
+# A *crossing* is the model error, the time or the number of samples from which on one of the two wins. Where this
 # course measured one, the table has it.
 
 # %%
@@ -373,4 +384,4 @@ print("written" if len(mine.split()) > 30 else "open: thirty words or more")
 # Three formulas that are not on this page; you can derive them from what is. The gate opens when all are right.
 
 # %%
-checkpoint("interview", stop_at_ten_newtons="", loss_of_a_policy="", computing_and_cycle="")
+checkpoint("interview", stop_at_ten_newtons="", loss_of_a_policy="", derivative_is_filtered="")
