@@ -134,3 +134,69 @@ def truncated_advantages(
         trace = delta[t] + gamma * lam * np.where(others[t], 0.0, trace)
         advantage[t] = trace
     return advantage, advantage + v
+
+
+def catch_the_slip(
+    turns: ArrayLike, rates: ArrayLike, moments: ArrayLike, step: float
+) -> np.ndarray:
+    """What is wrong with each of several implementations of a free body, none of which is known.
+
+    Args:
+        turns: attitudes that each gave, body to world, shape (k, n, 3, 3).
+        rates: angular velocities that each gave, in the world's axes, (k, n, 3) [rad/s].
+        moments: principal moments of each one's body, along its axes, (k, 3) [kg m^2].
+        step: time between two samples [s].
+
+    Returns:
+        For each 1: an attitude is no rotation; else 2: the rates are not those of the attitudes;
+        else 3: the motion is not free; else 0, (k,).
+    """
+    R, w = np.asarray(turns, dtype=float), np.asarray(rates, dtype=float)
+    back = np.swapaxes(R, 2, 3)
+    bent = np.abs(back @ R - np.eye(3)).max(axis=(1, 2, 3))
+    with np.errstate(invalid="ignore"):
+        mirrored = np.abs(np.linalg.det(R) - 1.0).max(axis=1)
+    spin = np.gradient(R, step, axis=1, edge_order=2) @ back  # the rates as a matrix
+    seen = np.stack([spin[:, :, 2, 1], spin[:, :, 0, 2], spin[:, :, 1, 0]], axis=2)
+    late = np.abs(seen - w).max(axis=(1, 2))
+    inertia = np.asarray(moments, dtype=float)[:, None]
+    momentum = np.einsum("knij,knj->kni", R, inertia * np.einsum("knji,knj->kni", R, w))
+    drift = np.linalg.norm(momentum - momentum[:, :1], axis=2).max(axis=1)
+    drift = drift / np.linalg.norm(momentum[:, 0], axis=1)
+    # "Not within" and not "beyond": a number that is none compares as neither.
+    kept = [np.maximum(bent, mirrored) < 1e-4, late < 0.25, drift < 1e-3]
+    return np.select([~one for one in kept], [1, 2, 3], 0)
+
+
+def silent_gate(
+    seeds: ArrayLike, outcomes: ArrayLike, old_seeds: ArrayLike, old_outcomes: ArrayLike,
+    gate: float,
+) -> tuple[float, np.ndarray, int]:  # fmt: skip
+    """What a nightly run says of a new version, beside the night before.
+
+    Args:
+        seeds: of the scenarios, in the order of the runs; one that comes again is a retry, (n,).
+        outcomes: 1 for a success, 0 for a failure, -1 for a run that crashed, (n,).
+        old_seeds: of the night before, (m,).
+        old_outcomes: of these, (m,).
+        gate: success rate that has to be shown.
+
+    Returns:
+        (lower end of Wilson's 95 % interval of the success rate, [scenarios that only the new
+        version solves, those that only the old one does] (2,), 1 if the gate opens, else 0).
+    """
+
+    def first(names: ArrayLike, results: ArrayLike) -> dict[int, bool]:
+        table: dict[int, bool] = {}
+        for name, result in zip(np.asarray(names), np.asarray(results), strict=True):
+            table.setdefault(int(name), bool(result == 1))
+        return table
+
+    new, old = first(seeds, outcomes), first(old_seeds, old_outcomes)
+    n, square = len(new), 1.959963984540054**2
+    p = sum(new.values()) / n
+    width = np.sqrt(square * (p * (1.0 - p) / n + square / (4.0 * n**2)))
+    low = float((p + square / (2.0 * n) - width) / (1.0 + square / n))
+    both = [(new[seed], old[seed]) for seed in new if seed in old]
+    tally = np.array([both.count((True, False)), both.count((False, True))])
+    return low, tally, int(low >= gate)

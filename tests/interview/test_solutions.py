@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 from scipy.stats import binomtest, norm
 
 from drills import cards
+from drills.catalogue.catch_the_slip import exercise as catch
 from solutions import interview as solutions
 from tests.budget import examples
 
@@ -149,3 +151,98 @@ def test_a_reward_of_one_for_ever_leaves_nothing_to_learn_whatever_the_time_limi
     )
     np.testing.assert_allclose(found, 0.0, atol=1e-12)
     np.testing.assert_allclose(target, worth, atol=1e-12)
+
+
+# --- slips that nobody has seen -------------------------------------------------------------------
+
+
+@examples(15)
+@given(rngs())
+def test_a_symmetric_top_is_right_and_what_is_done_to_it_is_found(rng):
+    """In closed form: it spins about its axis, which goes round the momentum."""
+    step, t = 4e-3, 4e-3 * np.arange(50)[:, None]
+    around, along = 10.0 ** rng.uniform(-4.0, 2.0) * np.array([1.0, rng.uniform(1.3, 1.9)])
+    first = Rotation.random(rng=int(rng.integers(1 << 31)))
+    spin = rng.choice([-1.0, 1.0], 3) * rng.uniform(1.5, 3.0, 3)
+    L = first.apply(np.array([around, around, along]) * spin)
+
+    def top(faster=1.0):
+        own = [0.0, 0.0, along * spin[2] * (1.0 / along - 1.0 / around)]
+        turned = Rotation.from_rotvec(t * faster * L / around) * first
+        turned = turned * Rotation.from_rotvec(t * own)
+        return turned.as_matrix(), faster * L / around + turned.apply(own)
+
+    R, w = top()
+    moments = np.array([around, around, along])
+    at, axis = int(rng.integers(50)), int(rng.integers(3))
+    bump, hole = np.zeros((2, *w.shape))
+    bump[at, axis], hole[at, axis] = 0.6, np.nan
+    broken = R.copy()
+    broken[at, axis] *= 1.001
+    swapped = R[:, :, [1, 0, 2]]
+    batch = {
+        "right": (R, w, moments, 0), "backwards": (R[::-1], -w[::-1], moments, 0),
+        "single precision": (R.astype(np.float32), w.astype(np.float32), moments, 0),
+        "another body in proportion": (R, w, 1e3 * moments, 0),
+        "mirror": (swapped, w, moments, 1), "stretched once": (broken, w, moments, 1),
+        "no number": (R + hole[:, None], w, moments, 1), "no rate": (R, w + hole, moments, 2),
+        "body's axes": (R, np.einsum("nji,nj->ni", R, w), moments, 2),
+        "once": (R, w + bump, moments, 2), "slow": (R, 0.7 * w, moments, 2),
+        "another body": (R, w, moments[::-1], 3), "goes round faster": (*top(1.5), moments, 3),
+    }  # fmt: skip
+    columns = [np.array([one[i] for one in batch.values()], dtype=float) for i in range(3)]
+    found = solutions.catch_the_slip(*columns, step)
+    assert dict(zip(batch, found, strict=True)) == {name: one[3] for name, one in batch.items()}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_drawn_programs_are_what_they_are_drawn_for_and_what_the_task_says(seed):
+    rng = np.random.default_rng(seed)
+    for verdict, family in enumerate((catch.RIGHT, catch.BENT, catch.LATE, catch.PUSHED)):
+        drawn = [catch.program(kind, rng, 40) for kind in family]
+        R, w, moments = (np.array(one) for one in zip(*drawn, strict=True))
+        found = solutions.catch_the_slip(R, w, moments, catch.STEP)
+        assert dict(zip(family, found, strict=True)) == dict.fromkeys(family, verdict)
+        if verdict in (0, 3):
+            assert np.linalg.norm(w, axis=2).max() * catch.STEP < 0.04
+            assert np.linalg.norm(np.diff(w, axis=1), axis=2).max() < 0.3
+            L = np.einsum("knij,kj,knlj,knl->kni", R, moments, R, w)
+            off = np.linalg.norm(L - L[:, :1], axis=2).max(axis=1) / np.linalg.norm(L[:, 0], axis=1)
+            assert np.all(off > 0.01 if verdict else off < 1e-6)
+
+
+# --- the hunt -------------------------------------------------------------------------------------
+
+
+@examples(30)
+@given(rngs(), st.integers(1, 30), st.floats(0.05, 0.95))
+def test_the_gate_is_scipys_over_first_runs_and_the_tally_is_of_sets(rng, n, gate):
+    def night():
+        return rng.integers(0, 12, n), rng.integers(-1, 2, n)
+
+    (names, results), (old, before) = night(), night()
+    solved = {s for s in set(names) if results[list(names).index(s)] == 1}
+    once = {s for s in set(old) if before[list(old).index(s)] == 1}
+    both = set(names) & set(old)
+    low, tally, opens = solutions.silent_gate(names, results, old, before, gate)
+    right = binomtest(len(solved), len(set(names))).proportion_ci(0.95, "wilson").low
+    assert low == pytest.approx(right, abs=1e-12)
+    assert tally.tolist() == [len((solved - once) & both), len((once - solved) & both)]
+    assert opens == (right >= gate)
+
+
+def test_the_starter_of_the_hunt_agrees_where_its_author_looked_and_only_there():
+    names: dict = {}
+    exec(cards.card("silent_gate").starter(), names)
+
+    def same(*args):
+        pairs = zip(
+            names["silent_gate"](*args, 0.3), solutions.silent_gate(*args, 0.3), strict=True
+        )
+        return [np.array_equal(got, right) for got, right in pairs]
+
+    seeds, new, old = [1, 2, 3, 4, 5], [1, 1, 0, 1, 0], [1, 0, 1, 1, 0]
+    assert all(same(seeds, new, seeds, old))
+    assert not same(seeds, [1, 1, 0, 1, -1], seeds, old)[0]
+    assert not same([*seeds, 3], [*new, 1], seeds, old)[0]
+    assert not same(seeds, new, [5, 1, 2, 3, 4], old)[1]
