@@ -3,6 +3,7 @@
 import ast
 import itertools
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -69,6 +70,7 @@ def test_the_way_is_that_of_small_steps(rng):
     reaction, slope, person, unsure, sight = rng.uniform(
         [0.0, -0.2, 0.0, 0.0, 0.2], [0.6, 0.15, 2.0, 0.3, 9.0]
     )
+    sight *= rng.choice([0.1, 1.0])  # now and then too little even to stand
     args = reaction, 2.5, slope, person, unsure, sight
     along = np.array([np.cos(slope), -np.sin(slope)]) @ [0.0, -9.81]  # gravity on the way down
     dt = 1e-4
@@ -85,17 +87,18 @@ def test_the_way_is_that_of_small_steps(rng):
     if top > 0.0:
         assert stops(top)[1] == pytest.approx(sight, abs=1e-3)
     else:
-        assert stops(0.0)[1] > sight - 1e-3
+        assert top == 0.0 and stops(0.0)[1] > sight - 1e-3
 
 
 # --- latency over a graph -------------------------------------------------------------------------
 
 
 @examples(40)
-@given(rngs(), st.integers(2, 6))
+@given(rngs(), st.integers(2, 7))
 def test_the_budget_is_that_of_every_chain_written_out(rng, n):
-    edges = [pair for pair in itertools.combinations(range(n), 2) if rng.random() < 0.5] + [(0, 1)]
-    runs, periods = rng.random((n, 3)), rng.random(n) * rng.integers(0, 2, n)
+    edges = [pair for pair in itertools.combinations(range(n), 2) if rng.random() < 0.4] + [(0, 1)]
+    scale = 10.0 ** rng.uniform(-1.0, 1.0, n)
+    runs, periods = scale[:, None] * rng.random((n, 3)), rng.random(n) * rng.integers(0, 2, n)
     goal = max(b for a, b in edges if a == 0)
     chains = [
         (0, *middle, goal)
@@ -136,7 +139,8 @@ def test_each_episode_has_the_advantages_that_it_has_alone(rng, episodes, begun)
         first = [int(k > 0 or not begun)] + [0] * (n - 1)
         rows += list(zip(reward, value, first, [0] * (n - 1) + [int(over)], strict=True))
     columns = list(np.array(rows).T)
-    found, target = solutions.truncated_advantages(*columns, finals, last, gamma, lam)
+    args: Any = (*columns, finals, last, gamma, lam)
+    found, target = solutions.truncated_advantages(*args)
     np.testing.assert_allclose(found, right, atol=1e-12)
     np.testing.assert_allclose(target - columns[1], right, atol=1e-12)
 
@@ -190,8 +194,8 @@ def test_a_symmetric_top_is_right_and_what_is_done_to_it_is_found(rng):
         "once": (R, w + bump, moments, 2), "slow": (R, 0.7 * w, moments, 2),
         "another body": (R, w, moments[::-1], 3), "goes round faster": (*top(1.5), moments, 3),
     }  # fmt: skip
-    columns = [np.array([one[i] for one in batch.values()], dtype=float) for i in range(3)]
-    found = solutions.catch_the_slip(*columns, step)
+    args: Any = [np.array([one[i] for one in batch.values()], dtype=float) for i in range(3)]
+    found = solutions.catch_the_slip(*[*args, step])
     assert dict(zip(batch, found, strict=True)) == {name: one[3] for name, one in batch.items()}
 
 
@@ -235,11 +239,10 @@ def test_the_starter_of_the_hunt_agrees_where_its_author_looked_and_only_there()
     names: dict = {}
     exec(cards.card("silent_gate").starter(), names)
 
-    def same(*args):
-        pairs = zip(
-            names["silent_gate"](*args, 0.3), solutions.silent_gate(*args, 0.3), strict=True
-        )
-        return [np.array_equal(got, right) for got, right in pairs]
+    def same(*nights: Any) -> list[bool]:
+        args: Any = (*nights, 0.3)
+        pairs = zip(names["silent_gate"](*args), solutions.silent_gate(*args), strict=True)
+        return [np.array_equal(got, np.asarray(right)) for got, right in pairs]
 
     seeds, new, old = [1, 2, 3, 4, 5], [1, 1, 0, 1, 0], [1, 0, 1, 1, 0]
     assert all(same(seeds, new, seeds, old))
