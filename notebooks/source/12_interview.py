@@ -34,7 +34,7 @@ simulation()
 # Section 8 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, checkpoint
+from drills.notebook import badges, card, check, checkpoint
 
 badges(12)
 
@@ -360,6 +360,125 @@ tables.lessons()
 
 # %% [markdown]
 # ## 8 · Exercises
+#
+# Six graded exercises. `check` asks your cell on cases drawn afresh, and says what is wrong and, if it can, why.
+
+# %% [markdown]
+# ### Catch slips that you have not seen
+
+# %%
+card("catch_the_slip")
+
+
+# %%
+def catch_the_slip(turns, rates, moments, step):
+    """What is wrong with each of several implementations of a free body, none of which is known."""
+    # Columns of length 1, at the first sample.
+    lengths = np.linalg.norm(turns[:, 0], axis=1)
+    return np.any(np.abs(lengths - 1.0) > 1e-3, axis=1).astype(int)
+
+
+check(catch_the_slip)
+
+# %% [markdown]
+# ### How sure is nine out of ten?
+
+# %%
+card("success_interval")
+
+
+# %%
+def success_interval(solved, tried, confidence, share, half):
+    """Wilson's intervals of success rates, and the trials that make one narrow enough."""
+    # The usual interval.
+    p = np.asarray(solved) / np.asarray(tried)
+    width = 1.96 * np.sqrt(p * (1.0 - p) / np.asarray(tried))
+    return p - width, p + width, int(1.96**2 * share * (1.0 - share) / half**2)
+
+
+check(success_interval)
+
+# %% [markdown]
+# ### When does it have to begin to stop?
+
+# %%
+card("stopping_distance")
+
+
+# %%
+def stopping_distance(speeds, reaction, braking, slope, person, unsure, sight):
+    """What a mobile robot needs to stop before a person who walks on towards it."""
+    # The brake alone, before somebody who stands.
+    way = np.asarray(speeds) ** 2 / (2.0 * braking)
+    return way, way + unsure, np.sqrt(2.0 * braking * sight)
+
+
+check(stopping_distance)
+
+# %% [markdown]
+# ### A latency budget over a graph
+
+# %%
+card("latency_budget")
+
+
+# %%
+def latency_budget(edges, runs, periods, sensor, actuator, allowed):
+    """The worst latency of a graph of stages, and how much longer each of them may take."""
+    # What all stages take on average; what is left is shared.
+    cost = np.mean(runs, axis=1)
+    total = float(np.sum(cost))
+    return total, np.full(len(cost), (allowed - total) / len(cost))
+
+
+check(latency_budget)
+
+# %% [markdown]
+# ### Advantages in a buffer that cuts
+
+# %%
+card("truncated_advantages")
+
+
+# %%
+def truncated_advantages(reward, value, starts, ended, final, last, gamma, lam):
+    """Generalised advantages of a buffer of episodes, some of which a time limit has cut off."""
+    # As if the buffer were one episode, one step ahead.
+    target = np.asarray(reward, dtype=float) + gamma * np.append(value[1:], last)
+    return target - value, target
+
+
+check(truncated_advantages)
+
+# %% [markdown]
+# ### Silent bugs: the gate that always opens
+
+# %%
+card("silent_gate")
+
+
+# %%
+def silent_gate(seeds, outcomes, old_seeds, old_outcomes, gate):
+    """What a nightly run says of a new version, beside the night before."""
+
+    def results(names, values):
+        table = {}
+        for name, value in zip(names, values, strict=True):
+            if value >= 0:
+                table[int(name)] = bool(value)
+        return table
+
+    new, old = results(seeds, outcomes), results(old_seeds, old_outcomes)
+    n, square = len(new), 1.959963984540054**2
+    p = sum(new.values()) / n
+    width = np.sqrt(square * (p * (1.0 - p) / n + square / (4.0 * n**2)))
+    low = (p + square / (2.0 * n) - width) / (1.0 + square / n)
+    both = list(zip(new.values(), old.values(), strict=False))
+    tally = np.array([both.count((True, False)), both.count((False, True))])
+    return low, tally, int(low >= gate)
+
+
+check(silent_gate)
 
 # %% [markdown]
 # ## 9 · Interview
