@@ -284,18 +284,19 @@ def test_the_end_of_input_keeps_what_was_said_and_a_wrong_rating_is_asked_again(
 def test_what_cannot_be_kept_is_said_once_and_the_round_goes_on(place: Place) -> None:
     place.work.mkdir()
     (place.work / "reviews.json").mkdir()
-    found = place.json("review", "--seed", "1", "--limit", "2", text="\n3\n\n3\n\n3\n")
+    some = ("review", "--chapters", "0", "--seed", "1")
+    found = place.json(*some, "--limit", "2", text="\n3\n\n3\n\n3\n")
     assert len(found["rated"]) == 2 and found["reviews_file"] is None
     (notice,) = found["notices"]
     assert "reviews.json can't be read: is a directory" in notice
-    kept_none = place.json("review", "--limit", "1", text="\n3\n", DRILLS_PROGRESS="none")
+    kept_none = place.json(*some, "--limit", "1", text="\n3\n", DRILLS_PROGRESS="none")
     assert kept_none["reviews_file"] is None and len(kept_none["rated"]) == 1
 
 
 def test_a_source_that_vanished_is_told_and_kept(place: Place) -> None:
     lost = Entry("claim/no_longer_there", "claim", 1)
     store.rate(place.work / "reviews.json", lost, 3, NOON)
-    found = place.json("review", "--seed", "1", "--limit", "1", text="\n3\n\n3\n")
+    found = place.json("review", "--chapters", "0", "--limit", "1", text="\n3\n\n3\n")
     assert found["gone"] == [lost.key] and "no longer asks 1" in found["notices"][0]
     assert lost.key in store.load(place.work / "reviews.json")[0].cards
 

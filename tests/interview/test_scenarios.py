@@ -62,7 +62,11 @@ def test_the_listing_is_short_and_gives_nothing_away(one: Scenario) -> None:
 
 @EACH
 def test_all_causes_show_the_same_symptom(one: Scenario) -> None:
-    figures = [one.symptom(cause.name, seed, None) for cause in one.causes for seed in SEEDS]
+    figures = [
+        scenarios.symptom(one.name, None, cause.name, seed)
+        for cause in one.causes
+        for seed in SEEDS
+    ]
     assert np.ptp(figures) <= one.spread * abs(np.mean(figures))
     assert not any(map(one.removed, figures))
 
@@ -96,8 +100,8 @@ def test_the_right_repair_removes_the_symptom(name: str, cause: str) -> None:
     right = one.cause(cause).repair
     for repair in one.repairs:
         cured = [
-            one.removed(one.symptom(cause, seed, repair.name))
-            and one.price(cause, seed, repair.name) <= one.affordable
+            one.removed(scenarios.symptom(name, repair.name, cause, seed))
+            and scenarios.price(name, repair.name, cause, seed) <= one.affordable
             for seed in SEEDS[:3]
         ]
         assert cured == [repair.name == right] * 3, repair.name
@@ -124,7 +128,7 @@ def test_what_is_run_does_not_depend_on_the_cause(one: Scenario) -> None:
 
     for probe in one.probes:
         for cause in one.causes:
-            probe.run(cause.name, 0)  # what is kept between runs is there
+            scenarios.figure(one.name, probe.name, cause.name, 0)  # what runs keep is there
         counts = [calls(probe, cause.name) for cause in one.causes]
         assert max(counts) <= 1.1 * min(counts) + 50, (probe.name, counts)
 

@@ -158,6 +158,12 @@ def symptom(name: str, repair: str | None, cause: str, seed: int) -> float:
 
 
 @cache
+def price(name: str, repair: str, cause: str, seed: int) -> float:
+    """What a repair of one machine costs, kept."""
+    return float(scenario(name).price(cause, seed, repair))
+
+
+@cache
 def expected(name: str, probe: str, cause: str) -> tuple[float, float]:
     """The lowest and highest figure that a cause explains: those of `REFERENCE` and the noise."""
     noise = scenario(name).a_probe(probe).noise
@@ -426,8 +432,8 @@ class Diagnosis:
     def _tried(self, repair: str) -> Tried:
         one = scenario(self.case.name)
         after = _sealed(self.case, lambda c, s: symptom(one.name, repair, c, s))
-        price = _sealed(self.case, lambda c, s: one.price(c, s, repair))
-        return Tried(repair, after, one.removed(after), price, price <= one.affordable)
+        dear = _sealed(self.case, lambda c, s: price(one.name, repair, c, s))
+        return Tried(repair, after, one.removed(after), dear, dear <= one.affordable)
 
     def show(self) -> Page:
         """The question, the program, and what can be tried and named."""

@@ -147,9 +147,10 @@ def tick_spread(log: Rows, one: Machine) -> float:
 
 def sensor_lag(log: Rows, one: Machine) -> float:
     """By how many nominal ticks the reading is behind the force."""
-    force, reading, most = log["force"], log["reading"], 160
-    shifts = [force[most - lag : len(force) - lag] for lag in range(most)]
-    return float(np.argmax([np.corrcoef(reading[most:], s)[0, 1] for s in shifts])) / 8
+    force, most = log["force"], 160
+    reading = log["reading"][most:] - log["reading"][most:].mean()
+    shifts = np.lib.stride_tricks.sliding_window_view(force, len(reading))[most:0:-1]
+    return float(np.argmax(shifts @ reading / shifts.std(axis=1))) / 8
 
 
 def first_command(log: Rows, one: Machine) -> float:

@@ -64,7 +64,7 @@ def friction_force(machine: Machine, v: float) -> float:
 
 def simulate(machine: Machine, steps: int) -> NDArray[np.void]:
     """Let the slide go; what happened in so many steps, a `ROW` each."""
-    log = np.zeros(steps, dtype=ROW)
+    log = []
     x, v = machine.start, 0.0
     measured = [0.0] * machine.age
     for i in range(steps):
@@ -72,8 +72,8 @@ def simulate(machine: Machine, steps: int) -> NDArray[np.void]:
         push, touching = contact_force(machine, x)
         brake = -machine.damping * measured[i]
         rub = friction_force(machine, v)
-        log[i] = x, v, push, brake, rub, touching
+        log.append((x, v, push, brake, rub, touching))
         faster = v + machine.dt * (push + brake + rub) / machine.mass
         x += machine.dt * (machine.blend * faster + (1.0 - machine.blend) * v)
         v = faster
-    return log
+    return np.array(log, dtype=ROW)

@@ -49,7 +49,7 @@ ROW = np.dtype([(name, float) for name in ("x", "force", "reading", "command", "
 
 def simulate(machine: Machine, steps: int) -> NDArray[np.void]:
     """Let the arm come down; what happened in so many steps, a `ROW` each."""
-    log = np.zeros(steps, dtype=ROW)
+    log = []
     x, v = -machine.start, 0.0
     reading, rate = 0.0, 0.0  # of the sensor, a mass on a spring
     total, applied = 0.0, 0.0
@@ -66,9 +66,9 @@ def simulate(machine: Machine, steps: int) -> NDArray[np.void]:
             commands.append(min(max(wanted, -machine.limit), machine.limit))
             applied = commands[ticks]
             ticks += 1
-        log[i] = x, force, reading, applied, ticks
+        log.append((x, force, reading, applied, ticks))
         v += machine.dt * (applied - force) / machine.mass
         x += machine.dt * v
         rate += machine.dt * machine.ring * (machine.ring * (force - reading) - 1.4 * rate)
         reading += machine.dt * rate
-    return log
+    return np.array(log, dtype=ROW)
