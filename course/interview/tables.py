@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from course.check import one_of, refused
-from course.interview.fields import FIELD, Figure, filled, value
+from course.interview.fields import FIELD, chart, estimate, filled
 
 FOLDER = Path(__file__).parent
 RECORD = FOLDER / "quoted.toml"
@@ -108,25 +108,21 @@ def link(name: str) -> str:
     return f"doi.org/{found['doi']}" if "doi" in found else f"arXiv:{found['arxiv']}"
 
 
-def _figure(figure: Figure | None) -> Figure:
-    if figure is not None:
-        return figure
+def _said(text: str) -> str:
     from course.derivations import records
 
-    return records.figure
+    return filled(text, records.figure)
 
 
-def cheat_sheet(figure: Figure | None = None, plain: bool = False) -> Table:
+def cheat_sheet(plain: bool = False) -> Table:
     """Eight concepts, the thirty seconds of each ending with what was measured in this course.
 
     Args:
-        figure: (claim, name) -> the figure; default: those on record.
         plain: equations in letters of a keyboard, else as formulas of TeX.
     """
-    find = _figure(figure)
     rows = []
     for row in data("cheat_sheet")["row"]:
-        said = filled(f"{row['says']} {row['measured']}", find)
+        said = _said(f"{row['says']} {row['measured']}")
         equation = row["plain"] if plain else f"${row['equation']}$"
         papers = (short(row["classic"]), short(row["modern"]))
         rows.append((row["concept"], said, equation, row["tool"], *papers))
@@ -134,12 +130,11 @@ def cheat_sheet(figure: Figure | None = None, plain: bool = False) -> Table:
     return Table("Cheat sheet", head, tuple(rows))
 
 
-def classical_or_learned(figure: Figure | None = None) -> Table:
+def classical_or_learned() -> Table:
     """Five components, and where the learned one overtook the classical one in this course."""
-    find = _figure(figure)
     keys = ("name", "classical", "learned", "when")
     parts = data("cheat_sheet")["component"]
-    rows = tuple(tuple(filled(part[key], find) for key in keys) for part in parts)
+    rows = tuple(tuple(_said(part[key]) for key in keys) for part in parts)
     return Table("Classical or learned", ("Component", "Classical", "Learned", "When"), rows)
 
 
@@ -184,8 +179,8 @@ def quoted() -> dict[str, float | str]:
     texts = [str(v) for kind in ("row", "component") for e in data("cheat_sheet")[kind]
              for v in e.values()]  # fmt: skip
     found = {(m[1], m[2]) for text in texts for m in FIELD.finditer(text)}
-    find = _figure(None)
-    return {f"{a}.{b}": value(a, b, find) for a, b in sorted(found) if a in ("chart", "estimate")}
+    read = {"chart": chart, "estimate": estimate}
+    return {f"{a}.{b}": read[a](b) for a, b in sorted(found) if a in read}
 
 
 def record() -> str:

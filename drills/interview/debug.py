@@ -5,6 +5,7 @@ It reads lines, from a person or a pipe, until the cause is named or they end.
 
 from __future__ import annotations
 
+import contextlib
 import secrets
 import sys
 from collections.abc import Callable, Iterator
@@ -14,6 +15,7 @@ from typing import Any
 import click
 
 from course.interview import scenarios
+from drills.interview import listen
 from drills.session import RIGHT, WRONG, Session, body, options
 from drills.terminal import Terminal
 
@@ -38,7 +40,7 @@ def command(session: Session, name: str | None, seed: int | None) -> int:
     A line is: probe NAME, probes, program, causes, conclude CAUSE REPAIR, or quit.
     """
     if name is None:
-        found = [scenarios.scenario(one) for one in scenarios.there()]
+        found = [scenarios.scenario(one) for one in scenarios.NAMES]
         for one in found:
             session.say(f"  {one.name:<10}{one.title}")
         session.say()
@@ -86,9 +88,8 @@ def _talk(
     session.say()
     _rows(session, list(WORDS.items()))
     for line in _lines(session.terminal):
-        words = line.split() or [""]
         try:
-            match words:
+            match line.split():
                 case ["quit"]:
                     return None
                 case ["probe", name]:
@@ -99,7 +100,7 @@ def _talk(
                     return verdict
                 case [word] if word in shown:
                     shown[word]()
-                case [""]:
+                case []:
                     pass
                 case _:
                     raise click.BadParameter(f"{line.strip()!r} is none of: {', '.join(WORDS)}")
@@ -110,16 +111,11 @@ def _talk(
 
 
 def _lines(terminal: Terminal) -> Iterator[str]:
-    while sys.stdin is not None:
-        if sys.stdin.isatty() and not terminal.json:
-            try:
-                yield input("> ")
-            except EOFError:
-                return
-        elif line := sys.stdin.readline():
-            yield line
-        else:
-            return
+    listen()
+    prompt = "> " * (sys.stdin.isatty() and not terminal.json)
+    with contextlib.suppress(EOFError):
+        while True:
+            yield input(prompt)
 
 
 def _rows(session: Session, rows: list[tuple[str, str]]) -> None:

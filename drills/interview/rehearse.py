@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import json
-import os
 import re
 import secrets
 import sys
@@ -22,7 +20,7 @@ from course.interview.rehearsal import MARKS, PARTS, Entry, Interview, Item
 from drills import cards as catalogue
 from drills import grading, present, workspace
 from drills.chapters import notebook_of
-from drills.interview import deck, store
+from drills.interview import deck, listen, store
 from drills.progress import SOLVED
 from drills.session import RIGHT, Session, body, options
 from drills.terminal import OutputLost
@@ -325,9 +323,7 @@ def command(
     resume: bool,
 ) -> int:
     """Rehearse an interview: asked, timed, marked by yourself, a drill by the grader."""
-    sys.stdin = sys.stdin or open(os.devnull)
-    if isinstance(sys.stdin, io.TextIOWrapper):
-        sys.stdin.reconfigure(errors="replace")
+    listen()
     person = sys.stdin.isatty() and sys.stdout.isatty() and not session.terminal.json
     talk = Talk(session, editor=person)
     if resume:

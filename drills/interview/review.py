@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import io
-import os
 import secrets
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -16,7 +13,7 @@ import click
 from course import kept
 from drills import cards as catalogue
 from drills import grading, present, workspace
-from drills.interview import store
+from drills.interview import listen, store
 from drills.interview.deck import Entry, deck, judge, sides
 from drills.interview.rehearse import chapters_of
 from drills.interview.store import AGAIN, GOOD, HARD, RATINGS
@@ -193,7 +190,5 @@ def span(time: timedelta) -> str:
 @body
 def command(session: Session, chapters: frozenset[int], limit: int, seed: int | None) -> int:
     """Ask back what you learned: cards that are due, then new ones, rated by you."""
-    sys.stdin = sys.stdin or open(os.devnull)
-    if isinstance(sys.stdin, io.TextIOWrapper):
-        sys.stdin.reconfigure(errors="replace")
+    listen()
     return Round(session).run(chapters, limit, secrets.randbits(32) if seed is None else seed)

@@ -171,30 +171,15 @@ SCENARIO = Scenario(
     spread=0.1,
     removed=lambda figure: figure >= WINDOW,
     causes=(
-        Cause(
-            "double_contact",
-            "Each stop touches with two points at once, each with the stiffness that one was "
-            "chosen for. Twice the stiffness is beyond what the step bears.",
-            "share_stiffness",
-        ),
-        Cause(
-            "explicit_step",
-            "The place moves with the old speed: explicit Euler, which gains energy on a spring "
-            "at every step, however small.",
-            "new_speed_first",
-        ),
-        Cause(
-            "late_brake",
-            "The brake gets its speed late, by more than a quarter of a swing: it pushes where "
-            "it should pull.",
-            "fresh_speed",
-        ),
-        Cause(
-            "wrong_friction",
-            "The speed is told along one axis and the friction applied along the opposite one: "
-            "friction drives the slide.",
-            "one_axis",
-        ),
+        Cause("double_contact", "Each stop touches with two points at once, each with the "
+              "stiffness that one was chosen for. Twice the stiffness is beyond what the step "
+              "bears.", "share_stiffness"),
+        Cause("explicit_step", "The place moves with the old speed: explicit Euler, which gains "
+              "energy on a spring at every step, however small.", "new_speed_first"),
+        Cause("late_brake", "The brake gets its speed late, by more than a quarter of a swing: it "
+              "pushes where it should pull.", "fresh_speed"),
+        Cause("wrong_friction", "The speed is told along one axis and the friction applied along "
+              "the opposite one: friction drives the slide.", "one_axis"),
     ),
     probes=(
         Probe("halve_step", "half the step: when is it lost, by when it was", "", 3,

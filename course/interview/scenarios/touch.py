@@ -171,29 +171,16 @@ SCENARIO = Scenario(
     spread=0.15,
     removed=lambda figure: figure < STILL,
     causes=(
-        Cause(
-            "late_loop",
-            "The command uses a measurement that is some ticks old. Delay times the stiffness "
-            "that the force gain adds to the plate is more than the brake can take.",
-            "shorten_delay",
-        ),
-        Cause(
-            "windup",
-            "The integral grows while the drive is at its limit and the arm is in the air; what "
-            "it stored throws the arm off the plate, and it grows again.",
-            "bound_integral",
-        ),
-        Cause(
-            "uneven_ticks",
-            "The loop is late now and then: an old command is held, and then several follow at "
-            "once.",
-            "even_ticks",
-        ),
-        Cause(
-            "soft_sensor",
-            "The sensor sits on a soft mount: its reading is behind the force.",
-            "stiff_mount",
-        ),
+        Cause("late_loop", "The command uses a measurement that is some ticks old. Delay times the "
+              "stiffness that the force gain adds to the plate is more than the brake can take.",
+              "shorten_delay"),
+        Cause("windup", "The integral grows while the drive is at its limit and the arm is in the "
+              "air; what it stored throws the arm off the plate, and it grows again.",
+              "bound_integral"),
+        Cause("uneven_ticks", "The loop is late now and then: an old command is held, and then "
+              "several follow at once.", "even_ticks"),
+        Cause("soft_sensor", "The sensor sits on a soft mount: its reading is behind the force.",
+              "stiff_mount"),
     ),
     probes=(
         Probe("hold_command", "a constant command instead of the loop: swing, by that before", "",
