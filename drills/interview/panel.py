@@ -29,10 +29,7 @@ from drills.interview.deck import KINDS, Entry, deck, judge, sides
 from drills.interview.store import AGAIN, GOOD, RATINGS
 from drills.notebook import Shown
 
-_HINT = {
-    "claim": "t true, f false, o true only if",
-    "formula": "your formula",
-}
+_HINT = {"claim": "t true, f false, o true only if", "formula": "your formula"}
 _MATH = re.compile(r"\$\$?[^$]+\$\$?")
 _WIDE = {"width": "auto"}
 

@@ -6,7 +6,6 @@ import json
 import re
 import signal
 import subprocess
-import sys
 import time
 from datetime import UTC, datetime, timedelta
 from typing import Any
@@ -304,13 +303,3 @@ def test_a_damaged_file_is_put_aside(place: Place) -> None:
     found = place.json("interview", "--resume")
     assert "damaged" in found["notices"][0] and "No interview" in found["error"]["message"]
     assert (place.work / "interviews.json.damaged-1").read_text() == damaged
-
-
-def test_help_imports_nothing_of_it() -> None:
-    program = (
-        "import sys; from drills.cli import cli; cli.main(['--help'], standalone_mode=False)\n"
-        "new = ('drills.interview', 'course.interview', 'course.derivations', 'fsrs')\n"
-        "print([name for name in sys.modules if name.startswith(new)])"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert "interview" in done.stdout and done.stdout.splitlines()[-1] == "[]", done.stderr

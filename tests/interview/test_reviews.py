@@ -318,13 +318,13 @@ def test_without_fsrs_one_sentence_says_what_is_missing(
     assert done.err.startswith("The package fsrs is not installed") and "make setup" in done.err
 
 
-def test_drills_alone_imports_nothing_of_it(tmp_path: Path) -> None:
+def test_drills_and_its_help_import_nothing_of_it(tmp_path: Path) -> None:
     program = (
-        "import sys; from drills.cli import cli; cli.main([], standalone_mode=False)\n"
+        "import sys; from drills.cli import cli\n"
+        "for said in ([], ['--help']): cli.main(said, standalone_mode=False)\n"
         "new = ('drills.interview', 'course.interview', 'course.derivations', 'fsrs', 'numpy')\n"
         "print([name for name in sys.modules if name.startswith(new)])"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, cwd=tmp_path
-    )
-    assert done.stdout.splitlines()[-1] == "[]", done.stderr
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path)
+    assert "interview" in done.stdout and done.stdout.splitlines()[-1] == "[]", done.stderr

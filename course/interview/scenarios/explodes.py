@@ -9,12 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from course.interview.scenarios import Cause, Probe, Repair, Scenario
-from course.interview.scenarios.programs.explodes import (
-    GRAVITY,
-    Machine,
-    contact_force,
-    simulate,
-)
+from course.interview.scenarios.programs.explodes import GRAVITY, Machine, contact_force, simulate
 
 Run = Callable[[str, int], float]
 Rows = NDArray[np.void]
