@@ -121,7 +121,7 @@ def spoken(topics: Sequence[str]) -> list[Item]:
             rest = (q.minutes, q.title, q.rubric, q.follow_ups, answer)
             found.append(Item(key, part, q.chapter, *rest))
     if "interview" in topics:
-        found += [_scenario(scenarios.scenario(name)) for name in scenarios.NAMES]
+        found += [_scenario(scenarios.scenario(name)) for name in scenarios.there()]
         found += [_design(designs.read(name)) for name in designs.NAMES]
     return found
 

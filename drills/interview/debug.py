@@ -40,7 +40,7 @@ def command(session: Session, name: str | None, seed: int | None) -> int:
     A line is: probe NAME, probes, program, causes, conclude CAUSE REPAIR, or quit.
     """
     if name is None:
-        found = [scenarios.scenario(one) for one in scenarios.NAMES]
+        found = [scenarios.scenario(one) for one in scenarios.there()]
         for one in found:
             session.say(f"  {one.name:<10}{one.title}")
         session.say()

@@ -99,7 +99,7 @@ def test_the_follow_up_is_on_the_weakest_line(marks: list[int]) -> None:
 def test_scenarios_and_designs_are_asked_as_questions_are() -> None:
     """On the cause that was forgotten one is asked, and a design's words suggest its marks."""
     found = {one.key: one for one in rehearsal.spoken(["rigid_body", "interview"])}
-    assert {f"scenario/{name}" for name in scenarios.NAMES} <= set(found)
+    assert {f"scenario/{name}" for name in scenarios.there()} <= set(found)
     assert {one.part for one in found.values()} == set(PARTS) - {"coding"}
     for one in (one for key, one in found.items() if key.startswith("scenario/")):
         for i, words in enumerate(one.rubric):
