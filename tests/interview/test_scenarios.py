@@ -241,6 +241,17 @@ def test_the_energy_of_a_step_is_that_of_its_scheme() -> None:
         assert gained == pytest.approx(theory, abs=1e-9), cause
 
 
+def test_a_reading_that_is_shifted_is_behind_by_its_shift() -> None:
+    from course.interview.scenarios import touch
+    from course.interview.scenarios.programs.touch import ROW
+
+    log = np.zeros(2000, dtype=ROW)
+    log["force"] = np.random.default_rng(1).normal(5.0, 1.0, 2000)
+    for steps in (0, 40, 159):
+        log["reading"] = np.roll(log["force"], steps)
+        assert touch.sensor_lag(log, touch.machine("soft_sensor", 0)) == steps / 8
+
+
 def test_what_is_tried_first_helps_at_times() -> None:
     """Half the step only mends what the step's limit breaks; a softer loop only what is late a
     little. It is shown whether the symptom is gone, and the price is told."""
