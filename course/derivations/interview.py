@@ -480,9 +480,10 @@ def loss_of_a_policy(found):
     def fell(baseline):
         """How much the loss on its own data falls as a policy of two actions gets better."""
         rewards = np.array([1.0, 0.0])
-        worth = [-(q * (rewards - baseline)) @ np.log(q) for q in ([0.5, 0.5], [0.9, 0.1])
-                 for q in [np.array(q)]]  # fmt: skip
-        return worth[0] - worth[1]
+        even, better = (
+            -(p * (rewards - baseline)) @ np.log(p) for p in np.array([[0.5, 0.5], [0.9, 0.1]])
+        )
+        return even - better
 
     found.statement = "Gradients of policies over four actions, by differences."
     found.heard(fell(0.0) > 0 and fell(1.0) > 0)

@@ -16,9 +16,9 @@ simulation()
 
 # %% [markdown]
 # **You will be able to** answer with a figure that you can defend, in half a minute and in five; design a system on a
-# whiteboard with rates and latencies on its arrows; find the cause of a failure in counted experiments; and rehearse all of
-# it, timed and graded, in a terminal. **Know first:** as many of the chapters as you have time for. A card of a chapter
-# that you have not read tells you what to read.
+# whiteboard with rates and latencies on its arrows; find the cause of a failure in counted experiments; and rehearse
+# all of it, timed and graded, in a terminal. **Know first:** as many of the chapters as you have time for. A card of a
+# chapter that you have not read tells you what to read.
 #
 # ## How this chapter works
 #
@@ -162,9 +162,9 @@ predict("ten_newtons")
 # ## 3 · Design: four systems
 #
 # Forty-five minutes each. First **clarifying questions**, those whose answers change the design; then boxes, with a
-# rate and a latency on every arrow; then what you would measure to find out that you are wrong. A **rubric** is the list
-# of what is listened for. Each of its items is missing, named, quantified, or defended with what would change your
-# mind. A **red flag** is an answer that ends the matter, and a **follow-up** is what the weakest item earns you.
+# rate and a latency on every arrow; then what you would measure to find out that you are wrong. A **rubric** is the
+# list of what is listened for. Each of its items is missing, named, quantified, or defended with what would change
+# your mind. A **red flag** is an answer that ends the matter, and a **follow-up** is what the weakest item earns you.
 
 # %%
 fleet = designs.read("fleet_simulation")
@@ -194,8 +194,8 @@ print(
 # ## 4 · Code: four drills, and cards
 #
 # Forward kinematics of three links, an RRT with checked edges, a PID that does not wind up, domain randomisation that
-# changes all that belongs together. Each is graded in a second or two, in the terminal (`drills start rrt`) or here; the
-# four cards at the top hold the key insight of each.
+# changes all that belongs together. Each is graded in a second or two, in the terminal (`drills start rrt`) or here;
+# the four cards at the top hold the key insight of each.
 
 # %%
 predict("when_again")
@@ -313,8 +313,8 @@ for place, one in enumerate(museum.EXHIBITS, 1):
 Markdown("\n".join(rows))
 
 # %% [markdown]
-# (Largest of three worlds each; an invariant's unit is told in its docstring.) What the check that one would write first
-# sees of a slip, where one is known that passes it:
+# (Largest of three worlds each; an invariant's unit is told in its docstring.) What the check that one would write
+# first sees of a slip, where one is known that passes it:
 
 # %%
 for one in museum.EXHIBITS:
@@ -323,8 +323,8 @@ for one in museum.EXHIBITS:
         print(f"{one.name:<42} right {seen[0]:.0e}, wrong {seen[1]:.0e}")
 
 # %% [markdown]
-# The invariants are functions that take your code: two lines, in front of a whiteboard or in a test. A **false alarm** is
-# an invariant that stops right code; tolerance and step are chosen so that it does not.
+# The invariants are functions that take your code: two lines, in front of a whiteboard or in a test. A **false alarm**
+# is an invariant that stops right code; tolerance and step are chosen so that it does not.
 
 # %%
 from scipy.spatial.transform import Rotation
