@@ -32,8 +32,8 @@ SYMBOLS = {
 @claim(
     "A gate of 70 per cent and a hundred trials: what passes is at least that good.",
     "What is at {worse:.2f} passes with probability {lucky:.2f}, and what is at the gate itself "
-    "with {fair:.2f}. After {passed:.0f} of {n:.0f} the rate lies between {low:.2f} and "
-    "{high:.2f}. A half width d at two standard deviations takes {formula} trials.",
+    "with {fair:.2f}. After {passed:.0f} of {n:.0f} Wilson's interval at two standard deviations "
+    "is {low:.2f} to {high:.2f}. A half width d at two standard deviations takes {formula} trials.",
     ask=("A success rate is near p. How many trials for an interval of half width d, at two "
          "standard deviations?", "n = 4*p*(1 - p)/d^2", {
              "p*(1 - p)/d^2": "That is one standard deviation.",
@@ -71,8 +71,8 @@ def hundred_trials(found):
 @claim(
     "A simulated accelerometer gives the acceleration of its body, with noise.",
     "It gives what is felt: the acceleration less gravity, in axes of the sensor. At rest MuJoCo's "
-    "reads {rest:.2f} m/s^2 upward, in free fall nothing. And noise is not what hurts in a "
-    "place that is integrated from it: a constant bias b becomes {formula}, {drift:.1f} m after "
+    "reads {rest:.2f} m/s^2 upward, in free fall nothing. And in a place that is integrated from "
+    "it a constant bias b outgrows white noise: it becomes {formula}, {drift:.1f} m after "
     "{seconds:.0f} s at {bias:g} m/s^2.",
     ask=("An accelerometer at rest has a constant bias b. How far is the place off that is "
          "integrated from it, after t?", "b*t^2/2", {
@@ -120,10 +120,10 @@ def imu_reads_acceleration(found):
 
 @claim(
     "An arm that stops as soon as it feels 10 N presses with about 10 N.",
-    "At {felt:.0f} N it is as fast as before. What moves with mass m and speed v into a stiffness "
-    "k presses with {formula} if nobody brakes: {free:.0f} N at {speed:g} m/s, {mass:g} kg and "
-    "{stiff:.0f} N/m. Braked with {brake:.0f} N from there on, {late_ms:.0f} ms later, it is "
-    "{braked:.0f} N. To stay at {felt:.0f} N it may come with {slow:.3f} m/s.",
+    "At {felt:.0f} N it is nearly as fast as before. A mass m with speed v that runs into a "
+    "stiffness k presses with {formula} if nobody brakes: {free:.0f} N at {speed:g} m/s, {mass:g} "
+    "kg and {stiff:.0f} N/m. Braked with {brake:.0f} N from there on, {late_ms:.0f} ms later, it "
+    "is {braked:.0f} N. To stay at {felt:.0f} N it may come with {slow:.3f} m/s.",
     ask=("A mass m meets a spring k at speed v, with no other force. The largest force?",
          "F = v*sqrt(k*m)", {
              "v*sqrt(k/m)": "That is an acceleration.",
@@ -248,9 +248,9 @@ def derivative_is_filtered(found):
 
 @claim(
     "Energy that grows all the time shows that the integration is unstable.",
-    "Something may feed it in. Halve the step: what the integrator adds to ln E in a second is "
-    "halved, {whole:.2f} to {half:.2f}; what a friction with the wrong sign adds stays, "
-    "{fed:.2f} and {fed_half:.2f}.",
+    "Something may feed it in. Halve the step: what explicit Euler adds to ln E in a second is "
+    "halved, {whole:.2f} to {half:.2f}, of what Heun's scheme adds more than that is gone; "
+    "what a friction with the wrong sign adds stays, {fed:.2f} and {fed_half:.2f}.",
 )
 def growing_energy(found):
     def growth(step, dt, damping):
@@ -266,6 +266,10 @@ def growing_energy(found):
 
     def explicit(state, dt, rate):
         return state + dt * np.array([state[1], rate(*state)])
+
+    def heun(state, dt, rate):
+        ahead = explicit(state, dt, rate)
+        return (state + explicit(ahead, dt, rate)) / 2
 
     def verlet(state, dt, rate):
         middle = state[1] + dt / 2 * rate(*state)
@@ -294,16 +298,18 @@ def growing_energy(found):
         cases=True,
     )
     found.corrected(abs(whole / half - 2) < 0.05, abs(fed / fed_half - 1) < 0.05,
-                    abs(fed - 0.4) < 0.02)  # fmt: skip
+                    abs(fed - 0.4) < 0.02,
+                    0 < 4 * growth(heun, 2e-3, 0.0) < growth(heun, 4e-3, 0.0))  # fmt: skip
 
 
 @claim(
     "When recorded commands are replayed in simulation, an error at the start is latency, one that "
     "grows is friction.",
     "It depends on what is replayed. Under torques what grows may be friction or inertia, from the "
-    "first fifth to the last by {rough:.0f} and {heavy:.1f} times. Under positions nothing grows, "
-    "friction {rough_held:.1f} times. And latency shows where the arm is fast, not first: its "
-    "error is delay times speed to {off:.0%}, and nothing at a start from rest.",
+    "first fifth to the last by {rough:.0f} and {heavy:.1f} times. Under positions of a motion "
+    "that repeats, friction hardly does, {rough_held:.1f} times. And latency shows where a free "
+    "joint is fast, not first: its error is delay times speed to {off:.0%}, and nothing at a start "
+    "from rest.",
 )
 def error_by_its_shape(found):
     dt, n = 1e-3, 3000
@@ -348,8 +354,9 @@ def error_by_its_shape(found):
 @claim(
     "A* finds a path through a gap wherever there is one.",
     "It is complete on its graph: on a grid whose cells of {cell:g} m are free only as a whole, "
-    "a gap of {narrow:g} m was open for {open_narrow:.0%} of the grid's places and one of "
-    "{wide:g} m for {open_wide:.0%}. It is open wherever the grid lies from {formula} on.",
+    "a straight gap along it of {narrow:g} m was open for {open_narrow:.0%} of the grid's places "
+    "and one of {wide:g} m for {open_wide:.0%}. It is open wherever the grid lies from "
+    "{formula} on.",
     ask=("Cells of side c count as free only as a whole. The least width of a gap, along the "
          "grid, that is open wherever the grid lies?", "2*c", {
              "c": "Its two sides may both cut a cell.",
@@ -395,7 +402,8 @@ def complete_planners(found):
 
 @claim(
     "A planner that is twice as fast makes a pick-and-place cycle clearly shorter.",
-    "Moves take the time: one over D with speed v and acceleration a takes {formula}. With "
+    "Such a planner saves half of what the arm waits for it. A move over D takes {formula}, if it "
+    "reaches the speed v with acceleration a. With "
     "{moves:.0f} moves of {move:.2f} s and {compute_ms:.0f} ms of computing, in which the planner "
     "has {plan_ms:.0f} ms, the cycle falls by {won:.1%}; twice the acceleration saves {quick:.0%}.",
     ask=("A hand moves from rest to rest over D, with speed limit v, which it reaches, and "
@@ -438,10 +446,11 @@ def computing_and_cycle(found):
 
 @claim(
     "The loss -E[A log pi] of reinforcement learning falls while the policy gets better.",
-    "Only its slope means something, and only at the policy that drew the data: there it is that "
-    "of the return, for two actions {formula}. Half a unit of score away the slope is {away:.0%} "
-    "off, in the mean, and what the loss is worth depends on the baseline. Cloning has it with A = "
-    "1 on somebody else's actions: there it is a likelihood, and may be minimised.",
+    "Only its slope means something, and only at the policy that drew the data: there it is "
+    "minus that of the return, which for two actions is {formula}. Half a unit of score away the "
+    "slope is {away:.0%} off, in the mean, and what the loss is worth depends on the baseline. "
+    "Cloning has it with A = 1 on somebody else's actions: there it is minus the logarithm of a "
+    "likelihood, and may be minimised.",
     ask=("Two actions with rewards r1 and r2; the first is chosen with probability p, the logistic "
          "function of its score. The slope of the mean reward over the score?",
          "p*(1 - p)*(r1 - r2)", {
@@ -495,7 +504,7 @@ def loss_of_a_policy(found):
     "In a planar arm each joint is the one before plus a link at the sum of the angles so far.",
     "So it is, with angles that are measured against the link before: three links end at the "
     "height {formula}. It agrees with a product of transforms to {digits:.0f} digits. With angles "
-    "against the ground nothing is summed.",
+    "against the ground only the links are summed.",
     ask=("Three links in a plane, each angle against the link before. The height of the tip?",
          "L1*sin(q1) + L2*sin(q1 + q2) + L3*sin(q1 + q2 + q3)", {
              "L1*sin(q1) + L2*sin(q2) + L3*sin(q3)": "Those are angles against the ground.",
