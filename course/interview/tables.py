@@ -10,6 +10,7 @@ for a notebook, as text of 80 columns for a terminal, as one page to print.
 
 import functools
 import html
+import os
 import sys
 import textwrap
 import tomllib
@@ -211,4 +212,8 @@ def main(arguments: list[str]) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    try:
+        main(sys.argv[1:])
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader has seen enough; the rest goes nowhere
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
