@@ -157,8 +157,9 @@ SCENARIO = Scenario(
     title="It explodes after about a thousand steps",
     prompt="A slide on a rail rests between two elastic stops. A brake and friction should take "
     "away what little motion it has at the start. Instead it swings out further and further, and "
-    "after about a thousand steps it is lost. The program is what you may read; the numbers of "
-    "the machine are on a computer that you can only run things on. What is it, and what do you "
+    "after about a thousand steps it is lost. A run lasts three times as long, and what is never "
+    "lost counts as lost at its end. The program is what you may read; the numbers of the "
+    "machine are on a computer that you can only run things on. What is it, and what do you "
     "change?",
     symptom_words="lost after",
     unit="steps",
@@ -177,15 +178,15 @@ SCENARIO = Scenario(
               "the opposite one: friction drives the slide.", "one_axis"),
     ),
     probes=(
-        Probe("halve_step", "half the step: when is it lost, by when it was", "", 3,
+        Probe("halve_step", "half the step: time until it is lost, by that before", "", 3,
               later(halved), 0.1),
-        Probe("double_mass", "twice the mass: when is it lost, by when it was", "", 3,
+        Probe("double_mass", "twice the mass: time until it is lost, by that before", "", 3,
               later(lambda one: replace(one, mass=2 * one.mass)), 0.1),
-        Probe("start_closer", "a tenth of the start: when is it lost, by when it was", "", 2,
+        Probe("start_closer", "a tenth of the start: time until it is lost, by that before", "", 2,
               later(lambda one: replace(one, start=one.start / 10)), 0.1),
-        Probe("brake_off", "no brake: when is it lost, by when it was", "", 3,
+        Probe("brake_off", "no brake: time until it is lost, by that before", "", 3,
               later(lambda one: replace(one, damping=0.0)), 0.1),
-        Probe("friction_off", "no friction: when is it lost, by when it was", "", 3,
+        Probe("friction_off", "no friction: time until it is lost, by that before", "", 3,
               later(lambda one: replace(one, friction=0.0)), 0.1),
         Probe("count_contacts", "most contact points that push in one step", "", 4,
               logged(lambda log: log["touching"].max()), 0.25),
