@@ -4,9 +4,22 @@ import io
 import os
 import sys
 
+from drills import terminal
+
 
 def listen() -> None:
     """Have `input` take whatever is typed for text; where there is no input, it is at its end."""
     sys.stdin = sys.stdin or open(os.devnull)
     if isinstance(sys.stdin, io.TextIOWrapper):
         sys.stdin.reconfigure(errors="replace")
+
+
+def hear(prompt: str = "") -> str:
+    """The next line that is typed; where nobody reads the questions any more, there is none.
+
+    Raises:
+        EOFError: at the end of the input, or when whoever read the output has gone.
+    """
+    if sys.stdout in terminal.LEFT:
+        raise EOFError
+    return input(prompt)

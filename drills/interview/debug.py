@@ -15,7 +15,7 @@ from typing import Any
 import click
 
 from course.interview import scenarios
-from drills.interview import listen
+from drills.interview import hear, listen
 from drills.session import RIGHT, WRONG, Session, body, options
 from drills.terminal import Terminal
 
@@ -115,7 +115,7 @@ def _lines(terminal: Terminal) -> Iterator[str]:
     prompt = "> " * (sys.stdin.isatty() and not terminal.json)
     with contextlib.suppress(EOFError):
         while True:
-            yield input(prompt)
+            yield hear(prompt)
 
 
 def _rows(session: Session, rows: list[tuple[str, str]]) -> None:

@@ -303,3 +303,19 @@ def test_a_damaged_file_is_put_aside(place: Place) -> None:
     found = place.json("interview", "--resume")
     assert "damaged" in found["notices"][0] and "No interview" in found["error"]["message"]
     assert (place.work / "interviews.json.damaged-1").read_text() == damaged
+
+
+def test_a_reader_who_has_gone_ends_the_questions(place: Place) -> None:
+    """Blank lines without end, of which each is refused: nobody sees it."""
+    process = place.popen("interview", "--kind", "concept", "--seed", "7", stdin=subprocess.PIPE)
+    assert process.stdin is not None and process.stdout is not None
+    feeder = subprocess.Popen(["yes", ""], stdout=process.stdin)
+    try:
+        process.stdin.close()
+        assert process.stdout.readline()
+        process.stdout.close()
+        assert process.wait(timeout=240) == 130
+    finally:
+        feeder.kill()
+        process.kill()
+        feeder.wait()
