@@ -42,13 +42,13 @@ def test_a_library_in_one_place_gives_the_same_success_and_error(name, most, see
     assert np.abs(apart).max() < most and abs(apart.mean()) <= band(apart) + most / 20.0
 
 
-@pytest.mark.parametrize("name, most", [
-    ("MuJoCo's rays", 1e-9), ("Open3D perceives", 2e-3), ("all of them", 2e-3),
+@pytest.mark.parametrize("name, most, seeds", [
+    ("MuJoCo's rays", 1e-9, 2), ("Open3D perceives", 2e-3, 4), ("all of them", 2e-3, 4),
 ])  # fmt: skip
-def test_a_library_that_sees_gives_the_same_within_the_band(name, most):
+def test_a_library_that_sees_gives_the_same_within_the_band(name, most, seeds):
     """Open3D's fit is off by less than 1 mm and scatters by 2 mm: so little does the end differ."""
     settings = Settings(frame=0.2, law="computed_torque", drift=(0.02, 0.02))
-    one, other, apart = paired(name, settings, range(4))
+    one, other, apart = paired(name, settings, range(seeds))
     assert successes(one).all() and successes(other).all()
     assert abs(apart.mean()) <= band(apart) + 1e-9 and np.abs(apart).max() < most
 
