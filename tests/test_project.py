@@ -611,7 +611,7 @@ def test_the_map_of_chapters_in_the_readme_is_the_table_of_contents() -> None:
 def test_the_gallery_shows_every_chart_as_it_was_built() -> None:
     assert gallery.GALLERY.read_text(encoding="utf-8") == gallery.gallery()
     shown = re.findall(r"^!\[(\w+)\]", gallery.gallery(), re.M)
-    assert sorted(shown) == sorted(path.stem for path in charts.FOLDER.glob("*.png"))
+    assert sorted(shown) == sorted(path.stem for path in charts.PICTURES.glob("*.png"))
 
 
 def test_the_code_on_the_first_page_runs_and_is_as_exact_as_the_chart() -> None:

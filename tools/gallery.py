@@ -13,12 +13,12 @@ from course import CHAPTERS, charts
 from course.measure.figure import write
 
 FILM = Path(__file__).resolve().parents[1] / "docs" / "film.png"
-GALLERY = charts.FOLDER / "README.md"
+GALLERY = charts.PICTURES / "README.md"
 
 HEAD = """# The charts of the course
 
-`make charts` measures everything anew and writes the pictures, their data (`NAME.json`), their key
-figures (`NAME.txt`) and this page.
+`make charts` measures everything anew and writes the pictures, this page and, into
+[course/charts/data](../../course/charts/data), their data (`NAME.json`) and key figures (`NAME.txt`).
 
 In a work-precision diagram each point is one method with one setting: the error against an
 independent truth upwards, the cost to the right; lower left is better. A cross at the top edge is a
@@ -60,7 +60,7 @@ def gallery() -> str:
         names = [name for name in in_order if topic(name) == room]
         parts += [f"## {title}\n"] if names else []
         for name in names:
-            drawn = (charts.FOLDER / f"{name}.png").is_file()
+            drawn = (charts.PICTURES / f"{name}.png").is_file()
             parts.append(f"### {name}\n\n{said(name)}\n")
             parts += [f"![{name}]({name}.png)\n"] if drawn else []
             figures = charts.read(name)

@@ -1,9 +1,9 @@
 """The charts of the course and the data behind them: `python -m course.charts [name ...]`.
 
 Each chart is an experiment, a generator function decorated with `chart` that measures and yields
-panels (see `course.measure.figure`). From them come `docs/charts/NAME.png`, the data behind it in
-`NAME.json`, and the text of its key figures in `NAME.txt`. A test calls the same experiment with
-smaller sizes, by `build`, and looks at the series.
+panels (see `course.measure.figure`). From them come the data and the key figures, `data/NAME.json`
+and `data/NAME.txt` of this package, and a picture, `docs/charts/NAME.png` of the project. A test
+calls the same experiment with smaller sizes, by `build`, and looks at the series.
 """
 
 import functools
@@ -17,7 +17,8 @@ from course.measure.data import document, from_json, json_text, panels_of
 from course.measure.figure import Panel, draw, text, write, write_picture
 from course.measure.work_precision import WorkPrecision
 
-FOLDER = Path(__file__).resolve().parents[2] / "docs" / "charts"
+FOLDER = Path(__file__).resolve().parent / "data"
+PICTURES = Path(__file__).resolve().parents[2] / "docs" / "charts"
 
 Experiment = Callable[..., Iterator[Panel]]
 CHARTS: dict[str, tuple[Experiment, dict[str, Any]]] = {}
@@ -81,7 +82,7 @@ def _write_picture(name: str, panels: list[Panel]) -> None:
     from matplotlib.figure import Figure
 
     figure = draw(panels, figure=Figure(layout="constrained"), **_known(name)[1])
-    write_picture(figure, FOLDER / f"{name}.png")
+    write_picture(figure, PICTURES / f"{name}.png")
 
 
 def _known(name: str) -> tuple[Experiment, dict[str, Any]]:

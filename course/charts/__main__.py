@@ -5,7 +5,7 @@ import time
 
 import click
 
-from course.charts import CHARTS, FOLDER, load, make, redraw
+from course.charts import CHARTS, FOLDER, PICTURES, load, make, redraw
 
 load()
 
@@ -27,7 +27,7 @@ def main(names: tuple[str, ...], only: bool) -> None:
         start = time.perf_counter()
         text = make(name)
         click.echo(f"== {name} ({time.perf_counter() - start:.0f} s)\n{text}\n")
-    click.echo(f"written to {FOLDER}")
+    click.echo(f"pictures: {PICTURES}" if only else f"data: {FOLDER}; pictures: {PICTURES}")
 
 
 if __name__ == "__main__":

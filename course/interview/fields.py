@@ -3,7 +3,7 @@
     {semi_implicit_limit.limit_ms:.1f}           a figure of `course.derivations`
     {estimate.night_workers:.0f}                 one of `course.interview.estimates`
     {estimate.night_workers.scenario_s:.0f}      an input of it
-    {chart.plan_times/discs/ours/x@0.5:.2g}      from the data of docs/charts/plan_times.json
+    {chart.plan_times/discs/ours/x@0.5:.2g}      from the data of the chart plan_times
 
 Behind `chart.` stand the name of the chart and steps into its data, with `/` between them. A step
 is a key; the number of an entry, or how its title, label or name begins (one entry only); `ours`
@@ -95,7 +95,7 @@ def _data(name: str) -> Any:
 
     path = FOLDER / f"{name}.json"
     if not path.is_file():
-        raise refused("chart", name, "a chart with data in docs/charts (`make charts` builds them)")
+        raise refused("chart", name, "a chart with data (`make charts` builds them)")
     return from_json(path.read_text(encoding="utf-8"))
 
 

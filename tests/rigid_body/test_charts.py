@@ -123,6 +123,7 @@ def test_apex_of_a_known_path() -> None:
 
 def test_a_chart_is_made_of_what_its_experiment_yields(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(charts, "FOLDER", tmp_path)
+    monkeypatch.setattr(charts, "PICTURES", tmp_path)
     (panel,) = charts.build("events_order", steps=(50, 100), phases=2)
     monkeypatch.setitem(charts.CHARTS, "events_order", (lambda: iter([panel]), {}))
     said = charts.make("events_order")
