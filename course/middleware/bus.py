@@ -1,8 +1,7 @@
 """Publish and subscribe, services and actions, in virtual time or in real time.
 
-What DDS does between two ends, event by event: who is matched, what is kept, what is lost and sent
-again, which events are raised. In virtual time a run depends on its seed alone. Times are whole
-nanoseconds inside, seconds outside.
+What DDS does between two ends, event by event: who is matched, what is kept, lost and sent again,
+told. In virtual time the seed alone decides. Times: whole nanoseconds inside, seconds outside.
 
 A callback is a function, which takes no time, or a generator: `yield seconds` computes for so
 long, `answer = yield client.call(request)` waits for an answer and keeps its thread.

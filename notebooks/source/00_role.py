@@ -30,7 +30,7 @@ simulation()
 # The code is `course.role`. These exercises wait in section 7:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(0)
 
@@ -442,8 +442,6 @@ check(log_age)
 # Checked symbolically: any equivalent form is right. Change the text.
 
 # %%
-from course.derivations import answer
-
 answer("deep_queue", "d*T")
 
 # %% [markdown]

@@ -33,7 +33,7 @@ simulation()
 # code is `course.rigid_body`, as the tests run it. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(1)
 
@@ -49,7 +49,7 @@ from course import rigid_body
 from course.cards import figures, interview
 from course.charts import read
 from course.charts.rigid_body import accuracy
-from course.derivations import answer, show
+from course.derivations import show
 from course.rigid_body import planar, problems, quaternion
 
 

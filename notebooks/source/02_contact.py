@@ -27,7 +27,7 @@ simulation()
 # check that `python -m course.derivations 2` runs again. The code is `course.contact`, as the tests run it. These
 # exercises wait in section 8:
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(2)
 # %%
@@ -46,7 +46,7 @@ from course.charts.contact import models as charts
 from course.contact import broad, scenes, solve
 from course.contact.models import penalty_force, pgs_sweep
 from course.contact.soft import soft_forces
-from course.derivations import answer, show
+from course.derivations import show
 from course.oracles.mujoco import contact as mujoco_contact
 from course.oracles.mujoco.contact import Options, contact_state
 

@@ -33,7 +33,7 @@ simulation()
 # exercises:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(3)
 
@@ -51,7 +51,7 @@ from course.cards import figures, interview
 from course.charts import read
 from course.charts.platforms import jobs
 from course.charts.platforms.record import AXES
-from course.derivations import answer, show
+from course.derivations import show
 from course.oracles.engines import engines
 from course.oracles.mujoco.kit import library
 from course.platforms import AS_SHIPPED, FAIR, SCENES, measures, prepared, scenes, theory

@@ -34,7 +34,7 @@ simulation()
 # These exercises wait in section 7:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(4)
 
@@ -51,7 +51,7 @@ from IPython.display import Markdown
 from course import kinematics, rigid_body
 from course.cards import figures, interview
 from course.charts import read
-from course.derivations import answer, show
+from course.derivations import show
 from course.kinematics import ik, jacobian, panda, planar, tip, two_link_ik
 
 

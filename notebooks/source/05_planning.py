@@ -31,7 +31,7 @@ simulation()
 # which shares no code with the planners. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(5)
 
@@ -45,7 +45,7 @@ from IPython.display import Markdown
 from course import planning
 from course.cards import figures, interview
 from course.charts import read
-from course.derivations import answer, show
+from course.derivations import show
 from course.planning import check_path, length, plan, scenes, time_parameterise, trees
 
 # %% [markdown]

@@ -31,7 +31,7 @@ simulation()
 # 8:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(6)
 
@@ -49,7 +49,7 @@ from course.cards import figures, interview
 from course.charts import read
 from course.charts.control import limits, touch
 from course.control import Actuator, Encoder, Gains, Joint, identify, run_joint, sampled
-from course.derivations import answer, show
+from course.derivations import show
 from course.kinematics import TwoLink
 from course.oracles.mujoco import chain as mujoco
 

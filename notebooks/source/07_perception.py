@@ -31,7 +31,7 @@ simulation()
 # be compared with. These exercises wait in section 8:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(7)
 
@@ -50,7 +50,7 @@ from course import perception
 from course.cards import figures, interview
 from course.charts import read
 from course.charts.perception.poses import BOX, EYE, SENSOR, TABLE
-from course.derivations import answer, show
+from course.derivations import show
 from course.kinematics.chain import compose
 from course.measure.timing import calls, interleaved
 from course.oracles import open3d

@@ -34,7 +34,7 @@ simulation()
 # makes that safe. Section 8 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(8)
 
@@ -50,7 +50,7 @@ from course import sim_to_real
 from course.cards import interview
 from course.charts import read
 from course.charts.sim_to_real import logs
-from course.derivations import answer, show
+from course.derivations import show
 from course.measure.success import wilson
 from course.sim_to_real import (
     Log,

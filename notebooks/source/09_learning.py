@@ -30,7 +30,7 @@ simulation()
 # is known. Section 9 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(9)
 
@@ -46,7 +46,7 @@ from IPython.display import Markdown
 from course import learning
 from course.cards import interview
 from course.charts import read
-from course.derivations import answer, figure, show
+from course.derivations import figure, show
 from course.learning import Commit, Delayed, Regulator, Settings, TwoWays, evaluate, objective, roll
 from course.measure.success import wilson
 from course.measure.sweep import sweep

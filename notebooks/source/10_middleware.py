@@ -36,7 +36,7 @@ simulation()
 # Section 8 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(10)
 
@@ -55,7 +55,7 @@ from IPython.display import Markdown
 from course.cards import figures, interview
 from course.charts import read, stored
 from course.control.sampled import delay_limit
-from course.derivations import answer, show
+from course.derivations import show
 from course.middleware import controller, launch, loop, schedule, transport
 from course.middleware.bus import ActionClient, Bus, Group, Link
 from course.middleware.executor import Executor, Work, bounds, deadlocks, respond, run_chain

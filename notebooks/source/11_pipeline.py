@@ -34,7 +34,7 @@ simulation()
 # third dimension, joint elasticity, the hand, contact. Section 8 has these exercises:
 
 # %% tags=["nbval-ignore-output"]
-from drills.notebook import badges, card, check, checkpoint
+from drills.notebook import answer, badges, card, check, checkpoint
 
 badges(11)
 
@@ -51,7 +51,7 @@ from IPython.display import Markdown
 from course.cards import interview
 from course.charts import read
 from course.control import Actuator
-from course.derivations import answer, figure, show
+from course.derivations import figure, show
 from course.pipeline import Scenario, Settings, Stages, theory
 from course.pipeline import blame as procedure
 from course.pipeline.blame import CASE, FAULTS, Fault, blame, contracts, injected
