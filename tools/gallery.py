@@ -18,7 +18,8 @@ GALLERY = charts.PICTURES / "README.md"
 HEAD = """# The charts of the course
 
 `make charts` measures everything anew and writes the pictures, this page and, into
-[course/charts/data](../../course/charts/data), their data (`NAME.json`) and key figures (`NAME.txt`).
+[course/charts/data](../../course/charts/data), their data (`NAME.json`) and key figures
+(`NAME.txt`).
 
 In a work-precision diagram each point is one method with one setting: the error against an
 independent truth upwards, the cost to the right; lower left is better. A cross at the top edge is a
