@@ -10,8 +10,6 @@ BIN := $(VENV)/bin
 # Written last, so it is there only when everything before it worked.
 STAMP := $(VENV)/installed
 EXTRAS := learning,oracles,lab,test
-# The same for the other simulators of chapter 3, which `make lab` does without.
-PLATFORMS := $(VENV)/installed-platforms
 # What the first install announces: what `python -m tools.sizes` printed after one with PyTorch's
 # build without CUDA (Linux, Python 3.11).
 PACKAGES := 180
@@ -27,7 +25,7 @@ unexport PYTHONPATH PYTHONHOME
 QUIET := COURSE_QUIET=1 DRILLS_PROGRESS=none OPENBLAS_NUM_THREADS=1
 
 .NOTPARALLEL:
-.PHONY: help setup platforms lab check test prove lint types pytest nbval warm charts notebooks clean
+.PHONY: help setup platforms sphinx site lab check test prove lint types pytest nbval warm charts notebooks clean
 
 # `make test TOPIC=contact` and `make prove TOPIC=contact`: one topic, and the framework's smoke tests.
 TOPIC ?=
@@ -95,19 +93,32 @@ setup: ## make .venv with the pinned packages, if it isn't there
 	{ echo "$$place"; python_of $(BIN)/python; echo "$$wanted"; } > $(STAMP); \
 	echo "$(VENV) is ready"
 
-# Written with the pins and the Python it was made for, beside the stamp of the set-up: whatever makes
-# .venv anew takes it away. A Python without a wheel leaves that simulator out (pyproject.toml says
-# which), and the chapter's table says so.
-platforms: setup ## add the other simulators of chapter 3 (161 MB to download, 510 MB on disk)
+# Adds a set of optional packages once: $(call add,extra of pyproject.toml,what that is). The stamp
+# holds the pins and the Python it was made for, beside the stamp of the set-up: whatever makes
+# .venv anew takes it away.
+define add
 	@set -e; \
+	stamp=$(VENV)/installed-$(1); \
 	wanted="$$(sed -n 3p $(STAMP)) $$(sed -n 2p $(STAMP))"; \
-	[ "$$(cat $(PLATFORMS) 2>/dev/null)" != "$$wanted" ] || exit 0; \
-	rm -f $(PLATFORMS); \
-	echo "adding the other simulators to $(VENV); $(LOG) has the details"; \
-	$(BIN)/python -m pip install -c constraints.txt -e '.[platforms]' >>$(LOG) 2>&1 || { \
+	[ "$$(cat $$stamp 2>/dev/null)" != "$$wanted" ] || exit 0; \
+	rm -f $$stamp; \
+	echo "adding $(2) to $(VENV); $(LOG) has the details"; \
+	$(BIN)/python -m pip install -c constraints.txt -e '.[$(1)]' >>$(LOG) 2>&1 || { \
 		tail -n 12 $(LOG) >&2; \
 		echo "installing failed: the last lines are above, all of it is in $(LOG)" >&2; exit 1; }; \
-	echo "$$wanted" > $(PLATFORMS)
+	echo "$$wanted" > $$stamp
+endef
+
+# A Python without a wheel leaves that simulator out (pyproject.toml says which), and the chapter's
+# table says so.
+platforms: setup ## add the other simulators of chapter 3 (161 MB to download, 510 MB on disk)
+	$(call add,platforms,the other simulators)
+
+sphinx: setup ## add what builds the site (110 MB to download, 440 MB on disk)
+	$(call add,site,what builds the site)
+
+site: sphinx ## build the site, the course without a kernel, into the folder site
+	@OMP_NUM_THREADS=1 COURSE_QUIET=1 $(BIN)/python -m course.site
 
 lab: setup ## set up, then open the course in JupyterLab, in copies under work/
 	@echo "compiling the chapters in the background"
@@ -118,10 +129,10 @@ check: setup lint types ## lint, types and the quick tests, in about three minut
 	$(QUIET) $(BIN)/pytest -q --quick $(OF_TOPIC) -n 2 --dist worksteal
 	@echo "the quick tests passed; make test runs all"
 
-test: setup platforms lint types warm pytest nbval ## set up, then run every test, or those of TOPIC=contact
+test: setup platforms sphinx lint types warm pytest nbval ## set up, then run every test, or those of TOPIC=contact
 	@echo "all tests passed"
 
-prove: setup platforms warm ## the long proofs: many seeds, the whole hostile suite, properties at random
+prove: setup platforms sphinx warm ## the long proofs: many seeds, the whole hostile suite, properties at random
 	$(QUIET) COURSE_PROVE=1 $(BIN)/pytest $(OF_TOPIC) -n 2 --dist worksteal
 	@echo "all proofs passed"
 

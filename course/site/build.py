@@ -1,0 +1,239 @@
+"""The site in one go: the pages are written, Sphinx makes HTML of them, and every link is followed.
+
+Nothing is run and nothing fetched; what is written depends on the committed files alone, so two
+builds are the same to the byte.
+"""
+
+import functools
+import html.parser
+import importlib
+import io
+import os
+import shutil
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+import nbformat
+
+from course import CHAPTERS, cards
+from course.check import refused
+from course.site import notebooks, reference
+
+HERE = Path(__file__).parent
+WORK = notebooks.ROOT / "build" / "site"
+TARGET = notebooks.ROOT / "site"
+# What a reader finds beside the chapters, in the order of the side bar.
+BESIDE = ("claims", "charts", "cards", "questions", "glossary")
+_LEFT_OUT = (".buildinfo", "objects.inv", "genindex.html")
+
+
+class Unbuildable(Exception):
+    """The site cannot be built; one sentence for each reason."""
+
+    def __init__(self, faults: Sequence[str]) -> None:
+        super().__init__("\n".join(faults))
+        self.faults = list(faults)
+
+
+def _contents() -> str:
+    """The side bar, as a cell of the index that is not seen."""
+    chapters = [reference.page_of(chapter) for chapter in CHAPTERS]
+    return "\n\n".join(
+        f"```{{toctree}}\n:hidden:\n:caption: {caption}\n\n" + "\n".join(pages) + "\n```"
+        for caption, pages in (("Chapters", chapters), ("Beside them", BESIDE))
+    )
+
+
+def _shown(page: notebooks.Page) -> dict[str, str]:
+    """The cards of claims on a page, by id."""
+    found = {}
+    for cell in page.notebook.cells:
+        name, arguments = notebooks.called(cell.source) if cell.cell_type == "code" else ("", [])
+        if name == "show":
+            found[arguments[0]] = cell.outputs[0].data["text/markdown"]
+    return found
+
+
+def pages(folder: Path) -> dict[str, notebooks.Page]:
+    """The page of each chapter and of the index, by name.
+
+    Args:
+        folder: of the notebooks.
+
+    Raises:
+        Unbuildable: a notebook has a fault.
+    """
+    made = {"index": notebooks.page(folder / "index.ipynb")}
+    for chapter in CHAPTERS:
+        path = folder / Path(chapter.notebook).name
+        made[path.stem] = notebooks.page(path, cards.vocabulary(chapter.topic))
+    if faults := [fault for page in made.values() for fault in page.faults]:
+        raise Unbuildable(faults)
+    return made
+
+
+def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
+    """Write what Sphinx reads.
+
+    Args:
+        folder: an empty one.
+        made: the pages of the notebooks.
+    """
+    anchors = {name: page.anchors for name, page in made.items()}
+    shown = {id: card for page in made.values() for id, card in _shown(page).items()}
+    faults: list[str] = []
+    texts = {
+        "claims": reference.claims(anchors, shown),
+        "charts": reference.charts(faults),
+        "cards": reference.predictions(anchors),
+        "questions": reference.questions(),
+        "glossary": reference.glossary(anchors),
+    }
+    if faults:
+        raise Unbuildable(faults)
+    moving = reference.moving({name: page.simulations for name, page in made.items()})
+    added = {"moving": f"## What moves on this site\n\n{moving}", "contents": _contents()}
+    for id, text in added.items():
+        made["index"].notebook.cells.append(nbformat.v4.new_markdown_cell(text, id=id))
+    for name, page in made.items():
+        nbformat.write(page.notebook, folder / f"{name}.ipynb")
+    for name, text in texts.items():
+        (folder / f"{name}.md").write_text(text, encoding="utf-8")
+    charts = folder / notebooks.CHARTS
+    charts.mkdir()
+    for picture in (notebooks.ROOT / "docs" / "charts").glob("*.png"):
+        shutil.copy(picture, charts)
+    pictures = folder / notebooks.PICTURES
+    pictures.mkdir(parents=True)
+    for page in made.values():
+        for file, png in page.pictures.items():
+            (pictures / file).write_bytes(png)
+    static = folder / "_static"
+    shutil.copy(HERE / "course.css", static)
+    _write_scripts(static, made)
+
+
+def _write_scripts(static: Path, made: Mapping[str, notebooks.Page]) -> None:
+    """Write what runs the simulations, and each of them."""
+    try:
+        declaration: Any = importlib.import_module("course.simulations.declaration")
+    except ImportError:
+        for name in ("live", *{name for page in made.values() for name in page.simulations}):
+            path = static / (f"simulations/{name}.js" if name != "live" else "live.js")
+            path.parent.mkdir(exist_ok=True)
+            path.write_text("")
+        return
+    (static / "live.js").write_text(declaration.script(), encoding="utf-8")
+    (static / "simulations").mkdir()
+    for name in sorted({name for page in made.values() for name in page.simulations}):
+        text = declaration.bundle(name)
+        (static / "simulations" / f"{name}.js").write_text(text, encoding="utf-8")
+
+
+def sphinx(source: Path, out: Path, simulations: Mapping[str, Sequence[str]]) -> None:
+    """Make HTML of the sources.
+
+    Args:
+        source: their folder.
+        out: an empty folder beside it.
+        simulations: those on each page.
+
+    Raises:
+        Unbuildable: Sphinx had something to say, such as a formula that does not convert.
+    """
+    from sphinx.application import Sphinx
+    from sphinx.util.docutils import docutils_namespace, patch_docutils
+
+    os.environ["SOURCE_DATE_EPOCH"] = "0"
+    told = io.StringIO()
+    settings = {"html_static_path": [str(source / "_static")], "course_simulations": simulations}
+    with patch_docutils(HERE), docutils_namespace():
+        app = Sphinx(
+            source, HERE, out, out.with_name("doctrees"), "html", settings, None, told, True
+        )
+        app.build()
+    if faults := told.getvalue().replace(f"{source}{os.sep}", "").splitlines():
+        raise Unbuildable(faults)
+
+
+class _Read(html.parser.HTMLParser):
+    """What a page can be entered at, what it leads to, and what it loads."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.anchors: set[str] = set()
+        self.links: list[str] = []
+        self.loaded: list[str] = []
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        told = {name: value or "" for name, value in attributes}
+        self.anchors.add(told.get("id", ""))
+        address = told.get("src") or told.get("href") or ""
+        if not address:
+            return
+        loads = tag in ("img", "script", "iframe", "source") or (
+            tag == "link" and told.get("rel") in ("stylesheet", "icon", "preload")
+        )
+        (self.loaded if loads else self.links).append(address)
+
+
+def read(page: Path) -> _Read:
+    """What a page of HTML leads to and loads."""
+    found = _Read()
+    found.feed(page.read_text(encoding="utf-8"))
+    return found
+
+
+def broken(site: Path) -> list[str]:
+    """What on a site leads or loads from nowhere or from elsewhere, one sentence each."""
+    known = functools.cache(read)
+    faults = []
+    for page in sorted(site.rglob("*.html")):
+        where = page.relative_to(site).as_posix()
+        for address in known(page).loaded:
+            if urlsplit(address).scheme not in ("", "data") or address.startswith("//"):
+                faults.append(f"{where}: it loads {address}, from elsewhere")
+        for address in [*known(page).links, *known(page).loaded]:
+            parts = urlsplit(address)
+            if parts.scheme or parts.netloc:
+                continue
+            file = (page.parent / unquote(parts.path)).resolve() if parts.path else page
+            if not file.is_file() or not file.is_relative_to(site.resolve()):
+                faults.append(f"{where}: the link to {address} leads nowhere")
+            elif parts.fragment and file.suffix == ".html":
+                if unquote(parts.fragment) not in known(file).anchors:
+                    faults.append(f"{where}: the link to {address} leads to no place on that page")
+    return faults
+
+
+def build(
+    target: Path = TARGET, folder: Path = notebooks.ROOT / "notebooks", work: Path = WORK
+) -> None:
+    """Build the site.
+
+    Args:
+        target: the folder that it becomes; one that is there is replaced if it holds a site.
+        folder: of the notebooks.
+        work: what is needed on the way; emptied.
+
+    Raises:
+        Unbuildable: with a sentence for each reason; `target` is left as it was.
+        ValueError: `target` holds something else.
+    """
+    if target.exists() and any(target.iterdir()) and not (target / "searchindex.js").is_file():
+        raise refused("target", str(target), "an empty folder, or one with a site")
+    shutil.rmtree(work, ignore_errors=True)
+    source, out = work / "source", work / "html"
+    source.mkdir(parents=True)
+    made = pages(folder)
+    write_sources(source, made)
+    sphinx(source, out, {name: page.simulations for name, page in made.items()})
+    for name in _LEFT_OUT:
+        (out / name).unlink(missing_ok=True)
+    (out / "_sources").rmdir()
+    if faults := broken(out):
+        raise Unbuildable(faults)
+    shutil.rmtree(target, ignore_errors=True)
+    shutil.move(out, target)

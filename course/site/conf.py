@@ -1,0 +1,29 @@
+"""How Sphinx makes the pages; `course.site.build` writes what it reads, and calls it."""
+
+project = html_title = "Robotics Simulation & Software"
+author = ""
+extensions = ["myst_nb", "course.site.extension"]
+root_doc = "index"
+language = "en"
+
+highlight_language = "none"
+nb_execution_mode = "off"
+nb_render_markdown_format = "myst"
+nb_ipywidgets_js: dict[str, dict[str, str]] = {}
+nb_mime_priority_overrides = [("html", "text/markdown", 0), ("html", "text/html", 1)]
+myst_enable_extensions = ["dollarmath"]
+# The notebooks are written for a reader that knows none of these.
+myst_disable_syntax = ["myst_block_break", "myst_line_comment", "myst_role", "myst_target"]
+myst_update_mathjax = False
+suppress_warnings = ["myst.header", "toc.not_included"]
+
+html_theme = "furo"
+html_math_renderer = "mathml"
+html_static_path = ["_static"]
+html_css_files = ["course.css"]
+html_copy_source = html_show_sourcelink = html_show_search_summary = False
+html_show_copyright = False
+html_use_index = False
+html_domain_indices = False
+pygments_style = "a11y-high-contrast-light"
+pygments_dark_style = "a11y-high-contrast-dark"

@@ -1,0 +1,75 @@
+"""What Sphinx is taught: formulas as MathML, pictures that wait, the scripts of a page."""
+
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.transforms.post_transforms import SphinxPostTransform
+from sphinx.util import logging
+
+from course.site.formulas import in_html, mathml
+
+_LOG = logging.getLogger(__name__)
+
+
+def _formula(page: str, tex: str, block: bool) -> str:
+    """A formula as MathML; one that does not convert is a fault of its page."""
+    try:
+        return mathml(tex, block)
+    except ValueError as problem:
+        _LOG.warning(f"{page}: {problem}")
+        return ""
+
+
+def _visit_math(self: Any, node: nodes.math) -> None:
+    self.body.append(_formula(self.builder.current_docname, node.astext(), False))
+    raise nodes.SkipNode
+
+
+def _visit_math_block(self: Any, node: nodes.math_block) -> None:
+    formula = _formula(self.builder.current_docname, node.astext(), True)
+    self.body.append(f'<div class="course-formula" tabindex="0">{formula}</div>\n')
+    raise nodes.SkipNode
+
+
+class Page(SphinxPostTransform):
+    """Formulas in what is HTML already; pictures with a name, loaded when they come into sight."""
+
+    default_priority = 900  # after the output of each cell has been chosen
+    formats = ("html",)
+
+    def run(self, **_options: Any) -> None:
+        for raw in self.document.findall(nodes.raw):
+            try:
+                text = in_html(raw.astext())
+            except ValueError as problem:
+                _LOG.warning(f"{self.env.docname}: {problem}")
+            else:
+                raw.children[:] = [nodes.Text(text)]
+        for image in self.document.findall(nodes.image):
+            image["loading"] = "lazy"
+            if not image.get("alt"):
+                section = image.parent
+                while section and not isinstance(section, nodes.section):
+                    section = section.parent
+                title = section.next_node(nodes.title) if section else None
+                image["alt"] = f"Figure: {title.astext()}" if title else "Figure"
+
+
+def _scripts(
+    app: Sphinx, page: str, _template: str, _context: dict[str, Any], _doctree: nodes.document
+) -> None:
+    """The simulations of a page, and what runs them."""
+    for name in dict.fromkeys(app.config.course_simulations.get(page, ())):
+        app.add_js_file(f"simulations/{name}.js", loading_method="defer")
+    if app.config.course_simulations.get(page):
+        app.add_js_file("live.js", loading_method="defer", priority=900)
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Called by Sphinx."""
+    app.add_config_value("course_simulations", {}, "html")
+    app.add_html_math_renderer("mathml", (_visit_math, None), (_visit_math_block, None))
+    app.add_post_transform(Page)
+    app.connect("html-page-context", _scripts)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

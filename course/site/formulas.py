@@ -1,0 +1,72 @@
+"""Formulas as MathML, made when the site is built: no script, nothing to fetch.
+
+`latex2mathml` converts; what it only passes through, a command that it does not know, is refused.
+"""
+
+import html
+import re
+from xml.etree import ElementTree
+
+from course.check import refused
+
+# Commands that the converter does not know, in those that it knows.
+_ALSO = {r"\arg": r"\operatorname{arg}", r"\|": "\N{DOUBLE VERTICAL LINE}"}
+_COMMAND = re.compile(r"\\(?:[A-Za-z]+|\|)")
+# How many parts an element has; of a formula that breaks off the converter makes fewer.
+_PARTS = {"mfrac": 2, "msub": 2, "msup": 2, "mover": 2, "munder": 2, "mroot": 2, "msubsup": 3,
+          "munderover": 3}  # fmt: skip
+# What is no text: code, comments, tags. Then a formula of its own line, and one in a line.
+_PART = re.compile(
+    r"<(?P<quiet>code|pre|script|style|math)\b.*?</(?P=quiet)>|<!--.*?-->|</?[A-Za-z][^<>]*>"
+    r"|(?<!\\)\$\$(?P<block>[^$]+)\$\$|(?<!\\)\$(?P<inline>[^$\n]*(?:\n[^$\n]+)*)\$",
+    re.S,
+)
+
+
+def mathml(tex: str, block: bool = False) -> str:
+    """A formula in LaTeX as a MathML element, which keeps the LaTeX as its text for readers.
+
+    Args:
+        tex: without dollars.
+        block: whether it has a line of its own.
+
+    Raises:
+        ValueError: the formula does not convert, or only in parts.
+    """
+    from latex2mathml.converter import convert
+
+    bare = re.sub(r"\\.", "", tex)
+    if bare.count("{") != bare.count("}"):
+        raise refused("formula", tex, "one with as many { as }")
+    known = _COMMAND.sub(lambda match: _ALSO.get(match[0], match[0]), tex.strip())
+    try:
+        made = convert(known, display="block" if block else "inline")
+    except Exception as problem:  # the converter has many, some of them IndexError
+        raise refused(
+            "formula", tex, f"what latex2mathml reads ({type(problem).__name__})"
+        ) from None
+    for element in ElementTree.fromstring(made).iter():
+        name, text = element.tag.rpartition("}")[2], element.text or ""
+        if "\\" in text:
+            raise refused("formula", tex, f"LaTeX that latex2mathml knows, without {text}")
+        if len(element) != _PARTS.get(name, len(element)):
+            raise refused("formula", tex, f"one that is whole (its {name} lacks a part)")
+    # A frame is not part of what browsers draw of MathML; a border is.
+    made = made.replace('<menclose notation="box">', '<mrow class="boxed">')
+    made = made.replace("</menclose>", "</mrow>")
+    told = html.escape(" ".join(tex.split()))
+    return made.replace("<math ", f'<math alttext="{told}" ', 1)
+
+
+def in_html(text: str) -> str:
+    """HTML with the formulas between dollars, outside of tags and code, as MathML.
+
+    Raises:
+        ValueError: a formula does not convert.
+    """
+
+    def converted(match: re.Match[str]) -> str:
+        tex = match["block"] or match["inline"]
+        return mathml(html.unescape(tex), bool(match["block"])) if tex else match[0]
+
+    return _PART.sub(converted, text)

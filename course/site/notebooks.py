@@ -1,0 +1,254 @@
+"""A committed notebook as the page that Sphinx reads: nothing is run, what it shows is kept.
+
+What only a kernel can do is replaced: a simulation by a place for the one that runs in the page,
+with its saved picture; whatever grades or keeps a record by what it showed, and how to run it.
+"""
+
+import ast
+import base64
+import hashlib
+import html
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import nbformat
+from nbformat import NotebookNode
+from PIL import Image
+
+from course.simulations.model import Model
+from course.site import simulated
+
+ROOT = Path(__file__).resolve().parents[2]
+# Folders of what a page shows, beside it.
+PICTURES, CHARTS = "_static/pictures", "charts"
+_FILM = re.compile(r"!\[[^\]]+\]\(attachment:([\w.]+)\.png\)\n*")
+_LINK = re.compile(r"(?<!\\)(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
+_FENCE = re.compile(r"^```.*?^```|`[^`\n]+`", re.S | re.M)
+_CARD = '<div style="'  # how the card of a claim or a question begins
+# What needs Python: the function that a cell calls last, and what a reader is told below it.
+_LAB = "in a copy of this page, which <code>make lab</code> opens"
+_NEEDS = {
+    "check": "Grading needs Python: <code>drills start {name}</code> in a terminal writes the "
+    f"starter, <code>drills check {{name}}</code> grades it; or run this cell {_LAB}.",
+    "checkpoint": f"Formula answers need Python, which compares them with the right one {_LAB}.",
+    "answer": f"Formula answers need Python, which compares them with the right one {_LAB}.",
+    "badges": f"What you have solved is kept by Python: <code>drills status</code>, or {_LAB}.",
+    "TradeOff": f"To drag the tolerance needs Python: run this cell {_LAB}.",
+}
+
+
+@dataclass
+class Page:
+    """What comes of a notebook.
+
+    Attributes:
+        notebook: for Sphinx.
+        simulations: the names of those that the page runs, as they come.
+        pictures: file name -> PNG, for the folder `PICTURES`.
+        anchors: what the page can be entered at, such as "claim-top_condition".
+        faults: what the site cannot be built with, one sentence each.
+    """
+
+    notebook: NotebookNode
+    simulations: list[str] = field(default_factory=list)
+    pictures: dict[str, bytes] = field(default_factory=dict)
+    anchors: set[str] = field(default_factory=set)
+    faults: list[str] = field(default_factory=list)
+
+
+def slug(text: str) -> str:
+    """A text as it stands in an anchor: small letters, digits and dashes."""
+    return re.sub(r"\W+", "-", text.lower()).strip("-")
+
+
+def called(source: str) -> tuple[str, list[Any]]:
+    """The function that the last statement of a cell calls, and its arguments that are literals."""
+    try:
+        body = ast.parse(source).body
+    except SyntaxError:  # of the notebook: %matplotlib
+        return "", []
+    match body[-1:]:
+        case [ast.Expr(ast.Call(func=ast.Name(name), args=arguments))]:
+            return name, [a.value for a in arguments if isinstance(a, ast.Constant)]
+    return "", []
+
+
+def _html(text: str) -> NotebookNode:
+    return nbformat.v4.new_output("display_data", {"text/html": text})
+
+
+def first_picture(png: bytes) -> bytes:
+    """The first picture of a film as a PNG of its own; a picture stays what it is."""
+    picture = Image.open(io.BytesIO(png))
+    if getattr(picture, "n_frames", 1) == 1:
+        return png
+    packed, still = io.BytesIO(), picture.convert("RGB")
+    still.info = {}
+    still.quantize(256, dither=Image.Dither.NONE).save(packed, "PNG", optimize=True)
+    return packed.getvalue()
+
+
+def place_of_simulation(name: str, model: Model, picture: str, preset: str = "") -> str:
+    """Where a simulation comes to life, with its saved picture; HTML.
+
+    Args:
+        name: below `course.simulations`.
+        model: that one.
+        picture: address of its saved picture, relative to the page.
+        preset: the one to start with, if it is not the first.
+    """
+    label, chosen = html.escape(model.paper.label), html.escape(preset)
+    start = f' data-preset="{chosen}"' if preset else ""
+    return (
+        f'<div class="course-live" data-simulation="{name}"{start}>'
+        f'<img alt="{label}" src="{picture}" width="{int(model.paper.width)}"></div>'
+    )
+
+
+def _simulation(
+    page: Page, cell: NotebookNode, output: NotebookNode, film: bytes | None, place: str
+) -> NotebookNode:
+    """The output of a cell that shows a simulation, for the page."""
+    label = output.data["text/plain"].partition("\n")[0]
+    name = simulated.by_label().get(label)
+    if name is None:
+        page.faults.append(f"{place}: no module has the simulation {label!r}")
+        return output
+    if "image/png" in output.data:
+        film = base64.b64decode(output.data["image/png"])
+    if film is None:
+        page.faults.append(f"{place}: the simulation {label!r} has no picture")
+        return output
+    png, model = first_picture(film), simulated.models()[name]
+    file = f"{hashlib.sha256(png).hexdigest()[:16]}.png"
+    page.pictures[file] = png
+    page.simulations.append(name)
+    presets = [text for text in called(cell.source)[1] if text in model.presets]
+    return _html(place_of_simulation(name, model, f"{PICTURES}/{file}", *presets[-1:]))
+
+
+def _outputs(page: Page, cell: NotebookNode, film: bytes | None, place: str) -> list[NotebookNode]:
+    name, arguments = called(cell.source)
+    made = []
+    for output in cell.outputs:
+        data: dict[str, Any] = output.get("data", {})
+        text = data.get("text/plain", "")
+        if data and (name == "simulation" or text.partition("\n")[0] in simulated.by_label()):
+            output = _simulation(page, cell, output, film, place)
+        elif (
+            data and "image/png" not in data and (text.startswith("<Figure") or name == "TradeOff")
+        ):
+            page.faults.append(f"{place}: its output {text[:60]!r} has no picture")
+        elif name in ("show", "predict") and _CARD in data.get("text/markdown", ""):
+            anchor = f"{'claim' if name == 'show' else 'card'}-{arguments[0]}"
+            if anchor not in page.anchors:
+                page.anchors.add(anchor)
+                marked = data["text/markdown"].replace(_CARD, f'<div id="{anchor}" style="', 1)
+                data["text/markdown"] = marked
+        made.append(output)
+    if name in _NEEDS and cell.outputs:
+        told = cell.outputs[-1].get("data", {}).get("text/plain", "").partition(":")[0]
+        made.append(_html(f'<p class="needs-python">{_NEEDS[name].format(name=told)}</p>'))
+    return made
+
+
+def linked(text: str, folder: Path, place: str, faults: list[str]) -> str:
+    """Markdown whose links to files of the project lead to pages, or are shown as paths.
+
+    Args:
+        text: Markdown.
+        folder: in which its links are.
+        place: what to call it in a fault.
+        faults: gets a sentence for each link that leads nowhere.
+    """
+
+    def link(match: re.Match[str]) -> str:
+        mark, label, target = match.groups()
+        path, _, anchor = target.partition("#")
+        if re.match(r"[a-z]+:|#", target):
+            return match[0]
+        file = (folder / path).resolve()
+        if not file.exists() or not file.is_relative_to(ROOT):
+            faults.append(f"{place}: the link to {target} leads nowhere")
+        elif file.parent == ROOT / "docs" / "charts":
+            mine = f"{CHARTS}/{file.name}" if mark else "charts.md"
+            return f"{mark}[{label}]({mine}{'#' if anchor else ''}{anchor})"
+        elif file.suffix != ".ipynb":
+            return f"{label} (`{file.relative_to(ROOT).as_posix()}`)"
+        return match[0]
+
+    parts, end = [], 0
+    for quiet in _FENCE.finditer(text):
+        parts += [_LINK.sub(link, text[end : quiet.start()]), quiet[0]]
+        end = quiet.end()
+    return "".join([*parts, _LINK.sub(link, text[end:])])
+
+
+def term_pattern(term: str) -> re.Pattern[str]:
+    """Where a text sets a term in bold, singular or plural."""
+    words = r"[\s-]+".join(map(re.escape, re.split(r"[\s-]+", term)))
+    return re.compile(rf"\*\*[^*\n]*?(?<!\w){words}(?:s|es)?(?!\w)[^*\n]*\*\*", re.I)
+
+
+def _defined(page: Page, terms: Sequence[str]) -> None:
+    """Put an anchor where each term is first set in bold."""
+    cells = [cell for cell in page.notebook.cells if cell.cell_type == "markdown"]
+    for term in terms:
+        pattern, anchor = term_pattern(term), f"term-{slug(term)}"
+        for cell in cells:
+            if found := pattern.search(cell.source):
+                before, after = cell.source[: found.start()], cell.source[found.start() :]
+                cell.source = f'{before}<span id="{anchor}"></span>{after}'
+                page.anchors.add(anchor)
+                break
+
+
+def page(path: Path, vocabulary: Sequence[str] = ()) -> Page:
+    """The page of a committed notebook.
+
+    Args:
+        path: of the notebook; its links are those of a file in the folder `notebooks`.
+        vocabulary: terms that can be entered at.
+
+    Returns:
+        The page; where it has faults, the site cannot be built.
+    """
+    notebook = nbformat.read(path, as_version=4)
+    made = Page(notebook)
+    film: bytes | None = None
+    cells = []
+    for number, cell in enumerate(notebook.cells):
+        place = f"{path.name}, cell {number}"
+        if cell.cell_type == "markdown":
+            if cell.source.startswith("---\n") and "](index.ipynb)" in cell.source:
+                continue  # its neighbours: every page has them below
+            if cell.source.startswith("## Where you are\n"):
+                continue
+            for name in _FILM.findall(cell.source):
+                film = base64.b64decode(cell.attachments[f"{name}.png"]["image/png"])
+            cell.pop("attachments", None)
+            cell.source = linked(_FILM.sub("", cell.source), ROOT / "notebooks", place, made.faults)
+        elif cell.cell_type == "code":
+            if called(cell.source)[0] in ("home", "ticks"):
+                continue  # how far a reader is, which a page doesn't know
+            if cell.source.strip() and cell.execution_count is None:
+                made.faults.append(f"{place}: it was not executed; run `make notebooks`")
+            if cell.metadata.get("jupyter", {}).get("source_hidden"):
+                cell.metadata.tags = [*cell.metadata.get("tags", []), "hide-input"]
+            shown = len(made.simulations)
+            cell.outputs = _outputs(made, cell, film, place)
+            film = None if len(made.simulations) > shown else film
+            for output in cell.outputs:
+                data = output.get("data", {})
+                if "text/markdown" in data:
+                    data["text/markdown"] = linked(
+                        data["text/markdown"], ROOT / "notebooks", place, made.faults
+                    )
+        cells.append(cell)
+    notebook.cells = cells
+    _defined(made, vocabulary)
+    return made

@@ -1,0 +1,166 @@
+"""The pages beside the chapters: claims, charts, cards, questions, words and symbols, as Markdown.
+
+Each is made from what the course has in its package; figures are those on record.
+"""
+
+import html
+import importlib
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from course import CHAPTERS, Chapter, cards, derivations
+from course.check import refused
+from course.derivations.answer import Symbol
+from course.site import notebooks, simulated
+
+Anchors = Mapping[str, set[str]]  # page -> what it can be entered at
+_RIGHT = re.compile(r"\*\*Right\. (.*?)\*\* (.*?)\n\n</details>", re.S)
+
+
+def page_of(chapter: Chapter) -> str:
+    """The name of a chapter's page."""
+    return Path(chapter.notebook).stem
+
+
+def _title(chapter: Chapter) -> str:
+    return f"{chapter.number} · {chapter.title}"
+
+
+def _link(chapter: Chapter, anchor: str, anchors: Anchors, text: str) -> str:
+    """A link into a chapter's page, where it has the anchor; else to its top."""
+    page = page_of(chapter)
+    inner = f"#{anchor}" if anchor in anchors.get(page, ()) else ""
+    return f'<a href="{page}.html{inner}">{text}</a>'
+
+
+def _verdict(claim: derivations.Claim, shown: Mapping[str, str]) -> tuple[str, str]:
+    """The verdict on a claim and what is true, as Markdown: of its card, or from the record."""
+    if claim.id in shown:
+        if not (told := _RIGHT.search(shown[claim.id])):
+            raise refused(f"card of {claim.id}", shown[claim.id][:80], "one with a right answer")
+        return told[1], told[2]
+    outcome = derivations.recorded(claim.id, claim.file)
+    return cards.tex(derivations.Block(outcome).verdict), cards.tex(outcome.corrected)
+
+
+def claims(anchors: Anchors, shown: Mapping[str, str]) -> str:
+    """The page of every claim of the course.
+
+    Args:
+        anchors: of the chapters.
+        shown: Markdown of the cards in the notebooks, by id.
+    """
+    everything = derivations.claims()
+    parts = [
+        "# The claims",
+        f"{len(everything)} statements as one hears them, each with its verdict and what is true "
+        "instead. Each is settled by a check: `python -m course.derivations --id NAME` runs it.",
+    ]
+    for chapter in CHAPTERS:
+        mine = [claim for claim in everything if claim.chapter == chapter.number]
+        parts += [f"## {_title(chapter)}"] if mine else []
+        for claim in mine:
+            verdict, corrected = _verdict(claim, shown)
+            where = _link(chapter, f"claim-{claim.id}", anchors, f"chapter {chapter.number}")
+            source = f" · {html.escape(claim.source)}" if claim.source else ""
+            parts += [
+                f'<div class="course-claim" id="{claim.id}">',
+                f"“{cards.tex(claim.claim)}” **{verdict}**",
+                corrected,
+                f'<p class="course-source"><code>{claim.id}</code> · {where}{source}</p>',
+                "</div>",
+            ]
+    return "\n\n".join(parts) + "\n"
+
+
+def charts(faults: list[str]) -> str:
+    """The page of every chart: the gallery of the project, `docs/charts/README.md`.
+
+    Args:
+        faults: gets a sentence for each link that leads nowhere.
+    """
+    gallery = notebooks.ROOT / "docs" / "charts" / "README.md"
+    text = gallery.read_text(encoding="utf-8")
+    return notebooks.linked(text, gallery.parent, gallery.name, faults)
+
+
+def _symbols(chapter: Chapter) -> dict[str, str]:
+    """The symbols of a chapter's claims: what each means, in each file that says so."""
+    meanings: dict[str, dict[str, None]] = {}
+    for file in dict.fromkeys(c.file for c in derivations.claims() if c.chapter == chapter.number):
+        module = importlib.import_module(f"course.derivations.{file}")
+        table: Mapping[str, Symbol] = getattr(module, "SYMBOLS", {})
+        for name, symbol in table.items():
+            meanings.setdefault(name, {})[symbol.meaning] = None
+    ordered = sorted(meanings, key=lambda name: (name.lower(), name))
+    return {name: "; ".join(meanings[name]) for name in ordered}
+
+
+def glossary(anchors: Anchors) -> str:
+    """The page of words, each with where it is defined, and of symbols, with what they mean."""
+    parts = [
+        "# Words and symbols",
+        "Each word is defined where its link leads. A symbol means what its chapter says; names "
+        "are as one types them into a formula.",
+        "## Words",
+    ]
+    where: dict[str, list[str]] = {}
+    for chapter in CHAPTERS:
+        for term in cards.vocabulary(chapter.topic):
+            anchor = f"term-{notebooks.slug(term)}"
+            link = _link(chapter, anchor, anchors, f"chapter {chapter.number}")
+            where.setdefault(term, []).append(link)
+    ordered = sorted(where, key=lambda term: (term.lower(), term))
+    parts.append("\n".join(f"* **{term}**: {', '.join(where[term])}" for term in ordered))
+    for chapter in CHAPTERS:
+        if symbols := _symbols(chapter):
+            parts += [f"## Symbols of chapter {chapter.number}", "| symbol | typed | meaning |\n"
+                      "|---|---|---|\n" + "\n".join(
+                f"| {cards.tex(name)} | `{name}` | {cards.tex(meaning)} |"
+                for name, meaning in symbols.items()
+            )]  # fmt: skip
+    return "\n\n".join(parts) + "\n"
+
+
+def questions() -> str:
+    """The page of every chapter's interview questions, with what unfolds."""
+    parts = ["# The questions of an interview", "Answer aloud, then open.  `drills interview` asks "
+             "them with a clock, and a partner's rubric."]  # fmt: skip
+    for chapter in CHAPTERS:
+        asked = str(cards.interview(chapter.topic)._repr_markdown_())
+        parts += [
+            f"## {_title(chapter)}",
+            asked.replace("\n#### ", "\n### ").replace("#### ", "### ", 1),
+        ]
+    return "\n\n".join(parts) + "\n"
+
+
+def predictions(anchors: Anchors) -> str:
+    """The page of every chapter's cards: a question, and answers that unfold."""
+    parts = ["# The cards", "A question each; click the answer that you believe. `drills review` "
+             "asks again when you are about to forget."]  # fmt: skip
+    for chapter in CHAPTERS:
+        parts.append(f"## {_title(chapter)}")
+        for name in cards.predictions(chapter.topic):
+            parts.append(str(cards.predict(name)._repr_markdown_()))
+            link = _link(chapter, f"card-{name}", anchors, f"chapter {chapter.number}")
+            parts.append(f'<p class="course-source">{link}</p>')
+    return "\n\n".join(parts) + "\n"
+
+
+def moving(pages: Mapping[str, Sequence[str]]) -> str:
+    """Which simulations of the site move, and which show what was recorded; a Markdown table.
+
+    Args:
+        pages: page -> the simulations on it.
+    """
+    rows = ["| simulation | chapter | in the page |", "|---|---|---|"]
+    titles = {page_of(chapter): _title(chapter) for chapter in CHAPTERS}
+    for name, model in simulated.models().items():
+        where = [page for page, shown in pages.items() if name in shown]
+        links = ", ".join(f"[{titles[page]}]({page}.ipynb)" for page in where)
+        if links:
+            kind = "recorded: its presets as frames" if model.recorded else "live"
+            rows.append(f"| {model.title} | {links} | {kind} |")
+    return "\n".join(rows)
