@@ -1,0 +1,231 @@
+"""The functions of a simulation as one WebAssembly module, kept beside its source.
+
+`python -m course.site.wasm` compiles every live simulation whose sources have changed, and writes
+`course/simulations/<name>.wasm` beside the `.py`; with names (`rigid_body.bouncing_box`) just
+those; each in a process of its own, so that the same sources give the same bytes.
+
+For a host. A module exports `memory`, `__heap_base` and those of `initial, advance, frame, drag,
+grab, press` that the model has. It imports functions of "env" that take and return f64, named as in
+the C library (`compiler.MATHS`). The host lays its arrays out from `__heap_base` on, grows the
+memory to hold them before its first call, and renews its views when the memory has grown. A call is
+
+    status = f(result, exception, arguments...)
+
+where result (8 bytes) and exception (4 bytes) are places, a record is its place, a float64 an
+f64, an int64 an i64, and the pen seven numbers: i32 0, i32 0, i64 items, i64 8, i32 place,
+i64 items, i64 8. Arguments stand in the order of `course.simulations.model`. A status above 0 says
+that the function raised an error: `exception` then holds the place of two i32, the place
+and the length of its message (UTF-8). The state is not to be used any more.
+
+The custom section "sources" is a JSON object: `fingerprint` of what was compiled, and the
+versions of Numba, llvmlite and the linker.
+"""
+
+import ast
+import gzip
+import hashlib
+import importlib
+import inspect
+import json
+import multiprocessing
+import re
+import sys
+import textwrap
+import time
+import types as python
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import llvmlite
+import numba
+import numpy as np
+from numba import types
+
+from course.check import one_of
+from course.simulations.model import Model
+from course.site import compiler
+
+SIMULATIONS = Path(__file__).parents[1] / "simulations"
+
+# A simulation whose module, packed with gzip, has more bytes is refused.
+LARGEST = 60_000
+
+
+def signatures(model: Model) -> dict[str, tuple[Any, ...]]:
+    """What the functions of a model take, as Numba's types, by name; those that it has."""
+    controls, state = numba.from_dtype(model.controls.dtype), numba.from_dtype(model.state.dtype)
+    number, pen = types.float64, types.Array(types.float64, 1, "C")
+    takes: dict[str, tuple[Any, ...]] = {
+        "initial": (controls, state),
+        "advance": (state, controls, number),
+        "frame": (pen, state, controls),
+        "drag": (controls, state, number, number),
+        "grab": (controls, state, number, number),
+        "press": (controls, state, types.int64),
+    }
+    return {name: each for name, each in takes.items() if getattr(model, name) is not None}
+
+
+def told(module: bytes) -> dict[str, str]:
+    """What the section "sources" of a module says; nothing if there is none."""
+    return json.loads(compiler.custom(module, "sources") or b"{}")
+
+
+# --- What it was made from ------------------------------------------------------------------------
+
+
+def fingerprint(model: Model) -> str:
+    """A hash of all that the module of a model depends on: the text of its functions and of those
+    of the course that they call, without words for readers, the values that they find outside
+    themselves, the layout of the records, and the compiler."""
+    state, seen = hashlib.sha256(), set[int]()
+    here = SIMULATIONS.parent
+    code = Path(compiler.__file__), here / "compiled.py", SIMULATIONS / "splitmix.py"
+    for path in (*code, compiler.ARENA):
+        text = path.read_text(encoding="utf-8")
+        state.update((_bare(text) if path.suffix == ".py" else text).encode())
+
+    def visit(value: Any) -> None:
+        value = getattr(value, "py_func", value)
+        if isinstance(value, python.FunctionType):
+            if id(value) in seen or not value.__module__.startswith(("course.", "tests.")):
+                return
+            seen.add(id(value))
+            state.update(_text(value.__code__).encode())
+            inner = [value.__code__, *_inner(value.__code__)]
+            names = sorted({name for code in inner for name in code.co_names})
+            for name in names:
+                found = value.__globals__.get(name)
+                if not isinstance(found, python.ModuleType):
+                    note(name, found)
+                elif found.__name__.startswith("course."):
+                    for part in names:
+                        note(part, getattr(found, part, None))
+            for name, cell in zip(value.__code__.co_freevars, value.__closure__ or (), strict=True):
+                note(name, cell.cell_contents)
+            note("", value.__defaults__)
+        elif isinstance(value, tuple | list):
+            for each in value:
+                visit(each)
+        elif isinstance(value, np.ndarray | np.generic):
+            state.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
+        elif isinstance(value, int | float | str):
+            state.update(repr(value).encode())
+
+    def note(name: str, value: Any) -> None:
+        if value is not None:
+            state.update(name.encode())
+            visit(value)
+
+    for name in signatures(model):
+        visit(getattr(model, name))
+    for record in (model.controls, model.state):
+        state.update(str(record.dtype.descr).encode())
+    return state.hexdigest()
+
+
+def _inner(code: python.CodeType) -> Iterator[python.CodeType]:
+    for each in code.co_consts:
+        if isinstance(each, python.CodeType):
+            yield each
+            yield from _inner(each)
+
+
+@cache
+def _text(code: python.CodeType) -> str:
+    """The source of a function as Python reads it."""
+    text = textwrap.dedent(inspect.getsource(code))
+    try:
+        return _bare(text)
+    except SyntaxError:  # a lambda within a statement
+        return text
+
+
+def _bare(text: str) -> str:
+    """Source without comments, layout and docstrings."""
+    tree = ast.parse(text)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Module | ast.FunctionDef | ast.ClassDef) and ast.get_docstring(
+            node
+        ):
+            node.body[0] = ast.Pass()
+    return ast.unparse(tree)
+
+
+# --- All simulations ------------------------------------------------------------------------------
+
+
+def names() -> list[str]:
+    """The simulations, live or recorded, as dotted paths below course.simulations."""
+    return [
+        ".".join(path.relative_to(SIMULATIONS).with_suffix("").parts)
+        for path in sorted(SIMULATIONS.rglob("*.py"))
+        if re.search(r"^MODEL\b", path.read_text(encoding="utf-8"), re.M)
+    ]
+
+
+def model(name: str) -> Model:
+    """The model of a simulation.
+
+    Raises:
+        ValueError: there is no such simulation.
+    """
+    return importlib.import_module(f"course.simulations.{one_of('name', name, names())}").MODEL
+
+
+def file_of(name: str) -> Path:
+    """Where the module of a simulation is kept."""
+    return SIMULATIONS.joinpath(*name.split(".")).with_suffix(".wasm")
+
+
+def stale(name: str) -> bool:
+    """Whether the module of a live simulation is missing or was made from other sources."""
+    path, made = file_of(name), model(name)
+    if made.recorded:
+        return False
+    return not path.exists() or told(path.read_bytes()).get("fingerprint") != fingerprint(made)
+
+
+def build(name: str) -> bytes:
+    """The module of a simulation, compiled in this process; see `compiler.compiled`.
+
+    Raises:
+        ValueError: its functions can't be compiled, or the module is too large.
+    """
+    made = model(name)
+    takes = signatures(made)
+    module = compiler.compiled({each: (getattr(made, each), takes[each]) for each in takes})
+    sources = {
+        "fingerprint": fingerprint(made),
+        "numba": numba.__version__,
+        "llvmlite": llvmlite.__version__,
+        "linker": compiler.linker()[1],
+    }
+    module = compiler.with_custom(module, "sources", json.dumps(sources).encode())
+    if (packed := len(gzip.compress(module))) > LARGEST:
+        raise ValueError(f"{name} has {packed} bytes packed, allowed are {LARGEST}")
+    return module
+
+
+def rebuilt(chosen: Sequence[str]) -> Iterator[tuple[str, bytes, float]]:
+    """Name, module and seconds of each simulation, each compiled in a fresh process."""
+    fresh = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(1, mp_context=fresh, max_tasks_per_child=1) as pool:
+        for name in chosen:
+            start = time.perf_counter()
+            yield name, pool.submit(build, name).result(), time.perf_counter() - start
+
+
+def main(chosen: Sequence[str]) -> None:
+    """Compile these simulations, or all that are stale, and write them."""
+    for name, module, seconds in rebuilt(chosen or [name for name in names() if stale(name)]):
+        file_of(name).write_bytes(module)
+        packed = len(gzip.compress(module))
+        print(f"{name}: {len(module):,} bytes, {packed:,} packed, {seconds:.0f} s", flush=True)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
