@@ -199,7 +199,10 @@ function print(list, entries) {
   );
 }
 
-function render({ model, el }) {
+// The picture and its numbers on a page, drawn again whenever there is something new to see. What
+// happens to it is told to `hear`: pointer(kind, x, y), key(key), drawn(id, readouts) and, before
+// each picture, tick(now), which may show a newer one.
+export function view(place, paper, hear) {
   const canvas = document.createElement("canvas");
   canvas.className = "course-canvas";
   canvas.setAttribute("role", "img");
@@ -209,24 +212,16 @@ function render({ model, el }) {
   numbers.className = "course-numbers";
   numbers.style.cssText =
     "display:flex;flex-wrap:wrap;gap:6px 10px;margin:4px 8px 8px;line-height:1.35";
-  el.append(canvas, numbers);
+  place.append(canvas, numbers);
 
   // What changes in here can't move anything outside, so the page need not be laid out again.
-  el.style.contain = "layout style";
+  place.style.contain = "layout style";
 
   let frame = null;
   let wide = 0;
   let requested = false;
   let move = null;
-
-  // A notebook shows a film of the simulation, so that something moves before a kernel runs and
-  // while it is busy; once the live picture is there, the film gives way to it.
-  let films = [];
-  const giveWay = (label) => {
-    const page = canvas.closest(".jp-Notebook") ?? document;
-    films = [...page.querySelectorAll("img")].filter((film) => film.alt === label);
-    for (const film of films) film.style.display = "none";
-  };
+  let wanted = { pointer: false, keys: [] };
 
   const request = () => {
     if (!requested) {
@@ -235,94 +230,79 @@ function render({ model, el }) {
     }
   };
 
-  function refresh() {
-    requested = false;
+  function refresh(now) {
     if (move) {
-      model.send(move);
+      hear.pointer(...move);
       move = null;
     }
-    const paper = model.get("_paper");
+    hear.tick?.(now);
+    requested = false;
     const readouts = frame && paint(canvas, paper, frame.numbers, wide);
     if (readouts && frame.id !== Number(canvas.dataset.frame)) {
       const said = readouts.map(([name, value]) => `${name} ${value}`);
       canvas.setAttribute("aria-label", [paper.label, ...said].join(", "));
       print(numbers, readouts);
-      if (!canvas.dataset.frame) giveWay(paper.label);
       canvas.dataset.frame = frame.id;
-      model.send({ type: "drawn", id: frame.id });
+      hear.drawn(frame.id, readouts);
     }
   }
 
-  const take = (id, view) => {
-    const bytes = view.buffer.slice(view.byteOffset, view.byteOffset + view.byteLength);
-    frame = { id, numbers: new Float64Array(bytes) };
-    request();
-  };
-  const receive = (content, buffers) => {
-    if (content.type === "frame") take(content.id, buffers[0]);
-  };
-
-  const pointer = (kind, event) => {
+  const at = (kind, event) => {
     const box = canvas.getBoundingClientRect();
-    const [xmin, xmax, ymin, ymax] = model.get("_paper").window;
-    return {
-      type: kind,
-      x: xmin + ((event.clientX - box.left) / box.width) * (xmax - xmin),
-      y: ymax - ((event.clientY - box.top) / box.height) * (ymax - ymin),
-    };
+    const [xmin, xmax, ymin, ymax] = paper.window;
+    return [
+      kind,
+      xmin + ((event.clientX - box.left) / box.width) * (xmax - xmin),
+      ymax - ((event.clientY - box.top) / box.height) * (ymax - ymin),
+    ];
   };
   canvas.addEventListener("pointerdown", (event) => {
-    if (!frame || !model.get("_pointer") || event.button !== 0) return;
+    if (!frame || !wanted.pointer || event.button !== 0) return;
     canvas.setPointerCapture(event.pointerId);
     canvas.focus();
-    model.send(pointer("down", event));
+    hear.pointer(...at("down", event));
   });
   canvas.addEventListener("pointermove", (event) => {
     if (!canvas.hasPointerCapture(event.pointerId)) return;
-    move = pointer("move", event); // one per picture is enough
+    move = at("move", event); // one per picture is enough
     request();
   });
   const release = (event) => {
     if (!canvas.hasPointerCapture(event.pointerId)) return;
     canvas.releasePointerCapture(event.pointerId);
     move = null;
-    model.send(pointer("up", event));
+    hear.pointer(...at("up", event));
   };
   canvas.addEventListener("pointerup", release);
   canvas.addEventListener("pointercancel", release);
   canvas.addEventListener("keydown", (event) => {
-    if (!model.get("_keys").includes(event.key)) return;
+    if (!wanted.keys.includes(event.key)) return;
     event.preventDefault();
     event.stopPropagation(); // the notebook has its own shortcuts
-    model.send({ type: "key", key: event.key });
+    hear.key(event.key);
   });
-
-  const listens = () => {
-    canvas.style.touchAction = model.get("_pointer") ? "none" : "auto";
-    canvas.style.cursor = model.get("_pointer") ? "grab" : "default";
-    if (model.get("_keys").length) canvas.tabIndex = 0;
-    else canvas.removeAttribute("tabindex");
-  };
-  listens();
-  model.on("change:_pointer", listens);
-  model.on("change:_keys", listens);
-  model.on("msg:custom", receive);
   const observer = new ResizeObserver((entries) => {
     wide = entries[entries.length - 1].contentRect.width;
     request();
   });
   observer.observe(canvas);
-  take(0, model.get("_first"));
-  model.send({ type: "ready" });
 
-  return () => {
-    observer.disconnect();
-    for (const film of films) film.style.display = "";
-    model.off("msg:custom", receive);
-    model.off("change:_pointer", listens);
-    model.off("change:_keys", listens);
-    model.send({ type: "gone" });
+  return {
+    canvas,
+    request,
+    // A picture and its number; the array may be used again for the next one.
+    show(id, numbers) {
+      frame = { id, numbers };
+      request();
+    },
+    // Which events are wanted: those of the pointer, and these keys.
+    listen(pointer, keys) {
+      wanted = { pointer, keys };
+      canvas.style.touchAction = pointer ? "none" : "auto";
+      canvas.style.cursor = pointer ? "grab" : "default";
+      if (keys.length) canvas.tabIndex = 0;
+      else canvas.removeAttribute("tabindex");
+    },
+    close: () => observer.disconnect(),
   };
 }
-
-export default { render };

@@ -6,7 +6,6 @@ pen wrote, as they are (little-endian float64). `canvas.js` draws them.
 
 import base64
 import math
-import pathlib
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -16,6 +15,7 @@ from typing import Any
 import anywidget
 import traitlets
 
+from course.simulations.declaration import joined
 from course.simulations.pen import Picture
 
 # Frames that may be on their way at a time: one drawn by the browser while the next one travels.
@@ -65,20 +65,14 @@ class Canvas(anywidget.AnyWidget):
     slow browser slows down nobody.
     """
 
-    _esm = pathlib.Path(__file__).with_suffix(".js")
+    _esm = f"{joined('canvas', 'widget')}\nexport default {{ render }};\n"
     _paper = traitlets.Dict().tag(sync=True)
     _first = traitlets.Bytes().tag(sync=True)  # to be drawn while the kernel is still busy
     _pointer = traitlets.Bool(False).tag(sync=True)
     _keys = traitlets.List(traitlets.Unicode()).tag(sync=True)
 
     def __init__(self, frame: Picture, **options: Any) -> None:
-        paper = frame.paper
-        told = {
-            "label": paper.label, "window": list(paper.window), "width": paper.width,
-            "background": paper.background, "words": paper.words.entries,
-            "colours": paper.colours.entries,
-        }  # fmt: skip
-        super().__init__(_paper=told, _first=_buffer(frame), **options)
+        super().__init__(_paper=frame.paper.told(), _first=_buffer(frame), **options)
         self._frame = frame
         self._traffic = _Traffic()
         self._lock = threading.RLock()

@@ -13,6 +13,7 @@ Lengths on paper (line widths, letters, arrow heads) are in pixels of a picture 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from decimal import ROUND_HALF_UP, Context, Decimal
+from typing import Any
 
 import numpy as np
 from numba.extending import register_jitable
@@ -93,6 +94,14 @@ class Paper:
         if not (xmin < xmax and ymin < ymax):
             raise refused("window", self.window, "xmin < xmax, ymin < ymax")
         positive("width", self.width, unit="pixels")
+
+    def told(self) -> dict[str, Any]:
+        """What a browser has to know once."""
+        return {
+            "label": self.label, "window": list(self.window), "width": self.width,
+            "background": self.background, "words": self.words.entries,
+            "colours": self.colours.entries,
+        }  # fmt: skip
 
     def pen(self) -> Array:
         """A new pen with nothing drawn."""

@@ -1,16 +1,13 @@
 """The models of the chapters that are there, and a small one that uses what they don't."""
 
-import importlib
-import pkgutil
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pytest
 
-from course import CHAPTERS
 from course.simulations import pen as draw
 from course.simulations import splitmix
+from course.simulations.declaration import model, names
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, menu, slider, switch
 
@@ -63,18 +60,7 @@ WALK = Model(
 )  # fmt: skip
 
 
-def modules(topic: str) -> Iterator[str]:
-    """The modules of a topic's simulation, a file or a package, that offer a model."""
-    whole = importlib.import_module(f"course.simulations.{topic}")
-    names = [each.name for each in pkgutil.iter_modules(getattr(whole, "__path__", ()))]
-    for name in [f"{whole.__name__}.{each}" for each in names] or [whole.__name__]:
-        if hasattr(importlib.import_module(name), "MODEL"):
-            yield name
-
-
 MODELS = [pytest.param(WALK, id="walk")]
-for _chapter in CHAPTERS:
-    for _name in modules(_chapter.topic) if _chapter.there else ():
-        _model = importlib.import_module(_name).MODEL
-        _mark = pytest.mark.topic(_chapter.topic)
-        MODELS.append(pytest.param(_model, id=_name.split(".", 2)[2], marks=_mark))
+for _name in names():
+    _mark = pytest.mark.topic(_name.partition(".")[0])
+    MODELS.append(pytest.param(model(_name), id=_name, marks=_mark))

@@ -1,0 +1,207 @@
+"""What a page needs to show a simulation without Python: `live.js` makes the panel from it.
+
+A simulation is live where its compiled module, a `.wasm`, lies beside its source; else its presets
+are recorded, and `RECORDED` says why. Nothing here needs a widget or a plot.
+"""
+
+import base64
+import functools
+import gzip
+import importlib
+import itertools
+import json
+import pkgutil
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from course import CHAPTERS, simulations
+from course.check import one_of, refused
+from course.simulations import pen as drawing
+from course.simulations.model import KEYS, Experiment, Model
+from course.simulations.record import Field, Record
+
+# Why a simulation is recorded, by its name.
+RECORDED: dict[str, str] = getattr(simulations, "RECORDED", {})
+
+# How long a recording is, and how many pictures it has in a second: as `Step` in live.js.
+SECONDS, RATE = 10.0, 25
+
+_HERE = Path(__file__).parent
+
+
+@functools.cache
+def names() -> tuple[str, ...]:
+    """All simulations in the order of the chapters: what stands behind `course.simulations.`"""
+    return tuple(_names())
+
+
+def _names() -> Iterator[str]:
+    for chapter in CHAPTERS:
+        if chapter.there:
+            whole = importlib.import_module(chapter.simulation_module)
+            inner = [each.name for each in pkgutil.iter_modules(getattr(whole, "__path__", ()))]
+            for name in [f"{chapter.topic}.{each}" for each in inner] or [chapter.topic]:
+                if hasattr(importlib.import_module(f"{simulations.__name__}.{name}"), "MODEL"):
+                    yield name
+
+
+def model(name: str) -> Model:
+    """The model of a simulation.
+
+    Raises:
+        ValueError: there is no such simulation.
+    """
+    one_of("name", name, names())
+    return importlib.import_module(f"{simulations.__name__}.{name}").MODEL
+
+
+def module(name: str) -> Path:
+    """Where the compiled module of a simulation lies, or would."""
+    return _HERE.joinpath(*name.split(".")).with_suffix(".wasm")
+
+
+def why_recorded(name: str) -> str:
+    """Why a simulation is recorded; nothing for one that is live.
+
+    Raises:
+        ValueError: there is no such simulation, or it is neither compiled nor recorded.
+    """
+    if name in RECORDED or model(name).recorded:
+        return RECORDED.get(name, "A library computes them.")
+    if not module(name).exists():
+        how = f"one with a .wasm (python -m course.site.wasm {name}), or in RECORDED"
+        raise refused("name", name, how)
+    return ""
+
+
+def declaration(name: str) -> dict[str, Any]:
+    """Everything about a simulation but its functions, as JSON has it.
+
+    Records are told as runs of equal eight-byte words, [how many, the word as text]; of the
+    controls those with a label have an input, whose `offset` in the record is in bytes.
+
+    Raises:
+        ValueError: there is no such simulation, or it is neither compiled nor recorded.
+    """
+    made = model(name)
+    functions = ("initial", "advance", "frame", "drag", "grab", "press")
+    return {
+        "name": name,
+        "title": made.title,
+        "paper": made.paper.told(),
+        "pen": {
+            "size": drawing.HEADER + made.paper.room,
+            "header": made.paper.pen()[: drawing.HEADER].tolist(),
+        },
+        "controls": _told(made.controls),
+        "state": _told(made.state),
+        "inputs": [
+            _input(key, field, made.controls) for key, field in made.controls.panel()
+        ],
+        "presets": [
+            {"name": key, "note": preset.note, "words": _runs(made.controls.new(**preset.values))}
+            for key, preset in made.presets.items()
+        ],
+        "functions": [each for each in functions if getattr(made, each) is not None],
+        "keys": list(KEYS) if made.press is not None else [],
+        "live_drag": made.live_drag,
+        "recorded": why_recorded(name),
+    }  # fmt: skip
+
+
+def bundle(name: str) -> str:
+    """The script that brings one simulation into a page: its declaration, and what it runs on.
+
+    Raises:
+        ValueError: there is no such simulation, or it is neither compiled nor recorded.
+    """
+    told = declaration(name)
+    live = not told["recorded"]
+    content = {
+        "declaration": told,
+        "wasm": base64.b64encode(module(name).read_bytes()).decode() if live else None,
+        "pictures": None if live else _recorded(model(name)),
+    }
+    packed = json.dumps(content, allow_nan=False, separators=(",", ":"))
+    return f"(window.courseSimulations ??= {{}})[{json.dumps(name)}] = {packed};\n"
+
+
+def script() -> str:
+    """The one script of all simulations: it makes a panel of every element `.course-live`."""
+    return (
+        '"use strict";\n(() => {\n' + joined("canvas", "live") + "window.courseLive = "
+        "{ compiled, recorded, allowed, panel, mount };\n"
+        'if (document.readyState !== "loading") mount();\n'
+        'else document.addEventListener("DOMContentLoaded", mount);\n})();\n'
+    )
+
+
+def joined(*parts: str) -> str:
+    """JavaScript modules of this folder as one text, without their imports and exports."""
+    texts = [(_HERE / f"{part}.js").read_text(encoding="utf-8") for part in parts]
+    whole = re.sub(r"^import .*;\n|^export default .*;\n", "", "\n".join(texts), flags=re.M)
+    return re.sub(r"^export ", "", whole, flags=re.M)
+
+
+def _runs(record: Any) -> list[list[Any]]:
+    """The words of a record, each with how often it stands there in turn."""
+    words = np.frombuffer(record.tobytes(), "<u8").tolist()
+    return [[len(list(run)), str(word)] for word, run in itertools.groupby(words)]
+
+
+def _told(record: Record) -> dict[str, Any]:
+    return {"size": record.dtype.itemsize, "words": _runs(record.new())}
+
+
+def _input(name: str, field: Field, record: Record) -> dict[str, Any]:
+    fields: Any = record.dtype.fields
+    kind, offset = fields[name][:2]
+    low, high = (0, 1) if field.switch else (field.ends[0], field.ends[-1])
+    return {
+        "name": name, "label": field.label, "offset": offset, "kind": kind.kind,
+        "low": low, "high": high, "step": field.step, "unit": field.unit,
+        "decimals": field.decimals, "choices": list(field.choices), "switch": field.switch,
+        "live": field.live,
+    }  # fmt: skip
+
+
+def _recorded(made: Model) -> dict[str, Any]:
+    """Each preset as a film: the sizes of its pictures, and their numbers, compressed."""
+    films = {}
+    for name in made.presets:
+        run = Experiment(made)
+        run.choose(name)
+        words: list[NDArray[np.uint64]] = []
+        for _ in range(round(SECONDS * RATE) + 1):
+            words.append(_rounded(run.picture()).view("<u8"))
+            run.advance(1.0 / RATE)
+        changes = [words[0], *itertools.starmap(_change, itertools.pairwise(words))]
+        data = gzip.compress(b"".join(change.tobytes() for change in changes), 9, mtime=0)
+        sizes = [change.size for change in changes]
+        films[name] = {"sizes": sizes, "data": base64.b64encode(data).decode()}
+    return films
+
+
+def _rounded(picture: drawing.Picture) -> NDArray[np.float64]:
+    """A picture whose shapes are as exact as a screen asks for; its words and numbers stay."""
+    data, at = picture.data.copy(), 0
+    while at < data.size:
+        kind, end = int(data[at]), at + 2 + int(data[at + 1])
+        if kind in (drawing.LINE, drawing.POLYGON, drawing.DISC, drawing.ARROW):
+            data[at + 2 : end] = data[at + 2 : end].astype(np.float32)
+        at = end
+    return data
+
+
+def _change(before: NDArray[np.uint64], now: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    """What of a picture differs from the one before: the words as they are where they are equal
+    give zeros, which compress well."""
+    changed = now.copy()
+    both = min(now.size, before.size)
+    changed[:both] ^= before[:both]
+    return changed

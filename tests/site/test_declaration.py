@@ -1,0 +1,147 @@
+"""What a page is told about a simulation is what the notebook's panel has."""
+
+import base64
+import gzip
+import json
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+
+from course import CHAPTERS, simulations
+from course.simulations import declaration as told
+from course.simulations.model import KEYS, Experiment
+from tests.simulations.models import WALK
+
+
+@pytest.fixture(scope="module", autouse=True)
+def anything_goes() -> Any:
+    """Whatever is compiled today, everything can be declared."""
+    patch = pytest.MonkeyPatch()
+    for name in told.names():
+        if not told.module(name).exists():
+            patch.setitem(told.RECORDED, name, "Not compiled.")
+    yield
+    patch.undo()
+
+
+def record(runs: list[Any], dtype: np.dtype[Any]) -> Any:
+    """A record from its runs of words."""
+    words = [np.full(count, int(word), np.uint64) for count, word in runs]
+    return np.frombuffer(np.concatenate(words).tobytes(), dtype)[0]
+
+
+def strict(text: str) -> Any:
+    def refuse(token: str) -> None:
+        raise ValueError(token)
+
+    return json.loads(text, parse_constant=refuse)
+
+
+def test_every_chapter_has_simulations_in_its_order() -> None:
+    chapters = [name.partition(".")[0] for name in told.names()]
+    assert list(dict.fromkeys(chapters)) == [c.topic for c in CHAPTERS if c.there]
+    assert len(set(told.names())) == len(told.names())
+    with pytest.raises(ValueError, match=r"rigid_body\.bouncing_box"):
+        told.model("no such")
+
+
+@pytest.mark.parametrize("name", told.names())
+def test_a_declaration_is_what_the_model_declares(name: str, monkeypatch: Any) -> None:
+    monkeypatch.setattr(Experiment, "start", lambda self: None)  # some take seconds
+    model = told.model(name)
+    made = strict(json.dumps(told.declaration(name), allow_nan=False))
+    for key, declared in (("controls", model.controls), ("state", model.state)):
+        assert made[key]["size"] == declared.dtype.itemsize
+        assert record(made[key]["words"], declared.dtype).tobytes() == declared.new().tobytes()
+    pen = model.paper.pen()
+    assert made["pen"]["size"] == pen.size
+    assert pen[: len(made["pen"]["header"])].tolist() == made["pen"]["header"]
+    assert made["paper"]["words"] == model.paper.words.entries
+
+    experiment = Experiment(model)
+    assert [preset["name"] for preset in made["presets"]] == list(model.presets)
+    for preset in made["presets"]:
+        experiment.choose(preset["name"])
+        controls = record(preset["words"], model.controls.dtype)
+        assert controls.tobytes() == experiment.controls.tobytes()
+        assert preset["note"] == model.presets[preset["name"]].note
+        # An input finds its value where it is told to look.
+        for each in made["inputs"]:
+            seen = np.frombuffer(controls.tobytes(), f"<{each['kind']}8", 1, each["offset"])
+            assert seen[0] == experiment.controls[each["name"]]
+
+    fields = dict(model.controls.panel())
+    assert [each["name"] for each in made["inputs"]] == list(fields)
+    for each in made["inputs"]:
+        field = fields[each["name"]]
+        assert (each["low"], each["high"]) == (field.ends[0], field.ends[-1])
+        assert each["label"] == field.label and each["live"] == field.live
+        assert (each["choices"], each["switch"]) == (list(field.choices), field.switch)
+        assert (each["step"], each["unit"], each["decimals"]) == (
+            field.step, field.unit, field.decimals,
+        )  # fmt: skip
+        # A slider gets to both ends: its steps divide the way between them.
+        if field.step:
+            steps = (field.high - field.low) / field.step
+            assert abs(steps - round(steps)) < 1e-9, each["name"]
+    has = {f for f in ("drag", "grab", "press") if getattr(model, f) is not None}
+    assert set(made["functions"]) == {"initial", "advance", "frame"} | has
+    assert made["keys"] == (list(KEYS) if model.press is not None else [])
+    assert made["live_drag"] == model.live_drag
+
+
+def test_one_that_is_neither_compiled_nor_recorded_is_refused(monkeypatch: Any) -> None:
+    monkeypatch.setattr(told, "RECORDED", {})
+    monkeypatch.setattr(told, "module", lambda name: told._HERE / "no.wasm")
+    with pytest.raises(ValueError, match=r"course\.site\.wasm rigid_body\.top"):
+        told.bundle("rigid_body.top")
+
+
+def test_whoever_is_recorded_is_a_simulation_and_says_why() -> None:
+    for name, why in getattr(simulations, "RECORDED", {}).items():
+        assert name in told.names() and why.endswith(".")
+
+
+def _content(script: str) -> tuple[str, Any]:
+    found = re.fullmatch(r"\(window.courseSimulations \?\?= \{\}\)\[(.*?)\] = (.*);\n", script)
+    assert found
+    return strict(found[1]), strict(found[2])
+
+
+def test_a_live_bundle_has_the_compiled_module(monkeypatch: Any, tmp_path: Any) -> None:
+    (tmp_path / "top.wasm").write_bytes(b"\0asm and more")
+    monkeypatch.setattr(told, "RECORDED", {})
+    monkeypatch.setattr(told, "module", lambda name: tmp_path / "top.wasm")
+    name, content = _content(told.bundle("rigid_body.top"))
+    assert name == "rigid_body.top" and content["pictures"] is None
+    assert base64.b64decode(content["wasm"]) == b"\0asm and more"
+    assert content["declaration"]["recorded"] == ""
+
+
+def test_a_recording_gives_back_its_pictures(monkeypatch: Any) -> None:
+    monkeypatch.setattr(told, "SECONDS", 1.0)
+    films = told._recorded(WALK)
+    assert films == told._recorded(WALK) and list(films) == list(WALK.presets)
+    for preset, film in films.items():
+        words = np.frombuffer(gzip.decompress(base64.b64decode(film["data"])), "<u8")
+        experiment, at, before = Experiment(WALK), 0, np.empty(0, np.uint64)
+        experiment.choose(preset)
+        for size in film["sizes"]:
+            now = words[at : at + size].copy()
+            both = min(size, before.size)
+            now[:both] ^= before[:both]
+            shown = experiment.picture()
+            assert now.view(float) == pytest.approx(shown.data, rel=1e-6, nan_ok=True)
+            numbers = type(shown)(WALK.paper, now.view(float)).numbers
+            assert numbers == shown.numbers  # what is read is exact
+            experiment.advance(1.0 / told.RATE)
+            at, before = at + size, now
+        assert at == words.size and len(film["sizes"]) == 26
+
+
+def test_the_script_is_one_without_modules() -> None:
+    text = told.script()
+    assert not re.search(r"^\s*(import|export) ", text, re.M)
+    assert "innerHTML" not in text and "fetch(" not in text and "http" not in text
