@@ -124,13 +124,33 @@ def clear(pen):
 
 
 @register_jitable
+def _full(kind):
+    """Say what had no room; compiled code can raise only sentences that it was compiled with."""
+    if kind == CUT:
+        raise ValueError("no room left on the paper for an area")
+    if kind == LINE:
+        raise ValueError("no room left on the paper for a line")
+    if kind == POLYGON:
+        raise ValueError("no room left on the paper for a polygon")
+    if kind == DISC:
+        raise ValueError("no room left on the paper for discs")
+    if kind == ARROW:
+        raise ValueError("no room left on the paper for an arrow")
+    if kind == TEXT:
+        raise ValueError("no room left on the paper for a text")
+    raise ValueError("no room left on the paper for a readout")
+
+
+@register_jitable
 def _more(pen, count):
     """Room for so many more numbers of the item begun last; where it is."""
-    at = int(pen[_FREE])
+    at, item = int(pen[_FREE]), int(pen[_ITEM])
+    if at == HEADER:
+        raise ValueError("points or words before the item that they belong to")
     if at + count > pen.size:
-        raise ValueError("the picture has more numbers than the room of its paper")
+        _full(pen[item])
     pen[_FREE] = at + count
-    pen[int(pen[_ITEM]) + 1] += count
+    pen[item + 1] += count
     return at
 
 
@@ -139,7 +159,7 @@ def _begin(pen, kind, count):
     """Begin an item with so many numbers; where they go."""
     at = int(pen[_FREE])
     if at + 2 + count > pen.size:
-        raise ValueError("the picture has more numbers than the room of its paper")
+        _full(kind)
     pen[_ITEM] = at
     pen[_FREE] = at + 2 + count
     pen[at] = kind
@@ -431,7 +451,7 @@ def copy(pen, data):
     """Draw what is in `Picture.data` of another picture on the same paper."""
     at = int(pen[_FREE])
     if at + data.size > pen.size:
-        raise ValueError("the picture has more numbers than the room of its paper")
+        raise ValueError("no room left on the paper for a copy")
     pen[at : at + data.size] = data
     pen[_FREE] = at + data.size
 

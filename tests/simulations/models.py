@@ -35,6 +35,7 @@ def frame(pen: Any, state: Any, controls: Any) -> None:
     draw.segment(pen, -4.0, 0.2, 4.0, 0.2, draw.PURPLE, 14.0, 1.0, 30.0, 20.0)
     draw.disc(pen, 0.3, VIOLET[0], draw.INK)
     draw.point(pen, state["x"], 0.5)
+    draw.box(pen, -5.0, -4.0, 0.0, 0.1, draw.FAINT)
     if controls["tail"]:
         draw.arrow(pen, state["x"], 0.5, state["x"] + 1.0, 0.6, draw.RED)
     draw.window(pen)

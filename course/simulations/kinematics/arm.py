@@ -6,7 +6,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from course.kinematics.chain import planar
-from course.kinematics.inverse import METHODS, gain, step
+from course.kinematics.inverse import METHODS, decompose, gain, step
 from course.kinematics.motion import columns, place
 from course.kinematics.two_link import branches
 from course.simulations import pen as draw
@@ -50,6 +50,17 @@ def jacobian(q):
     rows = np.empty((3, 2))
     rows[:2], rows[2] = whole[:2, :, 0], whole[5, :, 0]
     return pose[1, :2].copy(), pose[2, :2].copy(), rows
+
+
+@register_jitable
+def singular(rows):
+    """Directions of the tip, (m, m), and singular values, (m,), of rows (m, n); largest first."""
+    m = rows.shape[0]
+    moved, U = np.empty(rows.shape), np.empty((m, m))
+    decompose(rows, moved, U)
+    s = np.sqrt(np.sum(moved * moved, axis=1))
+    order = np.argsort(-s)
+    return U[:, order], s[order]
 
 
 @register_jitable
@@ -111,7 +122,7 @@ def follow(controls, state):
 @register_jitable
 def _remember(controls, state):
     _, tip, rows = jacobian(state["q"])
-    s = np.linalg.svd(rows[:2])[1]
+    _, s = singular(rows[:2])
     away = math.hypot(controls["target"][0] - tip[0], controls["target"][1] - tip[1])
     n = draw.remember(state["past"], state["samples"], _PACE * state["steps"])
     state["past"][1, n - 1], state["past"][2, n - 1] = away, s[1]
@@ -234,7 +245,7 @@ def _charts(pen, state, controls, J, e, s):
 def frame(pen, state, controls):
     """The arm, its ellipse and glow, the exact answers; gains and error; numbers."""
     elbow, tip, rows = jacobian(state["q"])
-    U, s, _ = np.linalg.svd(rows[:2])
+    U, s = singular(rows[:2])
     e, error = aim(controls, tip)
     _scene(pen, state, controls, tip, elbow, U, s)
     _charts(pen, state, controls, rows[:2].copy(), e, s)
@@ -242,7 +253,7 @@ def frame(pen, state, controls):
     whole = rows.copy() if controls["rows"] else rows[:2].copy()
     if controls["rows"] == 2:
         whole[:2] *= 1000.0
-    shown = np.linalg.svd(whole)[1]
+    _, shown = singular(whole.T)
     draw.reading(pen, _ERROR, error, 6, _METRES)
     draw.reading(pen, _STEPS, state["steps"], 0)
     draw.readout(pen, _COND)

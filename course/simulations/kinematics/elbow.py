@@ -6,6 +6,7 @@ import numpy as np
 from numba.extending import register_jitable
 
 from course.kinematics.chain import panda
+from course.kinematics.inverse import METHODS, decompose, step
 from course.kinematics.motion import columns, place
 from course.rigid_body.quaternion import conjugate, log, product, rotate
 from course.simulations import pen as draw
@@ -17,6 +18,7 @@ _ARM = panda()
 _TABLE, _LOWER, _UPPER = _ARM.table, _ARM.lower, _ARM.upper
 _START = np.array([0.3, -0.4, 0.1, -1.9, 0.0, 1.7, 0.6])  # rad
 _PACE, _SWING = 1.0, 2.2  # rad/s along the null space; rad to either side
+_PSEUDO = METHODS.index("pseudo_inverse")
 _ELBOW, _PAST = 3, 240  # the joint that swings; samples remembered
 
 CONTROLS = Record(
@@ -60,8 +62,14 @@ def error_of(pose, goal):
 @register_jitable
 def still(J, last):
     """The joint rates of length one that leave the tip still, (7,), on the side of the last."""
-    direction = np.linalg.svd(J)[2][6].copy()
-    return -direction if np.sum(direction * last) < 0.0 else direction
+    moving, U, direction = np.empty((6, 7)), np.empty((6, 6)), last.copy()
+    decompose(J, moving, U)
+    for _ in range(2):  # once more for the digits that the first time cancels
+        for k in range(6):
+            row = moving[k]
+            direction -= row * (np.sum(row * direction) / np.sum(row * row))
+        direction /= math.sqrt(np.sum(direction * direction))
+    return direction
 
 
 @register_jitable
@@ -98,7 +106,9 @@ def advance(state, controls, seconds):
         state["way"] += h * state["sense"]
         after, J = posed(ahead)
         if controls["correct"]:
-            ahead = ahead + np.linalg.pinv(J) @ error_of(after, state["goal"])
+            change, e = np.zeros(7), error_of(after, state["goal"])
+            step(J, e, _PSEUDO, 0.0, np.empty((6, 7)), np.empty((6, 6)), change)
+            ahead = ahead + change
             after, _ = posed(ahead)
         q[:] = ahead
         state["travelled"] += math.sqrt(np.sum((after[_ELBOW, :3] - pose[_ELBOW, :3]) ** 2))

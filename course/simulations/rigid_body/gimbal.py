@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numba.extending import register_jitable
 
-from course.rigid_body.quaternion import cross, euler_zyx_rate_matrix, from_euler_zyx, rotate
+from course.rigid_body.quaternion import cross, from_euler_zyx, rotate
 from course.simulations import pen as draw
 from course.simulations import space
 from course.simulations.model import Model, Preset
@@ -79,7 +79,7 @@ def frame(pen, state, controls):
     for k in range(4):
         q = from_euler_zyx(yaw, pitch if k > 0 else 0.0, roll if k > 1 else 0.0)
         corners[:, k * _N : (k + 1) * _N] = rotate(q, _CORNERS[:, k * _N : (k + 1) * _N])
-    sigma = np.linalg.svd(euler_zyx_rate_matrix(pitch, roll))[1][2]
+    sigma = math.sqrt(np.sum(np.sum(axes[:3] * axes[3], axis=1) ** 2))  # of unit rates together
     eye, shown = space.look(pen, _SCENE, controls, 1.55), 4 if sigma < 0.5 else 3
     for k in range(shown):
         space.trail(pen, eye, np.outer(axes[k], np.array([-1.45, -0.8])), _INKS[k], 2.5)

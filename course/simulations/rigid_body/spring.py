@@ -44,10 +44,10 @@ def initial(controls, state):
 
 def advance(state, controls, seconds):
     """As many whole steps as fit, unless all has left the picture by far."""
-    h, past = controls["omega_h"] / OMEGA, state["past"]
+    h, past, m = controls["omega_h"] / OMEGA, state["past"], state["matrix"]
     for _ in range(whole_steps(state, seconds, h)):
         if np.max(np.abs(state["z"])) < 1e4:
-            state["z"][:] = state["matrix"] @ state["z"]
+            state["z"][:] = m[:, :1] * state["z"][0] + m[:, 1:] * state["z"][1]
             state["steps"] += 1
             state["samples"] = n = draw.remember(past, state["samples"], h * state["steps"])
             past[1:, n - 1] = state["z"][:, 0]
@@ -73,8 +73,9 @@ def drag(controls, state, x, y):
 def frame(pen, state, controls):
     """The spring, its states, the eigenvalues of a step, the step's scale, the motion; numbers."""
     z, past, m = state["z"], state["past"][:, : state["samples"]], state["matrix"]
-    values = np.linalg.eigvals(m.astype(np.complex128))
-    modulus, det = np.max(np.abs(values)), m[0, 0] * m[1, 1] - m[0, 1] * m[1, 0]
+    a, b, c, d = m[0, 0], m[0, 1], m[1, 0], m[1, 1]
+    values = 0.5 * (a + d) + np.array([0.5, -0.5]) * np.sqrt((a - d) ** 2 + 4.0 * b * c + 0j)
+    modulus, det = np.max(np.abs(values)), a * d - b * c
     ink = draw.RED if modulus > 1.0 + 1e-7 else draw.GREEN
     draw.area(pen, _ROPE, (-3.0, 3.0, -1.0, 1.0))
     coil, side = np.arange(25) / 24.0, 1.0 * (np.arange(25) % 2) - 0.5
@@ -82,10 +83,9 @@ def frame(pen, state, controls):
     draw.box(pen, z[0, 0] - 0.2, z[0, 0] + 0.2, -0.7, 0.7, draw.BLUE)
     draw.chart(pen, _STATES, (-3.0, 3.0, -2.4, 2.4), _X, _V, _PHASE, 6, 4)
     draw.curve(pen, past[1, -60:], past[2, -60:], draw.BLUE, 1.0, 0.5)
-    x, y = z[0, 1:], z[1, 1:]
-    patch = 0.5 * abs(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+    patch = 0.5 * abs(np.sum(z[0, 1:] * np.roll(z[1, 1:], -1) - z[1, 1:] * np.roll(z[0, 1:], -1)))
     draw.polygon(pen, _PALE, ink, 1.8, 0.9)
-    draw.points(pen, x, y)
+    draw.points(pen, z[0, 1:], z[1, 1:])
     draw.spots(pen, past[1, -60:], past[2, -60:], 0.07, draw.BLUE)
     draw.chart(pen, _UNIT, (-1.6, 1.6, -1.6, 1.6), 0, 0, _CIRCLE, 3, 3)
     draw.curve(pen, _COSINE, _SINE, draw.INK, 1.5)

@@ -1,4 +1,4 @@
-"""Every model's four functions compile as they stand, and then draw the same pictures."""
+"""Every model's functions compile as they stand, and then draw the same pictures."""
 
 from typing import Any
 
@@ -8,56 +8,16 @@ import pytest
 
 from course.simulations import pen as draw
 from course.simulations import splitmix
-from course.simulations.model import KEYS, Experiment
+from tests.simulations.compiled import Compiled, assert_compiled_is_plain
 from tests.simulations.models import MODELS
-
-
-def same(one: Experiment, other: Experiment) -> None:
-    """Equal to rounding: a compiler may order an expression's operations anew."""
-    for name in one.model.state.fields:
-        assert np.allclose(one.state[name], other.state[name], rtol=1e-9, atol=1e-12), name
-    a, b = one.picture(), other.picture()
-    assert np.allclose(a.data, b.data, rtol=1e-9, atol=1e-9, equal_nan=True)
-    assert a.text == b.text
-
-
-class Compiled:
-    """A model whose functions are compiled, as an experiment wants it."""
-
-    def __init__(self, model: Any) -> None:
-        self.given = model
-        for name in ("initial", "advance", "frame", "drag", "grab", "press"):
-            function = getattr(model, name)
-            setattr(self, name, function and numba.njit(function, error_model="numpy"))
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.given, name)
 
 
 @pytest.mark.parametrize("model", MODELS)
 def test_the_functions_compile_and_draw_the_same(model: Any) -> None:
     if model.recorded:  # its functions only fetch what was drawn
         return
-    compiled: Any = Compiled(model)
-    for preset in model.presets.values():
-        plain, fast = Experiment(model, **preset.values), Experiment(compiled, **preset.values)
-        same(plain, fast)
-        for seconds in (0.03, 0.4, 0.9):
-            plain.advance(seconds)
-            fast.advance(seconds)
-            same(plain, fast)
-        xmin, xmax, ymin, ymax = model.paper.window
-        for share in (0.2, 0.5, 0.8):
-            place = xmin + share * (xmax - xmin), ymin + share * (ymax - ymin)
-            for experiment in (plain, fast):
-                experiment.grab(*place)
-                experiment.drag(place[0] + 0.3, place[1] + 0.2)
-            same(plain, fast)
-        for key in KEYS:
-            plain.press(key)
-            fast.press(key)
-            same(plain, fast)
-    assert len(compiled.frame.nopython_signatures) == 1
+    presets = [dict(preset.values) for preset in model.presets.values()]
+    assert_compiled_is_plain(model, Compiled(model), presets)
 
 
 def test_random_numbers_are_the_same_compiled() -> None:
