@@ -43,6 +43,7 @@ import llvmlite
 import numba
 import numpy as np
 from numba import types
+from numba.core.errors import NumbaError
 
 from course.check import one_of
 from course.simulations.model import Model
@@ -210,22 +211,29 @@ def build(name: str) -> bytes:
     return module
 
 
-def rebuilt(chosen: Sequence[str]) -> Iterator[tuple[str, bytes, float]]:
-    """Name, module and seconds of each simulation, each compiled in a fresh process."""
+def rebuilt(name: str) -> bytes:
+    """The module of a simulation, compiled in a fresh process; see `build`."""
     fresh = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(1, mp_context=fresh, max_tasks_per_child=1) as pool:
-        for name in chosen:
-            start = time.perf_counter()
-            yield name, pool.submit(build, name).result(), time.perf_counter() - start
+    with ProcessPoolExecutor(1, mp_context=fresh) as pool:
+        return pool.submit(build, name).result()
 
 
-def main(chosen: Sequence[str]) -> None:
-    """Compile these simulations, or all that are stale, and write them."""
-    for name, module, seconds in rebuilt(chosen or [name for name in names() if stale(name)]):
+def main(chosen: Sequence[str]) -> int:
+    """Compile these simulations, or all that are stale, and write them; how many failed."""
+    failed = 0
+    for name in chosen or [name for name in names() if stale(name)]:
+        start = time.perf_counter()
+        try:
+            module = rebuilt(name)
+        except (ValueError, NumbaError) as error:
+            failed += 1
+            print(f"{name}: {error}", file=sys.stderr, flush=True)
+            continue
         file_of(name).write_bytes(module)
-        packed = len(gzip.compress(module))
+        packed, seconds = len(gzip.compress(module)), time.perf_counter() - start
         print(f"{name}: {len(module):,} bytes, {packed:,} packed, {seconds:.0f} s", flush=True)
+    return failed
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    sys.exit(main(sys.argv[1:]))
