@@ -137,6 +137,9 @@ class _Context(CPUContext):
     def post_lowering(self, mod: Any, library: Any) -> None:
         pass
 
+    def get_env_manager(self, builder: Any, return_pyobject: bool = False) -> Any:
+        raise ValueError("it needs Python's interpreter, which is not to be had in a browser")
+
     def create_cpython_wrapper(self, *args: Any, **kwargs: Any) -> None:
         pass
 
@@ -209,7 +212,8 @@ def _unmet(name: str, code: str) -> str:
         own, *others = (a or b for a, b in re.findall(r'@(?:"([^"]+)"|([\w.$]+))', body))
         for other in others:
             callers.setdefault(other, []).append(own)
-    queue, seen = deque([name]), {name}
+    queue = deque([name, f"llvm.{name}.f64"])
+    seen = set(queue)
     while queue:
         callee = queue.popleft()
         for caller in callers.get(callee, ()):
