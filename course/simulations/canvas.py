@@ -65,9 +65,10 @@ class Canvas(anywidget.AnyWidget):
     slow browser slows down nobody.
     """
 
-    _esm = f"{joined('canvas', 'widget')}\nexport default {{ render }};\n"
+    _esm = f"{joined('canvas', 'live', 'widget')}\nexport default {{ render }};\n"
     _paper = traitlets.Dict().tag(sync=True)
     _first = traitlets.Bytes().tag(sync=True)  # to be drawn while the kernel is still busy
+    _bundle = traitlets.Dict().tag(sync=True)  # with which the page can run it, or nothing
     _pointer = traitlets.Bool(False).tag(sync=True)
     _keys = traitlets.List(traitlets.Unicode()).tag(sync=True)
 
@@ -78,6 +79,7 @@ class Canvas(anywidget.AnyWidget):
         self._lock = threading.RLock()
         self._pointer_callbacks: list[Callable[[Pointer], None]] = []
         self._key_callbacks: list[Callable[[Key], None]] = []
+        self._run_callbacks: list[Callable[[Mapping[str, Any], list[Any]], None]] = []
         self.on_msg(self._receive)
 
     @property
@@ -122,6 +124,10 @@ class Canvas(anywidget.AnyWidget):
         self._key_callbacks.append(callback)
         self._keys = sorted({*self._keys, *keys})
 
+    def on_run(self, callback: Callable[[Mapping[str, Any], list[Any]], None]) -> None:
+        """Call back with message and buffers when it is to run in the page, or here again."""
+        self._run_callbacks.append(callback)
+
     def _transmit(self) -> None:
         traffic = self._traffic
         traffic.sent += 1
@@ -130,7 +136,7 @@ class Canvas(anywidget.AnyWidget):
         content = {"type": "frame", "id": traffic.sent}
         self.send(content, [_buffer(self._frame)])
 
-    def _receive(self, _widget: Any, content: Any, _buffers: Any) -> None:
+    def _receive(self, _widget: Any, content: Any, buffers: Any) -> None:
         """Messages of the browser: data, so looked at before use."""
         kind = content.get("type") if isinstance(content, dict) else None
         traffic = self._traffic
@@ -159,6 +165,9 @@ class Canvas(anywidget.AnyWidget):
         elif kind == "key" and content.get("key") in self._keys:
             for key_callback in self._key_callbacks:
                 key_callback(Key(content["key"]))
+        elif kind == "runs":
+            for run_callback in self._run_callbacks:
+                run_callback(content, buffers)
 
     def __repr__(self) -> str:
         return self._frame.text

@@ -5,6 +5,7 @@ are recorded, and `RECORDED` says why. Nothing here needs a widget or a plot.
 """
 
 import base64
+import contextlib
 import functools
 import gzip
 import importlib
@@ -12,6 +13,7 @@ import itertools
 import json
 import pkgutil
 import re
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -20,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from course import CHAPTERS, simulations
-from course.check import one_of, refused
+from course.check import refused
 from course.simulations import pen as drawing
 from course.simulations.model import KEYS, Experiment, Model
 from course.simulations.record import Field, Record
@@ -56,13 +58,19 @@ def model(name: str) -> Model:
     Raises:
         ValueError: there is no such simulation.
     """
-    one_of("name", name, names())
-    return importlib.import_module(f"{simulations.__name__}.{name}").MODEL
+    with contextlib.suppress(ModuleNotFoundError, AttributeError):
+        return importlib.import_module(f"{simulations.__name__}.{name}").MODEL
+    raise refused("name", name, f"one of {', '.join(names())}")
 
 
 def module(name: str) -> Path:
     """Where the compiled module of a simulation lies, or would."""
     return _HERE.joinpath(*name.split(".")).with_suffix(".wasm")
+
+
+def is_live(name: str) -> bool:
+    """Whether a simulation runs in the page: it is compiled, and not to be recorded."""
+    return name not in RECORDED and not model(name).recorded and module(name).exists()
 
 
 def why_recorded(name: str) -> str:
@@ -71,12 +79,12 @@ def why_recorded(name: str) -> str:
     Raises:
         ValueError: there is no such simulation, or it is neither compiled nor recorded.
     """
-    if name in RECORDED or model(name).recorded:
-        return RECORDED.get(name, "A library computes them.")
-    if not module(name).exists():
+    if is_live(name):
+        return ""
+    if name not in RECORDED and not model(name).recorded:
         how = f"one with a .wasm (python -m course.site.wasm {name}), or in RECORDED"
         raise refused("name", name, how)
-    return ""
+    return RECORDED.get(name, "A library computes them.")
 
 
 def declaration(name: str) -> dict[str, Any]:
@@ -114,20 +122,35 @@ def declaration(name: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def bundle(name: str) -> str:
-    """The script that brings one simulation into a page: its declaration, and what it runs on.
+def name_of(made: Model) -> str:
+    """The name of the simulation with this model; nothing where it is none of the course's."""
+    home = made.frame.__module__
+    mine = getattr(sys.modules.get(home), "MODEL", None) is made
+    return home.removeprefix(f"{simulations.__name__}.") if mine else ""
+
+
+def content(name: str) -> dict[str, Any]:
+    """What `panel` in live.js is handed: the declaration, and what the simulation runs on.
 
     Raises:
         ValueError: there is no such simulation, or it is neither compiled nor recorded.
     """
     told = declaration(name)
     live = not told["recorded"]
-    content = {
+    return {
         "declaration": told,
         "wasm": base64.b64encode(module(name).read_bytes()).decode() if live else None,
         "pictures": None if live else _recorded(model(name)),
     }
-    packed = json.dumps(content, allow_nan=False, separators=(",", ":"))
+
+
+def bundle(name: str) -> str:
+    """The script that brings one simulation into a page: its declaration, and what it runs on.
+
+    Raises:
+        ValueError: there is no such simulation, or it is neither compiled nor recorded.
+    """
+    packed = json.dumps(content(name), allow_nan=False, separators=(",", ":"))
     return f"(window.courseSimulations ??= {{}})[{json.dumps(name)}] = {packed};\n"
 
 

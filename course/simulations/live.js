@@ -116,11 +116,16 @@ export async function compiled(told, code) {
       picture.set(floats.subarray(from, from + count));
       return picture.subarray(0, count);
     },
-    // Both records as they are, and what the module has taken [bytes].
+    // Both records as they are; and go on from such.
     records: () => [
       bytes.slice(controls, controls + told.controls.size),
       bytes.slice(state, state + told.state.size),
     ],
+    take(records) {
+      bytes.set(records[0], controls);
+      bytes.set(records[1], state);
+    },
+    // What the module has taken [bytes].
     memory: () => memory.buffer.byteLength,
   };
 }
@@ -184,6 +189,7 @@ const STYLE = `
 .course-live output{float:right;font-variant-numeric:tabular-nums}
 .course-live .wrong{border-left:4px solid #c1272d;padding:.2em .8em}
 .course-live .quiet{color:var(--quiet)}
+.course-simulation.in-page .course-side,.course-simulation .course-live .title{display:none}
 .course-live .aloud{position:absolute;width:1px;height:1px;overflow:hidden;clip-path:inset(50%);
   white-space:nowrap}
 @media print{.course-live .side{display:none}}
@@ -197,7 +203,7 @@ const make = (tag, options = {}, ...children) => {
   return element;
 };
 
-function dress() {
+export function dress() {
   if (document.getElementById("course-live-style")) return;
   document.head.append(make("style", { id: "course-live-style", textContent: STYLE }));
 }
@@ -247,6 +253,7 @@ export function panel(place, { declaration: told, wasm, pictures }) {
 
   let [experiment, picture] = [null, null];
   let [playing, seen, before, frames, timer] = [false, true, null, 0, 0];
+  let [touched, waiting] = [false, null];
 
   const say = () => {
     timer ||= setTimeout(
@@ -268,7 +275,8 @@ export function panel(place, { declaration: told, wasm, pictures }) {
     try {
       action();
       wrong.hidden = true;
-      if (place.dataset.ready) say();
+      touched = Boolean(place.dataset.ready);
+      if (touched) say();
     } catch (error) {
       pause();
       wrong.textContent = `The simulation stopped. ${error.message}`;
@@ -388,6 +396,18 @@ export function panel(place, { declaration: told, wasm, pictures }) {
     place.courseLive = experiment;
     choose();
     place.dataset.ready = live ? "live" : "recorded";
+    if (waiting) adopt(...waiting);
+  };
+  // Go on from where another one has come to, unless something has been done here meanwhile.
+  const adopt = (preset, records) => {
+    if (!place.dataset.ready) waiting = [preset, records];
+    else if (!touched)
+      act(() => {
+        menu.value = preset;
+        note.textContent = told.presets[menu.selectedIndex].note;
+        experiment.take(records);
+        follow();
+      });
   };
   const fail = (error) => {
     wrong.textContent = `The simulation does not run here, its saved picture stays. ${error.message}`;
@@ -395,7 +415,7 @@ export function panel(place, { declaration: told, wasm, pictures }) {
   };
   // It is made once it comes near the screen, and time runs only while it is on it.
   let begun = false;
-  new IntersectionObserver(
+  const observer = new IntersectionObserver(
     (entries) => {
       seen = entries[entries.length - 1].isIntersecting;
       if (seen && !begun) {
@@ -404,7 +424,18 @@ export function panel(place, { declaration: told, wasm, pictures }) {
       } else if (seen && playing) picture.request();
     },
     { rootMargin: "100px" },
-  ).observe(place);
+  );
+  observer.observe(place);
+  return {
+    adopt,
+    // Stop for good; the preset and the records it has come to, if it had begun.
+    leave() {
+      pause();
+      observer.disconnect();
+      picture?.close();
+      return [menu.value, experiment?.records()];
+    },
+  };
 }
 
 export function mount() {

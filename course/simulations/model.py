@@ -128,6 +128,17 @@ class Experiment:
             if not self.model.live_drag:
                 self.start()
 
+    def take(self, controls: bytes, state: bytes) -> None:
+        """Go on from where another run of the model is: its records, byte by byte.
+
+        Raises:
+            ValueError: they are not such records; then nothing is changed.
+        """
+        taken = self.model.controls.read(controls), self.model.state.read(state)
+        for own, other in zip((self.controls, self.state), taken, strict=True):
+            for name in own.dtype.names:
+                own[name] = other[name]
+
     def later(self, seconds: float) -> drawing.Picture:
         """The picture so long after the start, with the same controls; this run stays as it is."""
         other = Experiment(self.model)

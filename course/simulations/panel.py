@@ -4,13 +4,16 @@
 """
 
 import asyncio
+import contextlib
 import html
 import threading
 import time
+from collections.abc import Mapping
 from typing import Any
 
 import ipywidgets
 
+from course.simulations import declaration
 from course.simulations.canvas import Canvas, Pointer, bundle
 from course.simulations.model import KEYS, Experiment, Model
 from course.simulations.record import Field
@@ -46,6 +49,10 @@ class Panel(ipywidgets.VBox):
         self.canvas.on_key([" ", "r", "R", *turns], lambda key: self._key(key.key))
         if model.drag is not None:
             self.canvas.on_pointer(self._drag)
+        name = declaration.name_of(model)
+        if name and declaration.is_live(name):
+            self.canvas._bundle = declaration.content(name)
+            self.canvas.on_run(self._runs)
         self.inputs = {name: _input(field) for name, field in model.controls.panel()}
         for name, widget in self.inputs.items():
             widget.observe(lambda change, name=name: self._changed(name, change["new"]), "value")
@@ -68,6 +75,7 @@ class Panel(ipywidgets.VBox):
             + [self.aside] * (model.aside is not None),
             layout={"flex": "1 1 250px", "max_width": "346px"},
         )
+        side.add_class("course-side")
         self.canvas.layout = ipywidgets.Layout(flex="3 1 400px", max_width="960px")
         super().__init__(
             [
@@ -186,6 +194,21 @@ class Panel(ipywidgets.VBox):
             self.pause()
         else:
             self.play()
+
+    def _runs(self, content: Mapping[str, Any], buffers: list[Any]) -> None:
+        """It is to run in the page from here on, or here from where the page has come to."""
+        with self._lock:
+            if content.get("where") == "page":
+                self.pause()
+                told = {"type": "records", "preset": self._preset.value}
+                self.canvas.send(told, [self.controls.tobytes(), self.state.tobytes()])
+            elif len(buffers) == 2:
+                # What a browser says is looked at before use; what is wrong changes nothing.
+                with contextlib.suppress(ValueError):
+                    self.experiment.take(*map(bytes, buffers))
+                known = content.get("preset") in self.model.presets
+                self._follow(content["preset"] if known else "")
+                self._show_note()
 
     def _show(self) -> None:
         self.canvas.show(self.experiment.picture())

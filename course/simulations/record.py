@@ -139,6 +139,18 @@ class Record:
         for name, value in zip(values, good, strict=True):
             record[name] = value
 
+    def read(self, data: bytes) -> Any:
+        """The record that has these bytes.
+
+        Raises:
+            ValueError: it has another size, or a field has a value that is not allowed.
+        """
+        if len(data) != self.dtype.itemsize:
+            raise refused("bytes of a record", len(data), str(self.dtype.itemsize))
+        record = np.frombuffer(data, self.dtype)[0]
+        self.check(record)
+        return record
+
     def check(self, record: Any) -> None:
         """Raise ValueError if a field of the record has a value that is not allowed."""
         for name, field in self.fields.items():

@@ -1,6 +1,9 @@
 // The widget of a notebook: shows the pictures that the kernel draws, tells it what is done to them.
 
 import { view } from "./canvas.js";
+import { dress, panel } from "./live.js";
+
+const rawOf = (view) => new Uint8Array(view.buffer, view.byteOffset, view.byteLength);
 
 function render({ model, el }) {
   const paper = model.get("_paper");
@@ -14,7 +17,9 @@ function render({ model, el }) {
     for (const film of films) film.style.display = "none";
   };
 
-  const picture = view(el, paper, {
+  const kernel = document.createElement("div");
+  el.append(kernel);
+  const picture = view(kernel, paper, {
     pointer: (type, x, y) => model.send({ type, x, y }),
     key: (key) => model.send({ type: "key", key }),
     drawn: (id) => {
@@ -24,12 +29,43 @@ function render({ model, el }) {
   });
 
   const take = (id, view) => {
-    const bytes = view.buffer.slice(view.byteOffset, view.byteOffset + view.byteLength);
-    picture.show(id, new Float64Array(bytes));
+    picture.show(id, new Float64Array(rawOf(view).slice().buffer));
   };
   const receive = (content, buffers) => {
     if (content.type === "frame") take(content.id, buffers[0]);
+    if (content.type === "records") here?.adopt(content.preset, buffers.map(rawOf));
   };
+
+  // Where a simulation is compiled the page can run it, so that no picture waits for the kernel.
+  // Both keep the same records, and what runs goes on from where the other one was; only a kernel
+  // that is busy cannot tell, then the page begins anew.
+  let here = null;
+  const runs = (where) => {
+    el.closest(".course-simulation")?.classList.toggle("in-page", where === "page");
+    kernel.style.display = where === "page" ? "none" : "";
+    if (where === "page") {
+      const place = document.createElement("div");
+      place.className = "course-live";
+      el.prepend(place);
+      here = panel(place, model.get("_bundle"));
+      model.send({ type: "runs", where });
+    } else {
+      const [preset, records] = here.leave();
+      here = null;
+      el.firstElementChild.remove();
+      model.send({ type: "runs", where, preset }, undefined, records ?? []);
+    }
+  };
+  if (model.get("_bundle").wasm) {
+    dress();
+    const choice = document.createElement("label");
+    const box = document.createElement("input");
+    box.type = "checkbox";
+    box.addEventListener("change", () => runs(box.checked ? "page" : "kernel"));
+    choice.style.cssText = "display:block;margin:0 8px 8px;font-size:12px";
+    choice.append(box, " runs in this page, not in the kernel");
+    el.append(choice);
+  }
   const listens = () => picture.listen(model.get("_pointer"), model.get("_keys"));
   listens();
   model.on("change:_pointer", listens);
@@ -39,6 +75,7 @@ function render({ model, el }) {
   model.send({ type: "ready" });
 
   return () => {
+    here?.leave();
     picture.close();
     for (const film of films ?? []) film.style.display = "";
     model.off("msg:custom", receive);

@@ -61,7 +61,7 @@ WALK = Model(
 )  # fmt: skip
 
 
-MODELS = [pytest.param(WALK, id="walk")]
+MODELS: list[Any] = [pytest.param(WALK, id="walk")]
 for _name in names():
     _mark = pytest.mark.topic(_name.partition(".")[0])
     MODELS.append(pytest.param(model(_name), id=_name, marks=_mark))

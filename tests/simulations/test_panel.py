@@ -3,10 +3,12 @@
 import asyncio
 import html
 
+import numpy as np
 import pytest
 
-from course.simulations.model import recorded
+from course.simulations.model import Experiment, recorded
 from course.simulations.panel import Panel
+from course.simulations.rigid_body import MODEL as BOX
 from tests.simulations.models import MODELS, WALK
 
 
@@ -65,6 +67,38 @@ def test_a_recorded_model_says_so(panel):
     made = Panel(model)
     assert "Recorded" in made._note.value and "Recorded" not in panel._note.value
     made.close()
+
+
+def test_it_goes_on_in_the_page_and_comes_back():
+    panel, sent = Panel(BOX), []
+    panel.canvas.send = lambda content, buffers=None: sent.append((content, buffers))
+    panel.set(gravity=3.0)
+    panel.advance(0.4)
+    panel.canvas._handle_custom_msg({"type": "runs", "where": "page"}, [])
+    told, records = sent[-1]
+    assert told == {"type": "records", "preset": "Default drop"}
+    assert records == [panel.controls.tobytes(), panel.state.tobytes()]
+    # The page goes on, with another preset.
+    page = Experiment(BOX)
+    page.take(*records)
+    page.choose("No rest speed: endless impacts")
+    page.advance(0.7)
+    back = [page.controls.tobytes(), memoryview(page.state.tobytes())]
+    content = {"type": "runs", "where": "kernel", "preset": "No rest speed: endless impacts"}
+    panel.canvas._handle_custom_msg(content, back)
+    assert panel.state.tobytes() == page.state.tobytes()
+    assert panel.canvas.frame.numbers == page.picture().numbers
+    assert panel.inputs["rest_speed"].value == 0.0
+    assert panel._preset.value == content["preset"] and "endless" not in panel._note.value
+    # What makes no sense changes nothing.
+    steep = page.model.controls.new()
+    steep["gravity"] = np.nan
+    for wrong in ([b"", b""], [back[0]], [], [steep.tobytes(), back[1]]):
+        other = content | {"preset": "no such"}
+        panel.canvas._handle_custom_msg(other, wrong)
+        assert panel.state.tobytes() == page.state.tobytes()
+        assert panel._preset.value == content["preset"]
+    panel.close()
 
 
 async def _play(panel: Panel, watched: bool) -> tuple[float, int]:

@@ -48,3 +48,12 @@ def test_a_wrong_value_is_named_and_nothing_is_changed(wrong):
     with pytest.raises(ValueError, match=next(iter(wrong))):
         RECORD.set(record, **{"count": 5, **wrong})
     assert record.tobytes() == RECORD.new().tobytes()
+
+
+def test_a_record_is_read_from_its_bytes_if_they_are_allowed():
+    record = RECORD.new(speed=1.5, on=False)
+    assert RECORD.read(record.tobytes()).tobytes() == record.tobytes()
+    record["kind"] = 2
+    for wrong in (record.tobytes(), RECORD.new().tobytes() + b"\0", b""):
+        with pytest.raises(ValueError, match=r"kind|bytes"):
+            RECORD.read(wrong)

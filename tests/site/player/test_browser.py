@@ -16,6 +16,7 @@ import pytest
 
 from course.simulations import declaration as told
 from course.simulations.model import KEYS, Experiment
+from course.simulations.panel import Panel
 from tests.budget import PROVE
 from tests.conftest import chromium
 
@@ -110,8 +111,10 @@ def held(page: Any, experiment: Experiment) -> list[Any]:
 
 def numbers(page: Any) -> dict[str, str]:
     page.evaluate(FRAME)
-    words = page.locator(".course-numbers > div").evaluate_all(
-        "cells => cells.map(c => [...c.children].map(part => part.textContent))"
+    words = (
+        page.locator(".course-numbers")
+        .first.locator("> div")
+        .evaluate_all("cells => cells.map(c => [...c.children].map(part => part.textContent))")
     )
     return dict(words)
 
@@ -459,6 +462,83 @@ class TestTheBox:
             "() => document.querySelector('[aria-live]').innerText.includes('time 0.040 s')"
         )
         assert page.locator(".course-live").get_attribute("aria-label") == model.title
+
+
+# The notebook's widget with a kernel that only keeps what it is told.
+WIDGET = """async ([script, told]) => {
+  const widget = await import('data:text/javascript;base64,' + script);
+  window.sent = [];
+  const bytes = Uint8Array.from(atob(told._first), letter => letter.charCodeAt(0));
+  const kept = {...told, _first: new DataView(bytes.buffer)};
+  const place = document.createElement('div');
+  document.body.replaceChildren(place);
+  place.className = 'course-simulation';
+  const hears = {};
+  window.kernel = (content, buffers) => hears['msg:custom'](content, buffers);
+  const el = place.appendChild(document.createElement('div'));
+  widget.default.render({el, model: {
+    get: name => kept[name], on: (name, call) => { hears[name] = call; }, off() {},
+    send: (content, _, buffers) => window.sent.push({...content, records: (buffers ?? []).map(
+      b => Array.from(b))})}});
+}"""
+TELL = """([content, records]) => window.kernel(content, records.map(r => {
+  const bytes = Uint8Array.from(r);
+  return new DataView(bytes.buffer);
+}))"""
+
+
+@pytest.mark.skipif(BOX not in LIVE, reason="it is not compiled")
+@pytest.mark.parametrize("busy", [False, True])
+def test_the_widget_of_a_notebook_runs_it_in_the_page(open_page: Any, busy: bool) -> None:
+    panel, sent = Panel(told.model(BOX)), []
+    panel.canvas.send = lambda content, buffers=None: sent.append((content, buffers))
+    panel.set(gravity=5.0)
+    panel.advance(0.3)
+    traits = {
+        name: getattr(panel.canvas, name) for name in ("_paper", "_bundle", "_pointer", "_keys")
+    }
+    first = base64.b64encode(panel.canvas.frame.data.tobytes()).decode()
+    page = open_page(bundle="", ready=False)
+    script = base64.b64encode(str(panel.canvas._esm).encode()).decode()
+    page.evaluate(WIDGET, [script, {**traits, "_first": first}])
+    page.wait_for_function("() => window.sent.some(told => told.type === 'drawn')")
+    assert numbers(page) == panel.canvas.frame.numbers
+    switch = page.get_by_label("runs in this page")
+    assert not switch.is_checked()
+    switch.check()
+    page.wait_for_selector("[data-ready] canvas[data-frame]")
+    asked = page.evaluate("() => window.sent.at(-1)")
+    assert asked["type"] == "runs" and asked["where"] == "page"
+    experiment = Experiment(panel.model)
+    if not busy:  # the kernel answers, and the page goes on from there
+        panel.canvas._handle_custom_msg(asked, [])
+        content, records = sent[-1]
+        page.evaluate(TELL, [content, [list(each) for each in records]])
+        experiment.take(*records)
+    assert_alike(page, experiment, "in the page")
+    told_before = page.evaluate("() => window.sent.length")
+    page.locator("[data-control=restitution]").focus()
+    page.locator("[data-control=restitution]").press("Home")
+    experiment.set(restitution=0.0)
+    step(page, experiment, 3)
+    assert_alike(page, experiment, "a slider and three steps in the page")
+    assert page.evaluate("() => window.sent.length") == told_before, "the page asks no kernel"
+    if busy:  # what it says at last is too late
+        page.evaluate(
+            TELL,
+            [
+                {"type": "records", "preset": "Default drop"},
+                [list(each.tobytes()) for each in (panel.controls, panel.state)],
+            ],
+        )
+        assert_alike(page, experiment, "a late kernel")
+    switch.uncheck()
+    back = page.evaluate("() => window.sent.at(-1)")
+    panel.canvas._handle_custom_msg(back, [bytes(record) for record in back.pop("records")])
+    assert panel.controls.tobytes() == experiment.controls.tobytes()
+    assert panel.canvas.frame.numbers == experiment.picture().numbers
+    assert page.locator(".course-live").count() == 0
+    panel.close()
 
 
 def test_a_page_without_the_simulation_says_so(open_page: Any) -> None:
