@@ -14,6 +14,7 @@ import json
 import pkgutil
 import re
 import sys
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -32,6 +33,11 @@ RECORDED: dict[str, str] = getattr(simulations, "RECORDED", {})
 
 # How long a recording is, and how many pictures it has in a second: as `Step` in live.js.
 SECONDS, RATE = 10.0, 25
+# A recording ends before that where its text would be longer than this, all presets together.
+_ROOM = 1_500_000
+# A point is told in steps of 1 / _GRID of the window's unit, a fraction of a pixel; what is farther
+# away is cut off. Two numbers stand for a gap in a line and for what is told exactly.
+_GRID, _FAR, _GAP, _EXACT = 512, 2.0**30, -(2**31), 1 - 2**31
 
 _HERE = Path(__file__).parent
 
@@ -84,7 +90,7 @@ def why_recorded(name: str) -> str:
     if name not in RECORDED and not model(name).recorded:
         how = f"one with a .wasm (python -m course.site.wasm {name}), or in RECORDED"
         raise refused("name", name, how)
-    return RECORDED.get(name, "A library computes them.")
+    return RECORDED.get(name, "a library computes them")
 
 
 def declaration(name: str) -> dict[str, Any]:
@@ -194,37 +200,54 @@ def _input(name: str, field: Field, record: Record) -> dict[str, Any]:
 
 
 def _recorded(made: Model) -> dict[str, Any]:
-    """Each preset as a film: the sizes of its pictures, and their numbers, compressed."""
+    """Each preset as a film: the sizes of its pictures, and their numbers, compressed.
+
+    A picture is told by what differs from the one before: of each number, in steps of 1 / `_GRID`,
+    the difference as four bytes, first the lowest ones of all, and so on. After them stand the
+    numbers that are told exactly. A picture of size 0 is like the one before.
+    """
     films = {}
     for name in made.presets:
-        run = Experiment(made)
+        run, sizes, parts, room = Experiment(made), [], [], _ROOM / len(made.presets)
         run.choose(name)
-        words: list[NDArray[np.uint64]] = []
+        before, shown = np.empty(0, np.int32), b""
         for _ in range(round(SECONDS * RATE) + 1):
-            words.append(_rounded(run.picture()).view("<u8"))
+            picture = run.picture()
             run.advance(1.0 / RATE)
-        changes = [words[0], *itertools.starmap(_change, itertools.pairwise(words))]
-        data = gzip.compress(b"".join(change.tobytes() for change in changes), 9, mtime=0)
-        sizes = [change.size for change in changes]
+            same = picture.data.tobytes() == shown
+            sizes.append(0 if same else picture.data.size)
+            if same:
+                continue
+            shown = picture.data.tobytes()
+            steps, exact = _steps(picture)
+            change, both = steps.copy(), min(steps.size, before.size)
+            change[:both] -= before[:both]
+            part = change.view(np.uint8).reshape(-1, 4).T.tobytes() + exact.tobytes()
+            room -= len(zlib.compress(part, 9)) * 4 / 3
+            if parts and room < 0:
+                sizes.pop()
+                break
+            parts.append(part)
+            before = steps
+        data = gzip.compress(b"".join(parts), 9, mtime=0)
         films[name] = {"sizes": sizes, "data": base64.b64encode(data).decode()}
     return films
 
 
-def _rounded(picture: drawing.Picture) -> NDArray[np.float64]:
-    """A picture whose shapes are as exact as a screen asks for; its words and numbers stay."""
-    data, at = picture.data.copy(), 0
+def _steps(picture: drawing.Picture) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """The numbers of a picture in steps of 1 / `_GRID`, and those that are told exactly.
+
+    Points are as exact as a screen asks for, all else as it is.
+    """
+    data, point, at = picture.data, np.zeros(picture.data.size, bool), 0
     while at < data.size:
         kind, end = int(data[at]), at + 2 + int(data[at + 1])
         if kind in (drawing.LINE, drawing.POLYGON, drawing.DISC, drawing.ARROW):
-            data[at + 2 : end] = data[at + 2 : end].astype(np.float32)
+            point[at + 2 + drawing.STYLE[kind] : end] = True
         at = end
-    return data
-
-
-def _change(before: NDArray[np.uint64], now: NDArray[np.uint64]) -> NDArray[np.uint64]:
-    """What of a picture differs from the one before: the words as they are where they are equal
-    give zeros, which compress well."""
-    changed = now.copy()
-    both = min(now.size, before.size)
-    changed[:both] ^= before[:both]
-    return changed
+    gap = np.isnan(data)
+    scaled = np.clip(np.where(gap, 0.0, _GRID * data), -_FAR, _FAR)
+    steps = np.round(scaled).astype(np.int32)
+    exact = ~(point | gap | (steps == _GRID * data))
+    steps[gap], steps[exact] = _GAP, _EXACT
+    return steps, data[exact]

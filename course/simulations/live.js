@@ -130,31 +130,40 @@ export async function compiled(told, code) {
   };
 }
 
-// The same for pictures that were computed beforehand: time passes, and the last one stays. Of each
-// preset there are the sizes of its pictures and, compressed, their numbers, each as what differs
-// from the picture before (`_recorded` in declaration.py).
+// The same for pictures that were computed beforehand: time passes, and the last one stays. What
+// there is of each preset is told at `_recorded` in declaration.py.
 export async function recorded(told, presets) {
-  const films = new Map();
-  for (const [name, { sizes, data }] of Object.entries(presets)) {
-    const stream = new Blob([bytesOf(data)]).stream();
-    const raw = await new Response(stream.pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
-    const words = new BigUint64Array(raw);
-    let [at, before] = [0, new BigUint64Array(0)];
-    const film = sizes.map((size) => {
-      const now = words.subarray(at, (at += size));
-      for (let k = Math.min(size, before.length); k--; ) now[k] ^= before[k];
-      before = now;
-      return new Float64Array(now.buffer, now.byteOffset, size);
-    });
-    films.set(name, film);
-  }
-  let [film, time] = [films.values().next().value, 0];
+  const [GRID, GAP, EXACT] = [512, -(2 ** 31), 1 - 2 ** 31];
+  let [film, time] = [[], 0];
+  const start = () => void (time = 0);
   return {
-    start: () => void (time = 0),
-    choose(preset) {
-      film = films.get(preset.name);
-      time = 0;
+    start,
+    // Unpack the film of a preset, before it is chosen.
+    async load(preset) {
+      const { sizes, data } = presets[preset.name];
+      const stream = new Blob([bytesOf(data)]).stream();
+      const packed = stream.pipeThrough(new DecompressionStream("gzip"));
+      const view = new DataView(await new Response(packed).arrayBuffer());
+      let [at, before, picture] = [0, [], null];
+      film = sizes.map((size) => {
+        if (size === 0) return picture;
+        const steps = new Int32Array(size);
+        for (let k = 0; k < size; k += 1) {
+          let change = 0;
+          for (let byte = 0; byte < 4; byte += 1)
+            change |= view.getUint8(at + byte * size + k) << (8 * byte);
+          steps[k] = change + (before[k] ?? 0);
+        }
+        at += 4 * size;
+        picture = Float64Array.from(steps, (step) => {
+          if (step === EXACT) return view.getFloat64((at += 8) - 8, true);
+          return step === GAP ? NaN : step / GRID;
+        });
+        before = steps;
+        return picture;
+      });
     },
+    choose: start,
     advance: (seconds) => void (time += passing(seconds)),
     picture: () => film[Math.min(Math.floor(time / STEP + 1e-6), film.length - 1)],
   };
@@ -315,9 +324,10 @@ export function panel(place, { declaration: told, wasm, pictures }) {
       experiment.start();
       show();
     });
-  const choose = () => {
+  const choose = async () => {
     const preset = told.presets[menu.selectedIndex];
     note.textContent = preset.note;
+    await experiment?.load?.(preset);
     act(() => {
       experiment.choose(preset);
       follow();
@@ -351,7 +361,7 @@ export function panel(place, { declaration: told, wasm, pictures }) {
   );
   const side = make("div", { className: "side" }, buttons, make("label", {}, "Preset", menu), note);
   if (!live) {
-    const words = `Recorded: these pictures were computed beforehand. ${told.recorded}`;
+    const words = `Recorded: these pictures were computed beforehand, as ${told.recorded}.`;
     side.append(make("p", { className: "quiet", textContent: words }));
   }
   if (matchMedia("(prefers-reduced-motion: reduce)").matches) {
@@ -394,7 +404,7 @@ export function panel(place, { declaration: told, wasm, pictures }) {
     if (saved) saved.style.position = "absolute"; // until the first picture is drawn in its place
     experiment = made;
     place.courseLive = experiment;
-    choose();
+    await choose();
     place.dataset.ready = live ? "live" : "recorded";
     if (waiting) adopt(...waiting);
   };

@@ -266,6 +266,10 @@ def test_pointer_and_keys_do_what_they_do_in_the_notebook(open_page: Any, name: 
 
 # A slider moved in every animation frame while time runs, as a hand does.
 DRAG = """async frames => {
+  const idle = performance.now();
+  for (let k = 0; k < frames / 2; k += 1) await new Promise(requestAnimationFrame);
+  const possible = frames / 2 / ((performance.now() - idle) / 1000);
+  [...document.querySelectorAll('button')].find(b => b.textContent === 'Play').click();
   const canvas = document.querySelector('canvas');
   const slider = document.querySelector('[data-control=gravity]');
   const [waits, late] = [[], []];
@@ -283,24 +287,21 @@ DRAG = """async frames => {
     } else since += 1;
     await new Promise(requestAnimationFrame);
   }
-  return {pictures, frames, seconds: (performance.now() - start) / 1000, waits, late};
+  return {pictures, frames, possible, seconds: (performance.now() - start) / 1000, waits, late};
 }"""
 
 
 @pytest.mark.skipif(BOX not in LIVE, reason="it is not compiled")
 def test_pictures_keep_up_while_a_slider_is_dragged(open_page: Any, capsys: Any) -> None:
-    page = open_page()
-    press_button(page, "Play")
-    found = page.evaluate(DRAG, 120)
+    found = open_page().evaluate(DRAG, 120)
     wait = statistics.median(found["waits"])
     rate = found["pictures"] / found["seconds"]
     with capsys.disabled():
-        print(
-            f"\nin the page: {rate:.0f} pictures/s while dragging, slider to picture {wait:.0f} ms"
-        )
-    # Counted in what the browser draws, so that a busy machine does not matter.
-    assert found["pictures"] > 0.9 * found["frames"]
-    assert statistics.median(found["late"]) <= 1
+        print(f"\npage: {rate:.0f} pictures/s while dragging, slider to picture {wait:.0f} ms")
+    # On a machine that draws sixty frames a second, 25 of them and 50 ms; else as much slower.
+    slower = 60.0 / min(found["possible"], 60.0)
+    assert rate * slower > 25.0 and wait < 50.0 * slower
+    assert found["pictures"] > 0.9 * found["frames"] and statistics.median(found["late"]) <= 1
 
 
 MANY = """async () => {
@@ -551,11 +552,11 @@ def test_a_recorded_simulation_says_so_and_shows_its_pictures(
     open_page: Any, monkeypatch: Any
 ) -> None:
     name = "rigid_body.spring"
-    monkeypatch.setitem(told.RECORDED, name, "A library computes them.")
+    monkeypatch.setitem(told.RECORDED, name, "a library computes them")
     monkeypatch.setattr(told, "SECONDS", 0.4)
     page, experiment = open_page(name), Experiment(told.model(name))
     assert page.locator(".title small").inner_text() == "recorded"
-    assert "A library computes them." in page.locator(".side").inner_text()
+    assert "a library computes them" in page.locator(".side").inner_text()
     assert page.locator("input").count() == 0
     for preset in list(experiment.model.presets)[:2]:
         choose(page, experiment, preset)
