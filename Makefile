@@ -25,7 +25,11 @@ unexport PYTHONPATH PYTHONHOME
 QUIET := COURSE_QUIET=1 DRILLS_PROGRESS=none OPENBLAS_NUM_THREADS=1
 
 .NOTPARALLEL:
+<<<<<<< HEAD
 .PHONY: help setup platforms sphinx site lab check test prove lint types pytest nbval warm charts notebooks clean
+=======
+.PHONY: help setup platforms lab check test prove lint types pytest nbval warm charts notebooks dist clean
+>>>>>>> 0aab454 (The package is installed elsewhere and used there; make dist builds it)
 
 # `make test TOPIC=contact` and `make prove TOPIC=contact`: one topic, and the framework's smoke tests.
 TOPIC ?=
@@ -161,6 +165,10 @@ charts: setup platforms ## rebuild every chart of the README, and the data behin
 notebooks: setup ## run the notebooks from their sources and write them with their outputs
 	$(BIN)/python -m tools.notebooks
 
+# The wheel is that of the sdist. Its time stamps are the commit's: of one commit it is always the same.
+dist: setup ## build the package, wheel and sdist, into dist/
+	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(BIN)/python -m build --no-isolation --outdir dist
+
 clean: ## remove .venv, caches and compiled code
-	rm -rf $(VENV) build *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -37,6 +37,7 @@ _DETAILS = re.compile(r"<details\b(?:(?!<details\b).)*?</details>", re.S)
 _FENCE = re.compile(r"^```.*?^```", re.S | re.M)
 _MATH = re.compile(r"\$\$.*?\$\$|\$[^$]+\$", re.S)
 _TAG = re.compile(r"<[^>]+>")
+_TO_PROJECT = re.compile(r"(!?)\[([^\]]*)\]\(\.\./([^)#]+)[^)]*\)")
 _UPWARD = re.compile(r"""(\]\(|(?:src|href)=["'])\.\./""")
 
 
@@ -368,11 +369,23 @@ def _set_aside(path: Path) -> Path:
 
 
 def _point_links(book: dict[str, Any], work: Path, source: Path) -> None:
-    """Let links that go up from the notebooks' folder go to the same place from the work folder."""
-    up = os.path.relpath(source.resolve().parent.parent, work.resolve()).replace(os.sep, "/")
+    """Let links that go up from the notebooks' folder go to the same place from the work folder.
+
+    What a package is installed without, such as the pictures of the charts, becomes its title.
+    """
+    project = source.resolve().parent.parent
+    up = os.path.relpath(project, work.resolve()).replace(os.sep, "/")
+
+    def named(found: re.Match[str]) -> str:
+        is_picture, title, target = found.groups()
+        if (project / target).exists():
+            return found[0]
+        return f"*{title} (the picture is in the project's tree)*" if is_picture else title
+
     for cell in book["cells"]:
         if cell["cell_type"] == "markdown" and up != "..":
             text = "".join(cell["source"])
+            text = _TO_PROJECT.sub(named, text)
             cell["source"] = _UPWARD.sub(lambda found: f"{found[1]}{up}/", text)
 
 

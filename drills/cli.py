@@ -182,7 +182,7 @@ def next_(
         session.wrap(
             f"To read: chapter {where.number}, section {part.number}: {part.title} (about "
             f"{agenda.duration(part.about)}). drills start {where.number} makes "
-            "your copy; make lab opens it."
+            "your copy."
         )
     payload = {
         "exercises": [_card_data(card, loaded.of(card.name)) for card in left],
@@ -211,7 +211,8 @@ def _start_chapter(session: Session, number: int) -> int:
     copy = chapters.bring(source, session.work)
     session.wrap(copy.sentence() or f"{workspace.shown(copy.path)} is your copy, and up to date.")
     session.say()
-    session.say("  make lab         opens it in JupyterLab")
+    opens = "make lab" if workspace.in_tree() else f"jupyter lab {workspace.shown(copy.path)}"
+    session.say(f"  {opens:<15}  opens it in JupyterLab")
     session.say(f"  drills read {number}    its sections; marks what you have read")
     session.say(f"  drills list --chapter {number}   its exercises")
     payload = {

@@ -96,7 +96,7 @@ def _progress(file: Path | None) -> Row:
 
 def _library(module: str, distribution: str, use: str) -> Row:
     if importlib.util.find_spec(module) is None:
-        return _row(module, False, f"not installed; needed for {use}: make setup")
+        return _row(module, False, f"not installed; needed for {use}: {workspace.set_up()}")
     try:
         version = metadata.version(distribution)
     except metadata.PackageNotFoundError:

@@ -254,7 +254,7 @@ def _failure(error: Exception, session: Session | None) -> str:
     if isinstance(error, ModuleNotFoundError):
         return (
             f"The package {error.name} is not installed, and this command needs it. "
-            "Set everything up with: make setup"
+            f"Set everything up with: {workspace.set_up()}"
         )
     again = "drills " + " ".join(sys.argv[1:]) if len(sys.argv) > 1 else "drills"
     on = ""

@@ -26,6 +26,16 @@ class Misuse(Exception):
         self.nearest = nearest or []
 
 
+def in_tree() -> bool:
+    """Whether this is the project's tree, with its Makefile, and no installed package."""
+    return (ROOT / "pyproject.toml").exists()
+
+
+def set_up() -> str:
+    """The command that installs what is missing."""
+    return "make setup" if in_tree() else "pip install 'robotics-simulation-course[lab]'"
+
+
 def folder(chosen: str | None = None) -> Path:
     """The folder of the answers.
 
@@ -39,7 +49,7 @@ def folder(chosen: str | None = None) -> Path:
         here = Path.cwd()
     except OSError:
         raise Misuse("The current folder is gone. Change to one that is there.") from None
-    inside = (ROOT / "pyproject.toml").exists() and here.is_relative_to(ROOT)
+    inside = in_tree() and here.is_relative_to(ROOT)
     return (ROOT if inside else here) / "work"
 
 

@@ -76,6 +76,7 @@ SLOW = (
     "tests/control/test_solutions.py::test_the_inertia_comes_out",
     "tests/derivations/test_derivations.py",
     "tests/derivations/test_mutations.py",
+    "tests/dist/test_wheel.py",
     "tests/drills/test_attacks_judges.py",
     "tests/drills/test_cli.py",
     "tests/drills/test_feedback.py::test_feedback_is_the_golden_one",

@@ -17,6 +17,8 @@ def main(names: tuple[str, ...], only: bool) -> None:
     """Rebuild the named charts, or all of them."""
     import matplotlib
 
+    if not PICTURES.is_dir():
+        raise click.UsageError(f"there is no {PICTURES}: charts are built in the project's tree")
     matplotlib.use("Agg")
     os.environ.setdefault("COURSE_QUIET", "1")
     drawn = [name for name in CHARTS if (FOLDER / f"{name}.json").is_file()]

@@ -19,11 +19,11 @@ Result = tuple[Claim, Outcome | None, str]
 
 @functools.cache
 def _notebook(chapter: int) -> str:
-    """Source of the chapter's notebook; empty where the course is installed without it."""
-    topic = next(item.topic for item in CHAPTERS if item.number == chapter)
-    folder = Path(course.__file__).parents[1] / "notebooks" / "source"
-    path = folder / f"{chapter:02d}_{topic}.py"
-    return path.read_text(encoding="utf-8") if path.exists() else ""
+    """What the cells of the chapter's notebook hold; empty where that is still to come."""
+    notebook = next(item.notebook for item in CHAPTERS if item.number == chapter)
+    path = Path(course.__file__).parents[1] / notebook
+    cells = json.loads(path.read_text(encoding="utf-8"))["cells"] if path.exists() else ()
+    return "\n".join("".join(cell["source"]) for cell in cells)
 
 
 def shown(claim: Claim) -> bool:

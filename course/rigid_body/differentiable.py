@@ -39,10 +39,7 @@ def _torch() -> Any:
     try:
         import torch
     except ModuleNotFoundError:
-        raise ModuleNotFoundError(
-            "Gradients need PyTorch, which is not installed; "
-            "`pip install torch` or `make lab` adds it."
-        ) from None
+        raise ModuleNotFoundError("this needs PyTorch: pip install 'torch>=2.6'") from None
     return torch
 
 

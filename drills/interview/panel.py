@@ -208,5 +208,6 @@ def flashcards(
     try:
         import fsrs  # noqa: F401
     except ModuleNotFoundError:
-        return Shown("The package fsrs is not installed, and the cards need it: make setup")
+        missing = "The package fsrs is not installed, and the cards need it: "
+        return Shown(missing + workspace.set_up())
     return Flashcards(cards, clock, seed)

@@ -45,7 +45,9 @@ def toolbox() -> Any:
     # By its name only: the types that this part of MuJoCo has would hide the rest from mypy.
     sysid = importlib.import_module("mujoco.sysid")
     if not hasattr(sysid, "optimize"):
-        raise ImportError("mujoco.sysid is empty: pip install absl-py colorama tabulate")
+        raise ImportError(
+            "this needs mujoco.sysid: pip install 'absl-py>=2.3' 'colorama>=0.4.6' 'tabulate>=0.9'"
+        )
     return sysid
 
 
