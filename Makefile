@@ -25,11 +25,7 @@ unexport PYTHONPATH PYTHONHOME
 QUIET := COURSE_QUIET=1 DRILLS_PROGRESS=none OPENBLAS_NUM_THREADS=1
 
 .NOTPARALLEL:
-<<<<<<< HEAD
-.PHONY: help setup platforms sphinx site lab check test prove lint types pytest nbval warm charts notebooks clean
-=======
-.PHONY: help setup platforms lab check test prove lint types pytest nbval warm charts notebooks dist clean
->>>>>>> 0aab454 (The package is installed elsewhere and used there; make dist builds it)
+.PHONY: help setup platforms sphinx site lab check test prove lint types pytest nbval warm charts notebooks dist clean
 
 # `make test TOPIC=contact` and `make prove TOPIC=contact`: one topic, and the framework's smoke tests.
 TOPIC ?=
