@@ -56,9 +56,9 @@ def core() -> None:
     FOUND["unimportable"] = {n: said for n in names if (said := refusal(lambda n=n: load(n)))}
     FOUND["imported"] = sorted(sys.modules)
 
-    said = {path.stem: charts.read(path.stem) for path in charts.FOLDER.glob("*.txt")}
+    texts = {path.stem: charts.read(path.stem) for path in charts.FOLDER.glob("*.txt")}
     drawn = {path.stem: charts.stored(path.stem) for path in charts.FOLDER.glob("*.json")}
-    FOUND["charts"] = {name: len(text) for name, text in said.items()}
+    FOUND["charts"] = {name: len(text) for name, text in texts.items()}
     FOUND["drawn"] = {name: len(panels) for name, panels in drawn.items()}
     FOUND["registered"] = sorted(charts.CHARTS)
 
@@ -120,7 +120,7 @@ def lab() -> None:
         cells = json.loads(path.read_text(encoding="utf-8"))["cells"]
         for cell in cells:
             if cell["cell_type"] == "code" and not "".join(cell["source"]).startswith("%"):
-                imports = [
+                imports: list[ast.stmt] = [
                     node
                     for node in ast.parse("".join(cell["source"])).body
                     if isinstance(node, ast.Import | ast.ImportFrom)

@@ -61,7 +61,10 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Path
 
 
 def needed(requirements: list[str], extra: str = "") -> set[str]:
-    """The distributions that these ask for, with those that they ask for in turn."""
+    """The distributions that these ask for, with those that they ask for in turn.
+
+    What is not installed is left out: the set-up takes two of JupyterLab's away again.
+    """
     found: set[str] = set()
     asked = [(Requirement(text), extra) for text in requirements]
     while asked:
@@ -70,8 +73,11 @@ def needed(requirements: list[str], extra: str = "") -> set[str]:
             continue
         for part in ["", *wanted.extras]:
             if (key := f"{wanted.name}[{part}]") not in found:
+                try:
+                    there = importlib.metadata.requires(wanted.name) or ()
+                except importlib.metadata.PackageNotFoundError:
+                    continue
                 found.add(key)
-                there = importlib.metadata.requires(wanted.name) or ()
                 asked += [(Requirement(text), part) for text in there]
     return {key.partition("[")[0] for key in found}
 
