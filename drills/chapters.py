@@ -369,18 +369,13 @@ def _set_aside(path: Path) -> Path:
 
 
 def _point_links(book: dict[str, Any], work: Path, source: Path) -> None:
-    """Let links that go up from the notebooks' folder go to the same place from the work folder.
-
-    What a package is installed without, such as the pictures of the charts, becomes its title.
-    """
+    """Let links up from the notebooks' folder lead to the same place, or be a title without one."""
     project = source.resolve().parent.parent
     up = os.path.relpath(project, work.resolve()).replace(os.sep, "/")
 
     def named(found: re.Match[str]) -> str:
-        is_picture, title, target = found.groups()
-        if (project / target).exists():
-            return found[0]
-        return f"*{title} (the picture is in the project's tree)*" if is_picture else title
+        title = f"*{found[2]} (the picture is in the project's tree)*" if found[1] else found[2]
+        return found[0] if (project / found[3]).exists() else title
 
     for cell in book["cells"]:
         if cell["cell_type"] == "markdown" and up != "..":

@@ -181,8 +181,7 @@ def next_(
         where, part = reading
         session.wrap(
             f"To read: chapter {where.number}, section {part.number}: {part.title} (about "
-            f"{agenda.duration(part.about)}). drills start {where.number} makes "
-            "your copy."
+            f"{agenda.duration(part.about)}). drills start {where.number} copies it."
         )
     payload = {
         "exercises": [_card_data(card, loaded.of(card.name)) for card in left],

@@ -208,6 +208,5 @@ def flashcards(
     try:
         import fsrs  # noqa: F401
     except ModuleNotFoundError:
-        missing = "The package fsrs is not installed, and the cards need it: "
-        return Shown(missing + workspace.set_up())
+        return Shown(f"The package fsrs is not installed; the cards need it: {workspace.set_up()}")
     return Flashcards(cards, clock, seed)

@@ -112,7 +112,7 @@ def place(built: tuple[Path, Path]) -> Path:
 def newcomer(place: Path, what: str) -> dict[str, Any]:
     """Run the program of that name there; what it found."""
     clean = {k: v for k, v in os.environ.items() if not k.startswith(("PYTHON", "DRILLS"))}
-    program = [place / "env" / "bin" / "python", "-P", "-c"]
+    program = [str(place / "env" / "bin" / "python"), "-P", "-c"]
     text = Path(__file__).with_name("newcomer.py").read_text(encoding="utf-8")
     done = subprocess.run(
         [*program, text, what],

@@ -265,13 +265,12 @@ def test_a_full_disk_leaves_the_old_copy(tmp_path: Path, monkeypatch: pytest.Mon
 def test_links_lead_to_the_same_place_from_everywhere(tmp_path: Path) -> None:
     text = '![A chart](../docs/a.png) <img src="../docs/b.png"> [next](02_contact.ipynb)'
     source = notebook(tmp_path / "project", text, "answer")
-    (tmp_path / "project" / "docs").mkdir()
-    (tmp_path / "project" / "docs" / "a.png").touch()
+    (tmp_path / "project" / "docs" / "a.png").mkdir(parents=True)
     inside = bring(source, tmp_path / "project" / "work", closed).path
     assert sources(inside)[0] == text
     outside = bring(source, tmp_path / "mine" / "deep", closed).path
     assert sources(outside)[0] == text.replace("../docs", "../../project/docs")
-    (tmp_path / "project" / "docs" / "a.png").unlink()  # as where a package is installed
+    (tmp_path / "project" / "docs" / "a.png").rmdir()  # as where a package is installed
     without = bring(source, tmp_path / "mine" / "other", closed).path
     assert sources(without)[0].startswith("*A chart (the picture is in the project's tree)* <img")
 
