@@ -8,11 +8,14 @@ import base64
 import contextlib
 import functools
 import gzip
+import hashlib
 import importlib
 import itertools
 import json
+import os
 import pkgutil
 import re
+import shutil
 import sys
 import zlib
 from collections.abc import Iterator
@@ -146,7 +149,7 @@ def content(name: str) -> dict[str, Any]:
     return {
         "declaration": told,
         "wasm": base64.b64encode(module(name).read_bytes()).decode() if live else None,
-        "pictures": None if live else _recorded(model(name)),
+        "pictures": None if live else _film(name),
     }
 
 
@@ -199,6 +202,33 @@ def _input(name: str, field: Field, record: Record) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _film(name: str) -> dict[str, Any]:
+    """What `_recorded` makes, a minute of work for all: found again until a source changes."""
+    kept = _HERE / "__pycache__" / "recorded" / _sources() / f"{name}.json"
+    if not kept.exists():
+        films = _recorded(model(name))
+        with contextlib.suppress(OSError):  # where nothing can be written, nothing is kept
+            for old in set(kept.parent.parent.glob("*")) - {kept.parent}:
+                shutil.rmtree(old, ignore_errors=True)
+            kept.parent.mkdir(parents=True, exist_ok=True)
+            part = kept.with_suffix(f".{os.getpid()}")
+            part.write_text(json.dumps(films), encoding="utf-8")
+            part.replace(kept)
+        return films
+    return json.loads(kept.read_text(encoding="utf-8"))
+
+
+@functools.cache
+def _sources() -> str:
+    """A hash of whatever a simulation may depend on."""
+    state = hashlib.sha256(f"{np.__version__} {SECONDS} {RATE} {_ROOM} {_GRID}".encode())
+    for path in sorted(_HERE.parent.rglob("*")):
+        if path.suffix in (".py", ".npz", ".toml"):
+            state.update(f"{path.relative_to(_HERE.parent)} {path.stat().st_size}\n".encode())
+            state.update(path.read_bytes())
+    return state.hexdigest()[:16]
+
+
 def _recorded(made: Model) -> dict[str, Any]:
     """Each preset as a film: the sizes of its pictures, and their numbers, compressed.
 
@@ -208,7 +238,9 @@ def _recorded(made: Model) -> dict[str, Any]:
     """
     films = {}
     for name in made.presets:
-        run, sizes, parts, room = Experiment(made), [], [], _ROOM / len(made.presets)
+        run, room = Experiment(made), _ROOM / len(made.presets)
+        sizes: list[int] = []
+        parts: list[bytes] = []
         run.choose(name)
         before, shown = np.empty(0, np.int32), b""
         for _ in range(round(SECONDS * RATE) + 1):

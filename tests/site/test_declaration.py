@@ -165,6 +165,24 @@ def test_a_recording_has_as_many_pictures_as_there_is_room_for(monkeypatch: Any)
         assert sum(len(film["data"]) for film in films.values()) <= max(room, 1_500)
 
 
+def test_a_film_is_made_once_while_the_sources_are_the_same(
+    monkeypatch: Any, tmp_path: Any
+) -> None:
+    made: list[str] = []
+    monkeypatch.setattr(told, "_HERE", tmp_path)
+
+    def recorded(model: Any) -> Any:
+        made.append(model.title)
+        return {"a": 1}
+
+    monkeypatch.setattr(told, "_recorded", recorded)
+    for state, times in (("one", 1), ("one", 1), ("two", 2), ("one", 3)):
+        monkeypatch.setattr(told, "_sources", lambda state=state: state)
+        assert told._film("rigid_body.top") == {"a": 1}
+        assert len(made) == times
+    assert len(list(tmp_path.rglob("*.json"))) == 1
+
+
 def test_the_script_is_one_without_modules() -> None:
     text = told.script()
     assert not re.search(r"^\s*(import|export) ", text, re.M)
