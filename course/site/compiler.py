@@ -44,20 +44,27 @@ _STACK = 1 << 17  # bytes; below everything else, so that an overflow traps
 
 
 class _Module(ir.Module):
-    """Notes where in the source a function was being compiled when it asked for another one."""
+    """Notes from where in the source a function asked for another one."""
 
     places: dict[tuple[str, str], str] = {}  # noqa: RUF012
 
     def add_global(self, globalvalue: Any) -> None:
         super().add_global(globalvalue)
-        frame = inspect.currentframe()
-        while frame and not isinstance(frame.f_locals.get("self"), lowering.BaseLower):
-            frame = frame.f_back
-        if frame:
-            lower = frame.f_locals["self"]
-            line = getattr(lower.loc, "line", "")  # no place before the first statement
-            where = f"{lower.fndesc.modname}.{lower.fndesc.qualname}, line {line}"
-            self.places[lower.fndesc.mangled_name, globalvalue.name] = where
+        function, place = _being_compiled()
+        self.places[function, globalvalue.name] = place
+
+
+def _being_compiled() -> tuple[str, str]:
+    """The function that Numba is at: its name in the code, and where in the source."""
+    frame = inspect.currentframe()
+    while frame and not isinstance(frame.f_locals.get("self"), lowering.BaseLower):
+        frame = frame.f_back
+    if not frame:
+        return "", ""
+    lower = frame.f_locals["self"]
+    line = getattr(lower.loc, "line", "")  # no place before the first statement
+    made = lower.fndesc
+    return made.mangled_name, f"{made.modname}.{made.qualname}, line {line}"
 
 
 class _Library(codegen.CPUCodeLibrary):
@@ -138,7 +145,7 @@ class _Context(CPUContext):
         pass
 
     def get_env_manager(self, builder: Any, return_pyobject: bool = False) -> Any:
-        raise ValueError("it needs Python's interpreter, which is not to be had in a browser")
+        raise _not_there(_being_compiled()[1], "Python's interpreter")
 
     def create_cpython_wrapper(self, *args: Any, **kwargs: Any) -> None:
         pass
@@ -201,12 +208,16 @@ def compiled(functions: dict[str, tuple[Callable[..., Any], tuple[Any, ...]]]) -
     module = linked(machine.emit_object(whole), list(functions))
     for name in imports(module):
         if name not in MATHS:
-            raise ValueError(_unmet(name, plain))
+            raise _not_there(_caller(name, plain), name)
     return module
 
 
-def _unmet(name: str, code: str) -> str:
-    """Who calls what is not there: the nearest function of the course on the way to it."""
+def _not_there(place: str, name: str) -> ValueError:
+    return ValueError(f"{place or 'it'} needs {name}, which is not to be had in a browser")
+
+
+def _caller(name: str, code: str) -> str:
+    """Where something is needed: the nearest function that is not Numba's own on the way to it."""
     callers: dict[str, list[str]] = {}
     for body in re.findall(r"^define .*?^}", code, re.M | re.S):
         own, *others = (a or b for a, b in re.findall(r'@(?:"([^"]+)"|([\w.$]+))', body))
@@ -217,13 +228,13 @@ def _unmet(name: str, code: str) -> str:
     while queue:
         callee = queue.popleft()
         for caller in callers.get(callee, ()):
-            where = _Module.places.get((caller, callee), "")
-            if where and not where.startswith("numba."):
-                return f"{where}: needs {name}, which is not to be had in a browser"
+            place = _Module.places.get((caller, callee), "")
+            if place and not place.startswith("numba."):
+                return place
             if caller not in seen:
                 seen.add(caller)
                 queue.append(caller)
-    return f"{name} is needed, which is not to be had in a browser"
+    return ""
 
 
 @cache

@@ -24,11 +24,9 @@ versions of Numba, llvmlite and the linker.
 import ast
 import gzip
 import hashlib
-import importlib
 import inspect
 import json
 import multiprocessing
-import re
 import sys
 import textwrap
 import time
@@ -45,7 +43,8 @@ import numpy as np
 from numba import types
 from numba.core.errors import NumbaError
 
-from course.check import one_of
+from course.simulations.declaration import RECORDED, model, names
+from course.simulations.declaration import module as file_of
 from course.simulations.model import Model
 from course.site import compiler
 
@@ -97,17 +96,18 @@ def fingerprint(model: Model) -> str:
             seen.add(id(value))
             state.update(_text(value.__code__).encode())
             inner = [value.__code__, *_inner(value.__code__)]
-            names = sorted({name for code in inner for name in code.co_names})
-            for name in names:
+            used = sorted({name for code in inner for name in code.co_names})
+            for name in used:
                 found = value.__globals__.get(name)
                 if not isinstance(found, python.ModuleType):
                     note(name, found)
                 elif found.__name__.startswith("course."):
-                    for part in names:
+                    for part in used:
                         note(part, getattr(found, part, None))
             for name, cell in zip(value.__code__.co_freevars, value.__closure__ or (), strict=True):
                 note(name, cell.cell_contents)
             note("", value.__defaults__)
+            note("", tuple((value.__kwdefaults__ or {}).values()))
         elif isinstance(value, tuple | list):
             for each in value:
                 visit(each)
@@ -159,35 +159,17 @@ def _bare(text: str) -> str:
 # --- All simulations ------------------------------------------------------------------------------
 
 
-def names() -> list[str]:
-    """The simulations, live or recorded, as dotted paths below course.simulations."""
-    return [
-        ".".join(path.relative_to(SIMULATIONS).with_suffix("").parts)
-        for path in sorted(SIMULATIONS.rglob("*.py"))
-        if re.search(r"^MODEL\b", path.read_text(encoding="utf-8"), re.M)
-    ]
-
-
-def model(name: str) -> Model:
-    """The model of a simulation.
-
-    Raises:
-        ValueError: there is no such simulation.
-    """
-    return importlib.import_module(f"course.simulations.{one_of('name', name, names())}").MODEL
-
-
-def file_of(name: str) -> Path:
-    """Where the module of a simulation is kept."""
-    return SIMULATIONS.joinpath(*name.split(".")).with_suffix(".wasm")
+def live() -> list[str]:
+    """The simulations that run in a page, as dotted paths below course.simulations."""
+    return [name for name in names() if name not in RECORDED and not model(name).recorded]
 
 
 def stale(name: str) -> bool:
-    """Whether the module of a live simulation is missing or was made from other sources."""
-    path, made = file_of(name), model(name)
-    if made.recorded:
-        return False
-    return not path.exists() or told(path.read_bytes()).get("fingerprint") != fingerprint(made)
+    """Whether the module of a simulation is missing or was made from other sources."""
+    path = file_of(name)
+    return not path.exists() or told(path.read_bytes()).get("fingerprint") != fingerprint(
+        model(name)
+    )
 
 
 def build(name: str) -> bytes:
@@ -221,7 +203,7 @@ def rebuilt(name: str) -> bytes:
 def main(chosen: Sequence[str]) -> int:
     """Compile these simulations, or all that are stale, and write them; how many failed."""
     failed = 0
-    for name in chosen or [name for name in names() if stale(name)]:
+    for name in chosen or filter(stale, live()):
         start = time.perf_counter()
         try:
             module = rebuilt(name)
