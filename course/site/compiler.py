@@ -171,10 +171,13 @@ def compiled(functions: dict[str, tuple[Callable[..., Any], tuple[Any, ...]]]) -
         functions: each with the Numba types of what it takes, by the name to export.
 
     Raises:
-        ValueError: one of them needs something that a module doesn't have.
+        RuntimeError: one of them needs something that a module doesn't have.
     """
-    if not isinstance(cpu_target.__dict__.get("_toplevel_target_context"), _Context):
+    before = cpu_target.__dict__.get("_toplevel_target_context")
+    if before is None:
         cpu_target._toplevel_target_context = _Context(cpu_target.typing_context, "cpu")
+    elif not isinstance(before, _Context):
+        raise RuntimeError("Numba has compiled for this machine already, so it cannot for another")
     whole = llvm.parse_assembly(ARENA.read_text(encoding="utf-8"))
     for name, (function, takes) in functions.items():
         made = numba.njit(types.none(*takes), error_model="numpy")(function)
@@ -212,8 +215,8 @@ def compiled(functions: dict[str, tuple[Callable[..., Any], tuple[Any, ...]]]) -
     return module
 
 
-def _not_there(place: str, name: str) -> ValueError:
-    return ValueError(f"{place or 'it'} needs {name}, which is not to be had in a browser")
+def _not_there(place: str, name: str) -> RuntimeError:
+    return RuntimeError(f"{place or 'it'} needs {name}, which is not to be had in a browser")
 
 
 def _caller(name: str, code: str) -> str:
@@ -242,14 +245,14 @@ def linker() -> tuple[tuple[str, ...], str]:
     """The command of `wasm-ld`, and its version.
 
     Raises:
-        ValueError: there is none.
+        RuntimeError: there is none.
     """
     for command in ((sys.executable, "-m", "ziglang", "wasm-ld"), ("wasm-ld",)):
         if command[0] != "wasm-ld" or shutil.which("wasm-ld"):
             done = subprocess.run([*command, "--version"], capture_output=True, text=True)
             if done.returncode == 0:
                 return command, " ".join((done.stdout + done.stderr).split()[:2])
-    raise ValueError("there is no wasm-ld: install the extra `site` or your system's lld")
+    raise RuntimeError("there is no wasm-ld: install the extra `site` or your system's lld")
 
 
 def linked(code: bytes, exports: Sequence[str]) -> bytes:

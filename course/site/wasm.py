@@ -24,6 +24,7 @@ versions of Numba, llvmlite and the linker.
 import ast
 import gzip
 import hashlib
+import importlib
 import inspect
 import json
 import multiprocessing
@@ -173,12 +174,13 @@ def stale(name: str) -> bool:
 
 
 def build(name: str) -> bytes:
-    """The module of a simulation, compiled in this process; see `compiler.compiled`.
+    """The module of a simulation, compiled in this process, which imports no other simulation;
+    see `compiler.compiled`.
 
     Raises:
-        ValueError: its functions can't be compiled, or the module is too large.
+        RuntimeError: its functions can't be compiled, or the module is too large.
     """
-    made = model(name)
+    made = importlib.import_module(f"course.simulations.{name}").MODEL
     takes = signatures(made)
     module = compiler.compiled({each: (getattr(made, each), takes[each]) for each in takes})
     sources = {
@@ -189,7 +191,7 @@ def build(name: str) -> bytes:
     }
     module = compiler.with_custom(module, "sources", json.dumps(sources).encode())
     if (packed := len(gzip.compress(module))) > LARGEST:
-        raise ValueError(f"{name} has {packed} bytes packed, allowed are {LARGEST}")
+        raise RuntimeError(f"{name} has {packed} bytes packed, allowed are {LARGEST}")
     return module
 
 
@@ -207,7 +209,7 @@ def main(chosen: Sequence[str]) -> int:
         start = time.perf_counter()
         try:
             module = rebuilt(name)
-        except (ValueError, NumbaError) as error:
+        except (RuntimeError, NumbaError) as error:
             failed += 1
             print(f"{name}: {error}", file=sys.stderr, flush=True)
             continue
