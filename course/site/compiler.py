@@ -112,7 +112,7 @@ class _CallConv(callconv.CPUCallConv):
     def set_static_user_exc(
         self, builder: Any, exc: Any, exc_args: Any = None, loc: Any = None, func_name: Any = None
     ) -> None:
-        text = str(exc(*(exc_args or ()))) or exc.__name__
+        text = ", ".join(str(each) for each in exc_args or ()) or exc.__name__
         words = self.context.insert_const_string(builder.module, text)
         null, size = callconv.GENERIC_POINTER(None), len(text.encode())
         info = [words, ir.IntType(32)(size), null, null, ir.IntType(32)(0)]

@@ -1,4 +1,4 @@
-"""A simulation's module under wasmtime, for tests: no browser and no second implementation."""
+"""A module of compiled functions under wasmtime, for tests: no browser."""
 
 import ctypes
 import ctypes.util
@@ -21,14 +21,10 @@ def maths(name: str, count: int) -> Any:
     return function
 
 
-class Hosted:
-    """A model whose functions are those of its module; all else is the model's own.
+class Instance:
+    """A module with its memory, as its host sees it."""
 
-    What a function is handed is copied into the module's memory and back again.
-    """
-
-    def __init__(self, model: Model, module: bytes | Path) -> None:
-        self.given = model
+    def __init__(self, module: bytes | Path) -> None:
         self.store = wasmtime.Store()
         code = module if isinstance(module, bytes) else module.read_bytes()
         made = wasmtime.Module(self.store.engine, code)
@@ -37,38 +33,37 @@ class Hosted:
             assert each.name and isinstance(each.type, wasmtime.FuncType)
             function = maths(each.name, len(each.type.params))
             linker.define_func(each.module, each.name, each.type, function)
-        made_here = linker.instantiate(self.store, made)
-        self.exports: dict[str, Any] = dict(made_here.exports(self.store))
+        self.exports: dict[str, Any] = dict(
+            linker.instantiate(self.store, made).exports(self.store)
+        )
         self.memory: Any = self.exports["memory"]
         self.end: int = self.exports["__heap_base"].value(self.store)
         self.result, self.exception = self.room(8), self.room(8)
-        self.controls_at = self.room(model.controls.dtype.itemsize)
-        self.state_at = self.room(model.state.dtype.itemsize)
-        self.pen_at = self.room(model.paper.pen().nbytes)
-        if (missing := self.end - self.memory.data_len(self.store)) > 0:
-            self.memory.grow(self.store, -(-missing // 65536))
-        for name in ("initial", "advance", "frame", "drag", "grab", "press"):
-            has = name in signatures(model)
-            setattr(self, name, self._function(name) if has else None)
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.given, name)
 
     def room(self, size: int) -> int:
-        """A place for so many bytes."""
+        """A place for so many bytes; all of them before the first call."""
         here = (self.end + 15) & -16
         self.end = here + size
+        if (missing := self.end - self.size) > 0:
+            self.memory.grow(self.store, -(-missing // 65536))
         return here
 
-    def read(self, place: int, size: int) -> bytes:
+    @property
+    def size(self) -> int:
         """Bytes of the memory."""
+        return self.memory.data_len(self.store)
+
+    def write(self, place: int, data: bytes) -> None:
+        self.memory.write(self.store, data, place)
+
+    def read(self, place: int, size: int) -> bytes:
         return bytes(self.memory.read(self.store, place, place + size))
 
     def call(self, name: str, *given: Any) -> None:
         """Call an export with places and numbers.
 
         Raises:
-            ValueError: what the function raised.
+            ValueError: with the message of whatever the function raised.
         """
         status = self.exports[name](self.store, self.result, self.exception, *given)
         if status > 0:
@@ -76,27 +71,49 @@ class Hosted:
             place, size = np.frombuffer(self.read(info, 8), np.int32).tolist()
             raise ValueError(self.read(place, size).decode())
 
+
+def array(place: int, values: Any) -> tuple[int, ...]:
+    """An array (N,) at a place, as an argument."""
+    return 0, 0, values.size, values.itemsize, place, values.size, values.itemsize
+
+
+class Hosted(Instance):
+    """A model whose functions are those of its module; all else is the model's own.
+
+    What a function is handed is copied into the module's memory and back again.
+    """
+
+    def __init__(self, model: Model, module: bytes | Path) -> None:
+        super().__init__(module)
+        self.given = model
+        self.places = {
+            model.controls.dtype: self.room(model.controls.dtype.itemsize),
+            model.state.dtype: self.room(model.state.dtype.itemsize),
+            np.dtype(float): self.room(model.paper.pen().nbytes + 64),
+        }
+        for name in ("initial", "advance", "frame", "drag", "grab", "press"):
+            has = name in signatures(model)
+            setattr(self, name, self._function(name) if has else None)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.given, name)
+
     def _function(self, name: str) -> Any:
         def function(*values: Any) -> None:
             given: list[Any] = []
-            arrays: list[tuple[int, Any]] = []
+            arrays = [value for value in values if isinstance(value, np.ndarray | np.void)]
             for value in values:
-                if isinstance(value, np.void):
-                    own = value.dtype == self.given.controls.dtype
-                    place = self.controls_at if own else self.state_at
-                    arrays.append((place, np.asarray(value)))
-                    given.append(place)
-                elif isinstance(value, np.ndarray):
-                    arrays.append((self.pen_at, value))
-                    given += [0, 0, value.size, 8, self.pen_at, value.size, 8]
+                if isinstance(value, np.ndarray | np.void):
+                    place = self.places[value.dtype]
+                    self.write(place, value.tobytes())
+                    given += [place] if isinstance(value, np.void) else array(place, value)
                 else:
                     given.append(value)
-            for place, array in arrays:
-                self.memory.write(self.store, array.tobytes(), place)
-            self.call(name, *given)
-            for place, array in arrays:
-                array[...] = np.frombuffer(self.read(place, array.nbytes), array.dtype).reshape(
-                    array.shape
-                )
+            try:
+                self.call(name, *given)
+            finally:
+                for value in arrays:
+                    data = self.read(self.places[value.dtype], value.nbytes)
+                    value[...] = np.frombuffer(data, value.dtype).reshape(value.shape)
 
         return function
