@@ -114,6 +114,6 @@ class Hosted(Instance):
             finally:
                 for value in arrays:
                     data = self.read(self.places[value.dtype], value.nbytes)
-                    value[...] = np.frombuffer(data, value.dtype).reshape(value.shape)
+                    np.asarray(value)[...] = np.frombuffer(data, value.dtype).reshape(value.shape)
 
         return function
