@@ -6,19 +6,18 @@ builds are the same to the byte.
 
 import functools
 import html.parser
-import importlib
 import io
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 from urllib.parse import unquote, urlsplit
 
 import nbformat
 
 from course import CHAPTERS, cards
 from course.check import refused
+from course.simulations import declaration
 from course.site import notebooks, reference
 
 HERE = Path(__file__).parent
@@ -91,6 +90,12 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
         "questions": reference.questions(),
         "glossary": reference.glossary(anchors),
     }
+    names = {name for page in made.values() for name in page.simulations}
+    for name in sorted(names):
+        try:
+            declaration.why_recorded(name)
+        except ValueError as problem:
+            faults.append(f"{name}: {problem}")
     if faults:
         raise Unbuildable(faults)
     moving = reference.moving({name: page.simulations for name, page in made.items()})
@@ -112,22 +117,14 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
             (pictures / file).write_bytes(png)
     static = folder / "_static"
     shutil.copy(HERE / "course.css", static)
-    _write_scripts(static, made)
+    _write_scripts(static, names)
 
 
-def _write_scripts(static: Path, made: Mapping[str, notebooks.Page]) -> None:
+def _write_scripts(static: Path, names: Iterable[str]) -> None:
     """Write what runs the simulations, and each of them."""
-    try:
-        declaration: Any = importlib.import_module("course.simulations.declaration")
-    except ImportError:
-        for name in ("live", *{name for page in made.values() for name in page.simulations}):
-            path = static / (f"simulations/{name}.js" if name != "live" else "live.js")
-            path.parent.mkdir(exist_ok=True)
-            path.write_text("")
-        return
     (static / "live.js").write_text(declaration.script(), encoding="utf-8")
     (static / "simulations").mkdir()
-    for name in sorted({name for page in made.values() for name in page.simulations}):
+    for name in sorted(names):
         text = declaration.bundle(name)
         (static / "simulations" / f"{name}.js").write_text(text, encoding="utf-8")
 

@@ -6,6 +6,7 @@ with its saved picture; whatever grades or keeps a record by what it showed, and
 
 import ast
 import base64
+import functools
 import hashlib
 import html
 import io
@@ -19,8 +20,8 @@ import nbformat
 from nbformat import NotebookNode
 from PIL import Image
 
+from course.simulations import declaration
 from course.simulations.model import Model
-from course.site import simulated
 
 ROOT = Path(__file__).resolve().parents[2]
 # Folders of what a page shows, beside it.
@@ -58,6 +59,12 @@ class Page:
     pictures: dict[str, bytes] = field(default_factory=dict)
     anchors: set[str] = field(default_factory=set)
     faults: list[str] = field(default_factory=list)
+
+
+@functools.cache
+def _by_label() -> dict[str, str]:
+    """The name of each simulation by what its pictures say to those who cannot see them."""
+    return {declaration.model(name).paper.label: name for name in declaration.names()}
 
 
 def slug(text: str) -> str:
@@ -114,7 +121,7 @@ def _simulation(
 ) -> NotebookNode:
     """The output of a cell that shows a simulation, for the page."""
     label = output.data["text/plain"].partition("\n")[0]
-    name = simulated.by_label().get(label)
+    name = _by_label().get(label)
     if name is None:
         page.faults.append(f"{place}: no module has the simulation {label!r}")
         return output
@@ -123,7 +130,7 @@ def _simulation(
     if film is None:
         page.faults.append(f"{place}: the simulation {label!r} has no picture")
         return output
-    png, model = first_picture(film), simulated.models()[name]
+    png, model = first_picture(film), declaration.model(name)
     file = f"{hashlib.sha256(png).hexdigest()[:16]}.png"
     page.pictures[file] = png
     page.simulations.append(name)
@@ -137,7 +144,7 @@ def _outputs(page: Page, cell: NotebookNode, film: bytes | None, place: str) -> 
     for output in cell.outputs:
         data: dict[str, Any] = output.get("data", {})
         text = data.get("text/plain", "")
-        if data and (name == "simulation" or text.partition("\n")[0] in simulated.by_label()):
+        if data and (name == "simulation" or text.partition("\n")[0] in _by_label()):
             output = _simulation(page, cell, output, film, place)
         elif (
             data and "image/png" not in data and (text.startswith("<Figure") or name == "TradeOff")

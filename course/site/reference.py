@@ -12,7 +12,8 @@ from pathlib import Path
 from course import CHAPTERS, Chapter, cards, derivations
 from course.check import refused
 from course.derivations.answer import Symbol
-from course.site import notebooks, simulated
+from course.simulations import declaration
+from course.site import notebooks
 
 Anchors = Mapping[str, set[str]]  # page -> what it can be entered at
 _RIGHT = re.compile(r"\*\*Right\. (.*?)\*\* (.*?)\n\n</details>", re.S)
@@ -154,13 +155,17 @@ def moving(pages: Mapping[str, Sequence[str]]) -> str:
 
     Args:
         pages: page -> the simulations on it.
+
+    Raises:
+        ValueError: one is neither compiled nor recorded.
     """
     rows = ["| simulation | chapter | in the page |", "|---|---|---|"]
     titles = {page_of(chapter): _title(chapter) for chapter in CHAPTERS}
-    for name, model in simulated.models().items():
+    for name in declaration.names():
         where = [page for page, shown in pages.items() if name in shown]
         links = ", ".join(f"[{titles[page]}]({page}.ipynb)" for page in where)
         if links:
-            kind = "recorded: its presets as frames" if model.recorded else "live"
-            rows.append(f"| {model.title} | {links} | {kind} |")
+            why = declaration.why_recorded(name)
+            kind = f"recorded: {why}" if why else "live"
+            rows.append(f"| {declaration.model(name).title} | {links} | {kind} |")
     return "\n".join(rows)
