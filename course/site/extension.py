@@ -1,5 +1,6 @@
 """What Sphinx is taught: formulas as MathML, pictures that wait, the scripts of a page."""
 
+import re
 from typing import Any
 
 from docutils import nodes
@@ -9,6 +10,7 @@ from sphinx.util import logging
 
 from course.site.formulas import in_html, mathml
 
+_TABLE = re.compile(r"<table\b")
 _LOG = logging.getLogger(__name__)
 
 
@@ -28,7 +30,7 @@ def _visit_math(self: Any, node: nodes.math) -> None:
 
 def _visit_math_block(self: Any, node: nodes.math_block) -> None:
     formula = _formula(self.builder.current_docname, node.astext(), True)
-    self.body.append(f'<div class="course-formula" tabindex="0">{formula}</div>\n')
+    self.body.append(f'<div class="course-formula">{formula}</div>\n')
     raise nodes.SkipNode
 
 
@@ -45,7 +47,8 @@ class Page(SphinxPostTransform):
             except ValueError as problem:
                 _LOG.warning(f"{self.env.docname}: {problem}")
             else:
-                raw.children[:] = [nodes.Text(text)]
+                text = _TABLE.sub(r'<div class="table-wrapper">\g<0>', text)
+                raw.children[:] = [nodes.Text(text.replace("</table>", "</table></div>"))]
         for image in self.document.findall(nodes.image):
             image["loading"] = "lazy"
             if not image.get("alt"):
