@@ -61,3 +61,21 @@ def neighbours(number: int) -> str:
         *(f"[{c.number} · {c.title} →]({Path(c.notebook).name})" for c in behind),
     ]
     return "\n".join(["---", "", " | ".join(links)])
+
+
+def moving() -> str:
+    """Which simulations a page without a kernel moves, and which it shows as recorded.
+
+    Returns:
+        A sentence and a Markdown list.
+    """
+    from course.simulations import declaration
+
+    names = declaration.names()
+    recorded = [name for name in names if name in declaration.RECORDED]
+    lines = [f"Of {len(names)} simulations {len(names) - len(recorded)} are *live* there: they are "
+             "computed in the page, as you move them.",
+             "The others are *recorded*, each of their presets as a small film:", ""]  # fmt: skip
+    for name in recorded:
+        lines.append(f"- {declaration.model(name).title}: {declaration.RECORDED[name]}.")
+    return "\n".join(lines)

@@ -592,6 +592,8 @@ def test_every_command_in_the_text_is_there(name: str) -> None:
     assert commands, "no command found"
     assert commands <= targets()
     for module in re.findall(r"python -m ([\w.]+)", text):
+        if module.partition(".")[0] in sys.stdlib_module_names:
+            continue
         path = ROOT / module.replace(".", "/")
         assert path.with_suffix(".py").exists() or (path / "__main__.py").exists(), module
 
@@ -606,6 +608,10 @@ def test_every_link_in_the_text_leads_somewhere(name: str) -> None:
 def test_the_map_of_chapters_in_the_readme_is_the_table_of_contents() -> None:
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     assert contents.map_of_chapters("notebooks/") in text
+
+
+def test_the_readme_says_what_moves_on_the_site() -> None:
+    assert contents.moving() in (ROOT / "README.md").read_text(encoding="utf-8")
 
 
 def test_the_gallery_shows_every_chart_as_it_was_built() -> None:

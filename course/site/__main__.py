@@ -11,11 +11,12 @@ from course.site import build
 
 @click.command()
 @click.option("-o", "target", type=click.Path(path_type=Path), default=build.TARGET)
-def main(target: Path) -> None:
-    """Build the static site from the committed notebooks, into TARGET."""
+@click.option("--work", type=click.Path(path_type=Path), default=build.WORK)
+def main(target: Path, work: Path) -> None:
+    """Build the static site from the committed notebooks, into TARGET, by way of WORK."""
     start = time.perf_counter()
     try:
-        build.build(target)
+        build.build(target, work=work)
     except build.Unbuildable as problem:
         for fault in problem.faults:
             click.echo(fault, err=True)

@@ -14,6 +14,7 @@ nb_mime_priority_overrides = [("html", "text/markdown", 0), ("html", "text/html"
 myst_enable_extensions = ["dollarmath"]
 # The notebooks are written for a reader that knows none of these.
 myst_disable_syntax = ["myst_block_break", "myst_line_comment", "myst_role", "myst_target"]
+smartquotes = False
 myst_update_mathjax = False
 suppress_warnings = ["myst.header", "toc.not_included"]
 

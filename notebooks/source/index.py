@@ -78,3 +78,9 @@ ticks()
 #   solved. A checkpoint closes a chapter.
 # - **You want the code.** Each chapter is a module that needs neither a notebook nor a display:
 #   `from course import rigid_body`. Then `help(rigid_body)` shows what is in it.
+#
+# ## Without a kernel
+#
+# `make site` makes pages of these notebooks, the folder `site/`: no server, no kernel, nothing fetched
+# from elsewhere. A double click on its `index.html` opens them, and so does every static host that the
+# folder is copied to; `python -m http.server -d site` is one. {{contents.moving}}

@@ -22,7 +22,8 @@ def drawn(rng, ends=0, states=6):
 
 
 @claim(
-    "The discounted shaping rewards of three steps add up to {formula}.",
+    "The discounted shaping rewards of three steps add up to the last potential, discounted, less "
+    "the first.",
     "So they do: all between cancels, for any number of steps. What is left depends on the way "
     "only through its end.",
     ask=("A step from s to s' is paid gamma phi(s') - phi(s) more. First state of potential a, the "
