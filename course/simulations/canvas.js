@@ -206,6 +206,7 @@ export function view(place, paper, hear) {
   const canvas = document.createElement("canvas");
   canvas.className = "course-canvas";
   canvas.setAttribute("role", "img");
+  canvas.dataset.lmSuppressShortcuts = "true"; // JupyterLab would take the arrows
   canvas.style.display = "block";
   canvas.style.width = "100%";
   const numbers = document.createElement("div");

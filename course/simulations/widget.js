@@ -48,6 +48,9 @@ function render({ model, el }) {
       place.className = "course-live";
       el.prepend(place);
       here = panel(place, model.get("_bundle"));
+      // Arrows are the sliders', not the notebook's.
+      for (const input of place.querySelectorAll("input, select"))
+        input.dataset.lmSuppressShortcuts = "true";
       model.send({ type: "runs", where });
     } else {
       const [preset, records] = here.leave();

@@ -1,0 +1,94 @@
+"""A slider in JupyterLab: how long until the picture, from the kernel and in the page.
+
+Both ways with the kernel idle and with a kernel that computes something else meanwhile.
+"""
+
+import statistics
+from pathlib import Path
+from typing import Any
+
+from course.simulations import declaration
+from tests.conftest import why_no_browser
+from tests.notebooks.test_browser import (
+    CHAPTER,
+    WATCH,
+    jupyter_lab,
+    measure_latency,
+    notebook,
+    open_notebook,
+    open_page,
+    slider,
+)
+
+TIMES = 12
+# So long one cell keeps the kernel busy [s].
+BUSY = "import time\nend = time.monotonic() + 3.0\nwhile time.monotonic() < end: pass"
+
+
+def busy(page: Any) -> None:
+    """The kernel computes for a while; returns at once."""
+    page.evaluate(
+        "code => { window.panel.sessionContext.session.kernel.requestExecute({code}); }", BUSY
+    )
+    page.wait_for_function("() => window.panel.sessionContext.session.kernel.status === 'busy'")
+
+
+def in_the_page(page: Any, canvas: Any) -> list[float]:
+    """Milliseconds from the key to the drawn picture, the page running the simulation."""
+    canvas.evaluate(WATCH)
+    handle = page.locator(".course-live [data-control=gravity]")
+    return measure_latency(page, canvas, handle, TIMES)
+
+
+def test_a_picture_in_the_page_waits_for_no_kernel(tmp_path: Path, capsys: Any) -> None:
+    assert not why_no_browser() and declaration.is_live("rigid_body.bouncing_box")
+    notebook(tmp_path / CHAPTER.name)
+    with jupyter_lab(tmp_path, True) as address, open_page(tmp_path / "profile") as page:
+        open_notebook(page, address.format("lab"))
+        first_cells(page)
+        canvas = page.locator("canvas.course-canvas[data-frame]").first
+        canvas.evaluate(WATCH)
+        found = {"kernel, idle": measure_latency(page, canvas, slider(page, "Gravity"), TIMES)}
+        busy(page)
+        found["kernel, busy"] = measure_latency(page, canvas, slider(page, "Gravity"), 1)
+        idle(page)
+        page.get_by_label("runs in this page").check()
+        page.wait_for_selector(".course-live[data-ready] canvas[data-frame]")
+        canvas = page.locator(".course-live canvas")
+        found["page, idle"] = in_the_page(page, canvas)
+        busy(page)
+        found["page, busy"] = in_the_page(page, canvas)
+        # The kernel goes on from where the page has come to.
+        idle(page)
+        words = page.locator(".course-live .course-numbers").inner_text()
+        page.get_by_label("runs in this page").uncheck()
+        page.wait_for_function(
+            "words => document.querySelector('.course-numbers').innerText === words", arg=words
+        )
+    median = {where: statistics.median(waits) for where, waits in found.items()}
+    with capsys.disabled():
+        told = "; ".join(f"{where} {wait:.0f} ms" for where, wait in median.items())
+        print(f"\nslider to picture: {told}")
+    assert median["kernel, busy"] > 500.0, "the kernel was not busy"
+    assert median["page, busy"] < 0.2 * median["kernel, busy"]
+    assert median["page, idle"] < median["kernel, idle"]
+
+
+def idle(page: Any) -> None:
+    page.wait_for_function("() => window.panel.sessionContext.session.kernel.status === 'idle'")
+
+
+def first_cells(page: Any) -> None:
+    """Run the cells up to the first simulation."""
+    page.evaluate(
+        """async () => {
+          const notebook = window.panel.content;
+          for (const [k, cell] of notebook.widgets.entries()) {
+            if (cell.model.type !== 'code') continue;
+            notebook.activeCellIndex = k;
+            await window.jupyterapp.commands.execute('notebook:run-cell');
+            if (cell.model.sharedModel.source.trim().endsWith('simulation()')) return;
+          }
+        }"""
+    )
+    page.locator("canvas.course-canvas[data-frame]").first.wait_for()
