@@ -30,7 +30,7 @@ LINES, SECONDS = 7_500, 60.0
 # What is above the budget of a chapter has a ceiling of its own until it is back within it.
 LINES_OF = {
     "rigid_body": 21_400, "drills": 15_300, "kinematics": 9_300, "contact": 10_400,
-    "control": 13_470, "planning": 12_510, "perception": 9_950, "sim_to_real": 9_790,
+    "control": 13_670, "planning": 12_510, "perception": 9_950, "sim_to_real": 9_790,
     "learning": 8_040, "pipeline": 8_060, "middleware": 9_495, "platforms": 8_299,
     "interview": 10_340,
 }  # fmt: skip

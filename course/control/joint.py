@@ -24,6 +24,8 @@ from course.control.sampled import System, joint_system, split_delay
 
 Array = NDArray[np.float64]
 
+BAND, REST = 0.02, 0.1  # of `step_metrics`: a share of the step, and of the record
+
 
 @dataclass(frozen=True)
 class Joint:
@@ -348,7 +350,7 @@ class StepMetrics:
 
 
 def step_metrics(
-    times: ArrayLike, q: ArrayLike, target: float, *, band: float = 0.02, rest: float = 0.1
+    times: ArrayLike, q: ArrayLike, target: float, *, band: float = BAND, rest: float = REST
 ) -> StepMetrics:
     """Overshoot, settling and steady error of a step from q[0] to the target.
 
@@ -366,13 +368,18 @@ def step_metrics(
         raise refused("target", target, "an angle that is not the first one")
     finite("band", band, POSITIVE, 1.0)
     finite("rest", rest, 0.0, 1.0)
-    done = (angle - angle[0]) / step
-    inside = np.abs(done - 1.0) <= band
-    out = np.flatnonzero(~inside)
-    last = int(out[-1]) + 1 if out.size else 0
+    return StepMetrics(*map(float, _metrics(when, angle, target, band, rest)))
+
+
+@register_jitable
+def _metrics(when, angle, target, band, rest):
+    """The three of `StepMetrics`."""
+    done = (angle - angle[0]) / (target - angle[0])
+    out = np.flatnonzero(~(np.abs(done - 1.0) <= band))
+    last = out[-1] + 1 if out.size else 0
     settled = last <= (1.0 - rest) * when.size
-    return StepMetrics(
-        max(0.0, float(np.max(done)) - 1.0) if np.all(np.isfinite(done)) else math.inf,
-        float(when[last] - when[0]) if settled else math.inf,
-        float(target - np.mean(angle[-max(1, when.size // 20) :])),
+    return (
+        max(0.0, np.max(done) - 1.0) if np.all(np.isfinite(done)) else math.inf,
+        when[last] - when[0] if settled else math.inf,
+        target - np.mean(angle[-max(1, when.size // 20) :]),
     )

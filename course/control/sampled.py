@@ -10,18 +10,23 @@ largest eigenvalue is the growth per sample (Astrom and Wittenmark, Computer-Con
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
+import numba
 import numpy as np
+from numba import types
+from numba.extending import register_jitable
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, finite, one_of, positive, refused, vector
+from course.compiled import MATRIX, VECTOR, loop
 
 Array = NDArray[np.float64]
 System = tuple[Array, Array]
 
 RATES = ("filtered", "observer", "exact")
+_FILTERED, _OBSERVER, _EXACT = range(3)
 STABLE = 1.0 + 1e-9  # a growth up to here is 1 but for rounding
 
 
@@ -145,6 +150,7 @@ class Law:
     D: Array
 
 
+@register_jitable
 def observer_gains(tau: float, dt: float) -> tuple[float, float]:
     """(alpha, beta) of the tracking observer with both poles at tau / (tau + dt).
 
@@ -177,25 +183,32 @@ def pid_law(
     finite("tau", tau, 0.0, unit="s")
     positive("dt", dt, unit="s")
     kp, ki, kd = (finite(n, gain) for n, gain in (("kp", kp), ("ki", ki), ("kd", kd)))
+    return Law(*_pid(kp, ki, kd, dt, RATES.index(rate), tau))
+
+
+@register_jitable
+def _pid(kp, ki, kd, dt, rate, tau):
+    """The four of `Law`, with the rate's number in RATES."""
     # The state is (integral, rate, last or predicted place); rows that nothing reads are cut.
     A, B = np.zeros((3, 3)), np.zeros((3, 2))
     rated, seen = np.zeros(3), np.zeros(2)  # the rate's estimate as rows of c and y
     A[0, 0], B[0, 0] = 1.0, -ki * dt
-    used = [ki != 0.0, False, False]
-    if rate == "filtered":
-        rated[1:], seen[0] = (tau / (tau + dt), -1.0 / (tau + dt)), 1.0 / (tau + dt)
+    used = np.array([ki != 0.0, False, False])
+    if rate == _FILTERED:
+        rated[1], rated[2], seen[0] = tau / (tau + dt), -1.0 / (tau + dt), 1.0 / (tau + dt)
         A[1], B[1], B[2, 0] = rated, seen, 1.0
-        used[1:] = [tau > 0.0 and kd != 0.0, kd != 0.0]
-    elif rate == "observer":
+        used[1], used[2] = tau > 0.0 and kd != 0.0, kd != 0.0
+    elif rate == _OBSERVER:
         alpha, beta = observer_gains(tau, dt)
-        rated[1:], seen[0] = (1.0 - beta, -beta / dt), beta / dt
+        rated[1], rated[2], seen[0] = 1.0 - beta, -beta / dt, beta / dt
         A[1], B[1] = rated, seen
-        A[2, 1:], B[2, 0] = ((1.0 - alpha) * dt, 1.0 - alpha), alpha
-        used[1:] = [kd != 0.0, kd != 0.0]
+        A[2, 1], A[2, 2], B[2, 0] = (1.0 - alpha) * dt, 1.0 - alpha, alpha
+        used[1] = used[2] = kd != 0.0
     else:
         seen[1] = 1.0
-    C, D = A[0] - kd * rated, B[0] - kd * seen - np.array([kp, 0.0])
-    return Law(A[np.ix_(used, used)], B[used], C[used], D)
+    C, D = A[0] - kd * rated, B[0] - kd * seen
+    D[0] -= kp
+    return A[used][:, used].copy(), B[used], C[used], D
 
 
 # --- the loop -------------------------------------------------------------------------------------
@@ -203,22 +216,28 @@ def pid_law(
 
 def loop_matrix(plant: Held, law: Law) -> Array:
     """The closed loop as one matrix over (x, commands under way, newest first, law's state)."""
-    n, waiting, m = plant.now.size, plant.whole + bool(np.any(plant.before)), law.C.size
+    return _closed(plant.transition, plant.now, plant.before, plant.whole, *vars(law).values())
+
+
+@register_jitable
+def _closed(transition, now, before, whole, A, B, C, D):
+    """`loop_matrix` of the parts of plant and law."""
+    n, waiting, m = now.size, whole + int(np.any(before != 0.0)), C.size
     F = np.zeros((n + waiting + m, n + waiting + m))
-    F[:n, :n] = plant.transition
+    F[:n, :n] = transition
     fed = np.zeros(n + waiting)  # how the command of this sample enters
     if waiting:
         fed[n] = 1.0
         F[n + 1 : n + waiting, n : n + waiting - 1] = np.eye(waiting - 1)
-        if plant.whole:
-            F[:n, n + plant.whole - 1] += plant.now
-        if waiting > plant.whole:
-            F[:n, n + plant.whole] += plant.before
-    if not plant.whole:
-        fed[:n] = plant.now
-    F[: n + waiting, :2] += np.outer(fed, law.D)
-    F[: n + waiting, n + waiting :] = np.outer(fed, law.C)
-    F[n + waiting :, :2], F[n + waiting :, n + waiting :] = law.B, law.A
+        if whole:
+            F[:n, n + whole - 1] += now
+        if waiting > whole:
+            F[:n, n + whole] += before
+    if not whole:
+        fed[:n] = now
+    F[: n + waiting, :2] += np.outer(fed, D)
+    F[: n + waiting, n + waiting :] = np.outer(fed, C)
+    F[n + waiting :, :2], F[n + waiting :, n + waiting :] = B, A
     return F
 
 
@@ -227,16 +246,81 @@ def growth(matrix: ArrayLike) -> float:
     return float(np.max(np.abs(np.linalg.eigvals(vector("matrix", matrix, (None, None))))))
 
 
+@register_jitable
+def growth_by_squares(matrix):
+    """The same to 1e-10 for compiled code, which has no LAPACK: Gelfand's formula,
+    |F^n|^(1/n) with n = 2^44, which takes 44 squares of the matrix."""
+    F, square, total, n = matrix.copy(), np.empty(matrix.shape), 0.0, matrix.shape[0]
+    for half in range(45):
+        size = np.max(np.abs(F))
+        if size == 0.0:
+            return 0.0
+        total += math.log(size) * 0.5**half
+        F /= size
+        square[:] = 0.0
+        for i in range(n):
+            for k in range(n):
+                if F[i, k] != 0.0:
+                    for j in range(n):
+                        square[i, j] += F[i, k] * F[k, j]
+        F[:] = square
+    return math.exp(total)
+
+
 def open_loop(plant: Held, law: Law, w: ArrayLike) -> NDArray[np.complex128]:
     """The loop's transfer function, opened at the command, at angular frequencies w [rad/s]."""
-    z = np.exp(1j * np.asarray(w, dtype=float) * plant.dt)[:, None, None]
-    fed = plant.now * z[:, :, 0] ** -plant.whole + plant.before * z[:, :, 0] ** (-plant.whole - 1)
-    x = np.linalg.solve(z * np.eye(plant.now.size) - plant.transition, fed[:, :, None])
-    y = x[:, :2]
-    if law.C.size:
-        state = np.linalg.solve(z * np.eye(law.C.size) - law.A, law.B @ y)
-        return np.asarray(-(law.C @ state + law.D @ y)[:, 0])
-    return np.asarray(-(law.D @ y)[:, 0])
+    turns = np.ascontiguousarray(np.asarray(w, dtype=float) * plant.dt)
+    return np.asarray(_open_loop(*_parts(plant, law), turns))
+
+
+def _parts(plant: Held, law: Law) -> tuple[Any, ...]:
+    """Both as compiled code takes them."""
+    arrays = plant.transition, plant.now, plant.before, *vars(law).values()
+    transition, now, before, *rest = map(np.ascontiguousarray, arrays)
+    return transition, now, before, plant.whole, *rest
+
+
+@register_jitable
+def _solve(M, b):
+    """M x = b for complex M (n, n), by Gauss; b (n,) becomes x."""
+    n = b.size
+    for k in range(n):
+        top = k + np.argmax(np.abs(M[k:, k]))
+        for j in range(n):
+            M[k, j], M[top, j] = M[top, j], M[k, j]
+        b[k], b[top] = b[top], b[k]
+        for i in range(k + 1, n):
+            share = M[i, k] / M[k, k]
+            M[i, k:] -= share * M[k, k:]
+            b[i] -= share * b[k]
+    for k in range(n - 1, -1, -1):
+        b[k] = (b[k] - np.sum(M[k, k + 1 :] * b[k + 1 :])) / M[k, k]
+
+
+@register_jitable
+def _response(transition, now, before, whole, A, B, C, D, turn):
+    """The opened loop where the frequency turns by so much a sample [rad]."""
+    z, late = complex(math.cos(turn), math.sin(turn)), -turn * whole
+    x = (now + before / z) * complex(math.cos(late), math.sin(late))
+    _solve(z * np.eye(now.size) - transition, x)
+    u = D[0] * x[0] + D[1] * x[1]
+    if C.size:
+        c = B[:, 0] * x[0] + B[:, 1] * x[1]
+        _solve(z * np.eye(C.size) - A, c)
+        u += np.sum(C * c)
+    return -u
+
+
+@register_jitable
+def _responses(transition, now, before, whole, A, B, C, D, turns):
+    found = np.empty(turns.size, np.complex128)
+    for k in range(turns.size):
+        found[k] = _response(transition, now, before, whole, A, B, C, D, turns[k])
+    return found
+
+
+_PARTS = MATRIX, VECTOR, VECTOR, numba.int64, MATRIX, MATRIX, VECTOR, VECTOR
+_open_loop = loop(_responses, types.Array(numba.complex128, 1, "C")(*_PARTS, VECTOR))
 
 
 @dataclass(frozen=True)
@@ -256,27 +340,66 @@ class Margins:
     delay: float
 
 
-def _crossings(plant: Held, law: Law) -> tuple[Array, list[tuple[float, float]]]:
-    """Where the open loop has the size 1 [rad/s], and (factor on the gains, frequency) where it is
-    real and negative: there the loop with these gains swings for ever."""
-    top = math.pi / plant.dt
-    w = np.concatenate((np.geomspace(1e-6, 0.2, 400), np.linspace(0.2, 1.0, 300)[1:-1])) * top
-    L = open_loop(plant, law, w)
+# Where crossings are looked for [rad a sample].
+_TURNS = math.pi * np.concatenate((np.geomspace(1e-6, 0.2, 400), np.linspace(0.2, 1.0, 300)[1:-1]))
 
-    def roots(side: Callable[[NDArray[np.complex128]], Array]) -> Array:
-        sign = np.sign(side(L))
-        at = np.flatnonzero(sign[1:] * sign[:-1] < 0)
-        low, high = w[at], w[at + 1]
-        for _ in range(50):
+
+@register_jitable
+def _above(value, size):
+    return abs(value) > 1.0 if size else value.imag > 0.0
+
+
+@register_jitable
+def _found(transition, now, before, whole, A, B, C, D):
+    """Where the open loop has the size 1 [rad a sample], and its lag there [rad]; where it is
+    real, and what it is there: where that is negative the loop with -1 / value times the gains
+    swings for ever."""
+    values = _responses(transition, now, before, whole, A, B, C, D, _TURNS)
+    most = _TURNS.size
+    at, lags, flat, reals = np.empty(most), np.empty(most), np.empty(most), np.empty(most)
+    flat[0] = math.pi  # half the sample rate: there it is always real
+    reals[0] = _response(transition, now, before, whole, A, B, C, D, math.pi).real
+    sizes, real = 0, 1
+    for size in (False, True):
+        for k in range(_TURNS.size - 1):
+            side = _above(values[k], size)
+            if _above(values[k + 1], size) == side:
+                continue
+            low, high = _TURNS[k], _TURNS[k + 1]
+            for _ in range(50):
+                middle = 0.5 * (low + high)
+                value = _response(transition, now, before, whole, A, B, C, D, middle)
+                if _above(value, size) == side:
+                    low = middle
+                else:
+                    high = middle
             middle = 0.5 * (low + high)
-            left = np.sign(side(open_loop(plant, law, middle))) == sign[at]
-            low, high = np.where(left, middle, low), np.where(left, high, middle)
-        return 0.5 * (low + high)
+            value = _response(transition, now, before, whole, A, B, C, D, middle)
+            if size:
+                at[sizes] = middle
+                lags[sizes] = (math.atan2(value.imag, value.real) + math.pi) % (2.0 * math.pi)
+                sizes += 1
+            else:
+                flat[real], reals[real] = middle, value.real
+                real += 1
+    return at[:sizes], lags[:sizes], flat[:real], reals[:real]
 
-    flat = np.append(roots(np.imag), top)  # at half the sample rate it is always real
-    values = open_loop(plant, law, flat).real
-    swings = [(-1.0 / x, float(f)) for x, f in zip(values.tolist(), flat, strict=True) if x < 0.0]
-    return roots(lambda value: np.abs(value) - 1.0), swings
+
+_crossed = loop(_found, types.UniTuple(VECTOR, 4)(*_PARTS))
+
+
+@register_jitable
+def _margins(at, lags, reals, dt):
+    """The four of `Margins` from what was found."""
+    gain, lower, phase, delay = math.inf, 0.0, math.inf, math.inf
+    for value in reals:
+        if -1.0 <= value < 0.0:
+            gain = min(gain, -1.0 / value)
+        elif value < -1.0:
+            lower = max(lower, -1.0 / value)
+    for k in range(at.size):
+        phase, delay = min(phase, lags[k]), min(delay, lags[k] * dt / at[k])
+    return gain, lower, phase, delay
 
 
 def crossings(plant: Held, law: Law) -> Margins:
@@ -284,13 +407,8 @@ def crossings(plant: Held, law: Law) -> Margins:
 
     Its delay is lag over frequency; what the hold does to a part of a sample is left out.
     """
-    w, swings = _crossings(plant, law)
-    gain = min((factor for factor, _ in swings if factor >= 1.0), default=math.inf)
-    lower = max((factor for factor, _ in swings if factor < 1.0), default=0.0)
-    if not w.size:
-        return Margins(gain, lower, math.inf, math.inf)
-    lag = np.mod(np.angle(open_loop(plant, law, w)) + math.pi, 2.0 * math.pi)
-    return Margins(gain, lower, float(np.min(lag)), float(np.min(lag / w)))
+    at, lags, _, reals = _crossed(*_parts(plant, law))
+    return Margins(*map(float, _margins(at, lags, reals, plant.dt)))
 
 
 def margins(A: ArrayLike, B: ArrayLike, law: Law, dt: float, delay: float = 0.0) -> Margins:
@@ -330,12 +448,13 @@ def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> 
         ValueError: if there is none: without friction no gain holds, and some hold for ever.
     """
     plant = held(A, B, dt, delay)
-    _, swings = _crossings(plant, pid_law(1.0, dt=dt))
-    gain, w = min(swings, default=(0.0, 1.0))
+    _, _, flat, reals = _crossed(*_parts(plant, pid_law(1.0, dt=dt)))
+    gain, w = min(((-1.0 / x, f / dt) for x, f in zip(reals, flat, strict=True) if x < 0.0),
+                  default=(0.0, 1.0))  # fmt: skip
     if not gain or growth(loop_matrix(plant, pid_law(0.99 * gain, dt=dt))) > STABLE:
         system = np.asarray(A).tolist(), np.asarray(B).tolist()
         raise refused("(A, B)", system, "a plant that P holds up to some gain")
-    return gain, 2.0 * math.pi / w
+    return float(gain), float(2.0 * math.pi / w)
 
 
 # --- limits with a closed form --------------------------------------------------------------------

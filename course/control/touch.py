@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from course.check import count, finite, positive, vector
 from course.compiled import MATRIX, VECTOR, loop
 from course.control.joint import Record
-from course.control.sampled import Law, System, joint_system, pid_law, split_delay
+from course.control.sampled import _EXACT, Law, System, _pid, joint_system, split_delay
 
 Array = NDArray[np.float64]
 
@@ -82,16 +82,25 @@ class TouchLaw:
 
     def linear(self, probe: Probe, dt: float) -> Law:
         """The same in contact, the surface at 0, as a law on (x, v)."""
-        seen = np.array([probe.wall, probe.wall_damping])  # the force that is measured
-        if self.mass == 0.0:
-            kp, kd = np.array([self.stiffness, self.damping]) + self.force_gain * seen
-            return pid_law(kp, 0.0, kd, dt=dt, rate="exact")
-        slow = 1.0 / (1.0 + positive("dt", dt, unit="s") * self.give / self.mass)
-        speed = slow * np.array([-dt / self.mass * self.hold, 1.0])
-        push = -slow * dt / self.mass * seen
-        A, B = np.array([dt * speed + [1.0, 0.0], speed]), np.array([dt * push, push])
-        inner = np.array([self.stiffness, self.damping])
-        return Law(A, B, inner @ A, inner @ B - inner)
+        positive("dt", dt, unit="s")
+        return Law(*_linear(self.numbers(), probe.wall, probe.wall_damping, dt))
+
+
+@register_jitable
+def _linear(law, wall, wall_damping, dt):
+    """The four of `Law`, of `TouchLaw.numbers`."""
+    stiffness, damping, force_gain = law[0], law[1], law[3]
+    mass, give, hold = law[4], law[5], law[6]
+    if mass == 0.0:  # the force that is measured counts as stiffness and damping
+        kp, kd = stiffness + force_gain * wall, damping + force_gain * wall_damping
+        return _pid(kp, 0.0, kd, dt, _EXACT, 0.0)
+    slow = 1.0 / (1.0 + dt * give / mass)
+    place, speed = -slow * dt / mass * hold, slow
+    A = np.array([[1.0 + dt * place, dt * speed], [place, speed]])
+    push = -slow * dt / mass * np.array([wall, wall_damping])
+    B = np.stack((dt * push, push))
+    inner = np.array([stiffness, damping])
+    return A, B, stiffness * A[0] + damping * A[1], stiffness * B[0] + damping * B[1] - inner
 
 
 @register_jitable
@@ -117,6 +126,19 @@ def _swing(x, v, u, mass, damping, stiffness, t):
     d = x - rest
     place = rest + decay * (d * c + (v + a * d) * s)
     return place, decay * (v * c - (a * v + stiffness / mass * d) * s)
+
+
+@register_jitable
+def held_mass(mass, damping, stiffness, dt, rest):
+    """Transition, now and before of `course.control.sampled.held`, of one mass on a spring, for
+    compiled code: a command comes `rest` late in the sample [s]."""
+    transition, late = np.empty((2, 2)), dt - rest
+    for k in range(2):
+        x, v = 1.0 * (k == 0), 1.0 * (k == 1)
+        transition[:, k] = _swing(x, v, 0.0, mass, damping, stiffness, dt)
+    x, v = _swing(0.0, 0.0, 1.0, mass, damping, stiffness, rest)
+    before = np.array(_swing(x, v, 0.0, mass, damping, stiffness, late))
+    return transition, np.array(_swing(0.0, 0.0, 1.0, mass, damping, stiffness, late)), before
 
 
 @register_jitable

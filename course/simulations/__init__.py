@@ -3,8 +3,6 @@
 # Those that no browser computes, by their name, and why: their presets are shown as recorded.
 RECORDED = {
     "perception": "a picture goes through NumPy and SciPy: rendering, trees of neighbours, poses",
-    "control.joint": "its margins are read from matrices of any size, by LAPACK and SciPy",
-    "control.probe": "its growth is read from matrices of any size, by LAPACK and SciPy",
     "sim_to_real": "each change counts hundreds of episodes, or tunes a policy anew",
     "learning.point": "each change trains a policy",
     "learning.two_ways": "each change runs a network a hundred times",

@@ -34,6 +34,7 @@ NEAREST, FARTHEST = 0.25, 0.85  # of a target [m]
 NEVER = 1e9  # s
 ROOM = 0.06  # that a target keeps from a disc [m]
 ARM, DISCS = chapter.Scenario().arm, chapter.Scenario().discs
+_LENGTHS = tuple(map(float, ARM.lengths))
 STAGES = chapter.STAGES
 # What can break at an interface, as words; the first is for none.
 CONTRACTS = (
@@ -273,7 +274,7 @@ _GAUGE = (7.35, 8.85, 0.75, 0.98)
 @register_jitable
 def _arm(pen, q, ink, width, alpha):
     """Links and joints of a posture."""
-    l1, l2 = ARM.lengths
+    l1, l2 = _LENGTHS
     x, y = l1 * math.cos(q[0]), l1 * math.sin(q[0])
     u, v = x + l2 * math.cos(q[0] + q[1]), y + l2 * math.sin(q[0] + q[1])
     draw.curve(pen, np.array([0.0, x, u]), np.array([0.0, y, v]), ink, width, alpha)
@@ -326,7 +327,7 @@ def frame(pen, state, controls):
     now = int(t / SECONDS * SHOWN + 1e-9)
     u, v = _scene(pen, state, t, now)
     far = math.hypot(u - state["target"][0, now], v - state["target"][1, now])
-    l1, l2 = ARM.lengths
+    l1, l2 = _LENGTHS
     q, both = state["q"][:, : now + 1], state["q"][0, : now + 1] + state["q"][1, : now + 1]
     off_x = l1 * np.cos(q[0]) + l2 * np.cos(both) - state["target"][0, : now + 1]
     off_y = l1 * np.sin(q[0]) + l2 * np.sin(both) - state["target"][1, : now + 1]

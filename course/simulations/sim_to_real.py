@@ -28,7 +28,7 @@ COUNTED, SHARED, SEED, PAUSE = 256, 128, 17, 0.6  # episodes; of each part alone
 SAMPLES = round(plants.SECONDS / plants.DT)
 NEAREST, FARTHEST = 0.15, 0.85  # of a target [m]
 START = (0.3, 1.6)  # where the shown episode starts [rad]
-PARTS = tuple(transfer.PARTS)
+PARTS, _LENGTHS = tuple(transfer.PARTS), tuple(map(float, plants.ARM.lengths))
 NOMINAL, RANGE, IDENTIFIED, BOTH, DELAY, LOAD = range(6)
 SIMULATED, REAL = range(2)
 # What `told` holds: of both arms share, ends of its band, and how the shown episode ended; then
@@ -153,7 +153,7 @@ _CHART, _GAUGE = (6.75, 8.85, 2.3, 4.4), (6.75, 8.85, 0.75, 1.05)
 @register_jitable
 def _tips(q):
     """Elbow and tip of angles (2, ...) [m]."""
-    l1, l2 = plants.ARM.lengths
+    l1, l2 = _LENGTHS
     x, y = l1 * np.cos(q[0]), l1 * np.sin(q[0])
     return x, y, x + l2 * np.cos(q[0] + q[1]), y + l2 * np.sin(q[0] + q[1])
 
@@ -182,7 +182,7 @@ def frame(pen, state, controls):
         _, _, u, v = _tips(state["q"][k, :, : now + 1])
         draw.curve(pen, u, v, _COLOUR[k], 1.4, 0.8)
         _links(pen, state["q"][k, :, now], _COLOUR[k], 5.0, 1.0)
-        share, low, high = 100.0 * told[4 * k : 4 * k + 3]
+        share, low, high = 100.0 * told[4 * k], 100.0 * told[4 * k + 1], 100.0 * told[4 * k + 2]
         draw.chart(pen, _RATES[k], (0.0, 100.0, 0.0, 1.0), _RATE, 0, 0, 5, 0)
         draw.box(pen, 0.0, share, 0.0, 1.0, _COLOUR[k])
         draw.segment(pen, low, 0.5, high, 0.5, draw.INK, 3.0)

@@ -2,6 +2,7 @@
 
 import math
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 from numpy.polynomial import Polynomial
 
 from course.charts.control.pid import LOOP, theoretical_growth
+from course.compiled import MATRIX, loop
 from course.control import Actuator, Encoder, Gains, Joint, run_joint, sampled
 from course.control.sampled import (
     delay_limit,
@@ -22,12 +24,14 @@ from course.control.sampled import (
     stepped,
     ultimate_gain,
 )
+from course.control.touch import held_mass
 from course.drills import Joint as ExactJoint
 from course.measure import stability
 from course.oracles.mujoco.joint import MotorJoint
 from tests.budget import examples
 
 JOINT = joint_system(0.5, 0.5)
+_squared = loop(sampled.growth_by_squares, numba.float64(MATRIX))
 
 
 def p_growth(gain, dt, delay, system=JOINT):
@@ -119,6 +123,42 @@ def test_a_run_of_the_compiled_loop_is_the_power_of_the_matrix(rate, delay):
     for q, v in zip(run.q, run.v, strict=True):
         assert state[:2] == pytest.approx([q, v], abs=1e-12)
         state = matrix @ state
+
+
+@examples(40)
+@given(
+    stiffness=st.just(0.0) | st.floats(100.0, 1e6), damping=st.floats(0.5, 30.0),
+    late=st.floats(0.0, 8.0),
+    law=st.tuples(st.floats(0.0, 120.0), st.floats(0.0, 150.0), st.floats(0.0, 40.0)),
+)  # fmt: skip
+def test_what_compiled_code_has_instead_of_lapack_and_scipy(stiffness, damping, late, law):
+    """The hold by closed form (which loses digits where damping or spring are next to none), growth
+    by squares, the response by Gauss."""
+    mass, dt = 0.5, 0.002
+    plant = held(*joint_system(mass, damping, stiffness), dt, late * dt)
+    rest = max(0.0, late - plant.whole) * dt
+    closed = held_mass(mass, damping, stiffness, dt, rest)
+    for one, other in zip(closed, (plant.transition, plant.now, plant.before), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-13)
+    linear = pid_law(*law, dt=dt)
+    F = loop_matrix(plant, linear)
+    assert _squared(F) == pytest.approx(growth(F), rel=2e-9)
+    w = np.array([0.3, 40.0, 0.9 * math.pi / dt])
+    z = np.exp(1j * w * dt)[:, None, None]
+    fed = plant.now * z[:, 0] ** -plant.whole + plant.before * z[:, 0] ** (-plant.whole - 1)
+    x = np.linalg.solve(z * np.eye(2) - plant.transition, fed[:, :, None])
+    c = np.linalg.solve(z * np.eye(linear.C.size) - linear.A, linear.B @ x)
+    expected = -(linear.C @ c + linear.D @ x)[:, 0]
+    np.testing.assert_allclose(sampled.open_loop(plant, linear, w), expected, rtol=1e-8)
+
+
+def test_the_growth_of_nothing_of_a_turn_and_of_what_comes_in_threes():
+    assert sampled.growth_by_squares(np.array([[0.0, 1.0], [0.0, 0.0]])) == 0.0
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    assert sampled.growth_by_squares(1.5 * turn) == pytest.approx(1.5, rel=1e-12)
+    chain = np.roll(np.eye(3), 1, axis=0)
+    assert sampled.growth_by_squares(chain) == pytest.approx(1.0, rel=1e-12)
+    assert sampled.growth_by_squares(np.array([[1.0, 1.0], [0.0, 1.0]])) == pytest.approx(1.0)
 
 
 def test_margins_are_where_the_matrix_stops_decaying():

@@ -2,12 +2,13 @@
 
 import math
 
+import numba
 import numpy as np
-from numba import objmode
 from numba.extending import register_jitable
 
+from course.compiled import VECTOR, loop
 from course.control import joint as chapter
-from course.control import sampled
+from course.control import sampled, touch
 from course.simulations import pen as draw
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, menu, slider, switch
@@ -44,16 +45,21 @@ STATE = Record(
 
 def judged(kp, ki, kd, dt, delay, target, q):
     """Overshoot, settling [s], error [rad]; growth; gain, phase [rad] and delay margin [s]."""
-    first = math.ceil(STEP / dt)
-    seen = chapter.step_metrics(dt * np.arange(q.size - first), q[first:], target)
-    plant = sampled.held(*sampled.joint_system(INERTIA, DAMPING), dt, delay)
-    law = sampled.pid_law(kp, ki, kd, dt=dt)
-    growth = sampled.growth(sampled.loop_matrix(plant, law))
-    held = growth <= sampled.STABLE and max(kp, ki, kd) > 0.0
-    left = sampled.crossings(plant, law) if held else sampled.Margins(0.0, 0.0, 0.0, 0.0)
-    found = np.array([seen.overshoot, seen.settling, seen.error, growth,
-                      left.gain, left.phase, left.delay])  # fmt: skip
-    return np.where(np.isfinite(found), found, -1.0)
+    first, whole = math.ceil(STEP / dt), math.floor(delay / dt + 1e-9)
+    times = dt * np.arange(q.size - first)
+    seen = chapter._metrics(times, q[first:], target, chapter.BAND, chapter.REST)
+    plant = touch.held_mass(INERTIA, DAMPING, 0.0, dt, max(0.0, delay - whole * dt))
+    parts = (*plant, whole, *sampled._pid(kp, ki, kd, dt, 0, 0.0))
+    growth, left = sampled.growth_by_squares(sampled._closed(*parts)), (0.0, 0.0, 0.0, 0.0)
+    if growth <= sampled.STABLE and max(kp, ki, kd) > 0.0:
+        at, lags, _, reals = sampled._found(*parts)
+        left = sampled._margins(at, lags, reals, dt)
+    gain, _, phase, later = left
+    told = np.array([seen[0], seen[1], seen[2], growth, gain, phase, later])
+    return np.where(np.isfinite(told), told, -1.0)
+
+
+_judged = loop(judged, VECTOR(*6 * (numba.float64,), VECTOR))
 
 
 @register_jitable
@@ -87,9 +93,7 @@ def initial(controls, state):
     state["samples"] = n
     state["run"][0, : n + 1], state["run"][1, : n + 1] = out[0], out[2]
     q, kp, ki, kd = out[0].copy(), controls["kp"], controls["ki"], controls["kd"]
-    with objmode(told="float64[:]"):  # matrices of any size: LAPACK's, by way of SciPy
-        told = judged(kp, ki, kd, dt, late, target, q)
-    state["told"][:] = told
+    state["told"][:] = _judged(kp, ki, kd, dt, late, target, q)
 
 
 def advance(state, controls, seconds):

@@ -2,10 +2,11 @@
 
 import math
 
+import numba
 import numpy as np
-from numba import objmode
 from numba.extending import register_jitable
 
+from course.compiled import VECTOR, loop
 from course.control import sampled
 from course.control import touch as chapter
 from course.simulations import pen as draw
@@ -38,9 +39,13 @@ STATE = Record(
 
 def growth(law, wall, delay):
     """Growth per sample of a law (7,) while the probe touches."""
-    probe = chapter.Probe(MASS, FRICTION, wall)
-    plant = sampled.held(*probe.system(), DT, delay)
-    return sampled.growth(sampled.loop_matrix(plant, chapter.TouchLaw(*law).linear(probe, DT)))
+    whole = math.floor(delay / DT + 1e-9)
+    plant = chapter.held_mass(MASS, FRICTION, wall, DT, max(0.0, delay - whole * DT))
+    linear = chapter._linear(law, wall, 0.0, DT)
+    return sampled.growth_by_squares(sampled._closed(*plant, whole, *linear))
+
+
+_growth = loop(growth, numba.float64(VECTOR, numba.float64, numba.float64))
 
 
 @register_jitable
@@ -81,9 +86,7 @@ def initial(controls, state):
     for row, kept in ((0, 0), (1, 2), (2, 4)):
         state["run"][row, : n + 1] = out[kept, : n + 1]
     state["run"][2, n] = state["run"][2, n - 1]
-    with objmode(found="float64"):  # matrices of any size: LAPACK's, by way of SciPy
-        found = growth(law, wall, late)
-    state["growth"] = found
+    state["growth"] = _growth(law, wall, late)
 
 
 def advance(state, controls, seconds):

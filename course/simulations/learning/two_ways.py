@@ -20,6 +20,7 @@ from course.simulations.record import Field, Record, menu, slider
 
 RUNS, PICTURE, PAUSE = 100, 0.15, 1.5  # of a policy; s for a step; s
 TASK = TwoWays()
+_LENGTH, _REACH, _CENTRE, _RADIUS = TASK.steps, TASK.reach, TASK.centre, TASK.radius
 CONTROLS = Record(
     head=menu("Policy", tuple(HEADS)),
     executed=slider("Steps executed of 8", 8, 1, CHUNK, 1),
@@ -74,7 +75,7 @@ def initial(controls, state):
 
 def advance(state, controls, seconds):
     """The runs are shown again and again."""
-    state["time"] = (state["time"] + seconds) % (TASK.steps * PICTURE + PAUSE)
+    state["time"] = (state["time"] + seconds) % (_LENGTH * PICTURE + PAUSE)
 
 
 TITLE = "Two ways round a disc"
@@ -89,14 +90,14 @@ _SCENE, _VIEW = (0.1, 8.9, 0.5, 4.6), (-0.3, 1.5, -0.42, 0.42)
 
 def frame(pen, state, controls):
     """All runs up to this step over the demonstrations; how many passed, and on which side."""
-    now = int(min(state["time"] / PICTURE + 1e-9, 1.0 * TASK.steps))
+    now = int(min(state["time"] / PICTURE + 1e-9, 1.0 * _LENGTH))
     draw.area(pen, _SCENE, _VIEW)
     draw.box(pen, *_VIEW, _SAND, draw.GREY)
     draw.title(pen, _VIEW[0], _VIEW[3], _DONE)
-    draw.spot(pen, 1.0, 0.0, TASK.reach, draw.NONE, draw.GREEN, 1.5)
+    draw.spot(pen, 1.0, 0.0, _REACH, draw.NONE, draw.GREEN, 1.5)
     for i in range(RUNS):
         draw.curve(pen, state["shown"][i, :, 0], state["shown"][i, :, 1], draw.GREY, 0.8, 0.25)
-    draw.spot(pen, TASK.centre, 0.0, TASK.radius, draw.GREY, draw.INK, 1.0, 0.5)
+    draw.spot(pen, _CENTRE, 0.0, _RADIUS, draw.GREY, draw.INK, 1.0, 0.5)
     for i in range(RUNS):
         x, y = state["ways"][i, : now + 1, 0], state["ways"][i, : now + 1, 1]
         ink = draw.BLUE if state["side"][i] != 0 else draw.ORANGE
@@ -112,7 +113,7 @@ def frame(pen, state, controls):
     draw.reading(pen, _LEFT, 1.0 * np.sum(state["side"] > 0), 0)
     draw.reading(pen, _RIGHT, 1.0 * np.sum(state["side"] < 0), 0)
     draw.reading(pen, _HIT, 1.0 * (RUNS - good), 0)
-    draw.reading(pen, _EXECUTED, np.ceil(TASK.steps / controls["executed"]), 0)
+    draw.reading(pen, _EXECUTED, np.ceil(_LENGTH / controls["executed"]), 0)
 
 
 PRESETS = {
