@@ -101,6 +101,7 @@ SLOW = (
     "tests/rigid_body/test_loop.py::test_an_hour_has",
     "tests/rigid_body/test_planar.py::test_resting_face_contact_properties",
     "tests/simulations/test_models.py",
+    "tests/site/player/test_browser.py",
     "tests/site/test_build.py",
     "tests/test_compiled.py",
     "tests/test_tools.py::test_in_the_background",

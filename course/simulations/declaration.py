@@ -27,12 +27,10 @@ from numpy.typing import NDArray
 
 from course import CHAPTERS, simulations
 from course.check import refused
+from course.simulations import RECORDED
 from course.simulations import pen as drawing
 from course.simulations.model import KEYS, Experiment, Model
 from course.simulations.record import Field, Record
-
-# Why a simulation is recorded, by its name.
-RECORDED: dict[str, str] = getattr(simulations, "RECORDED", {})
 
 # How long a recording is, and how many pictures it has in a second: as `Step` in live.js.
 SECONDS, RATE = 10.0, 25

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from course import CHAPTERS, simulations
+from course import CHAPTERS
 from course.simulations import declaration as told
 from course.simulations.model import KEYS, Experiment
 from tests.simulations.models import WALK
@@ -101,7 +101,7 @@ def test_one_that_is_neither_compiled_nor_recorded_is_refused(monkeypatch: Any) 
 
 
 def test_whoever_is_recorded_is_a_simulation_and_says_why() -> None:
-    for name, why in getattr(simulations, "RECORDED", {}).items():
+    for name, why in told.RECORDED.items():
         assert name in told.names() and why[-1:] not in ("", ".")
         assert told.declaration(name)["recorded"] == why
 
