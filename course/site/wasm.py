@@ -95,7 +95,7 @@ def fingerprint(model: Model) -> str:
             if id(value) in seen or not value.__module__.startswith(("course.", "tests.")):
                 return
             seen.add(id(value))
-            state.update(_text(value.__code__).encode())
+            state.update(_text(value.__code__.co_filename, value.__code__).encode())
             inner = [value.__code__, *_inner(value.__code__)]
             used = sorted({name for code in inner for name in code.co_names})
             for name in used:
@@ -137,8 +137,9 @@ def _inner(code: python.CodeType) -> Iterator[python.CodeType]:
 
 
 @cache
-def _text(code: python.CodeType) -> str:
-    """The source of a function as Python reads it."""
+def _text(_path: str, code: python.CodeType) -> str:
+    """The source of a function as Python reads it. Code equals that of another file which differs
+    in decorators and defaults only, so the path belongs to what is remembered."""
     text = textwrap.dedent(inspect.getsource(code))
     try:
         return _bare(text)

@@ -11,7 +11,6 @@ from course.simulations import space
 from course.simulations.model import Model, Preset
 from course.simulations.record import Field, Record, menu, slider
 from course.simulations.rigid_body import turning
-from course.simulations.rigid_body.turning import colour, word
 
 SIDES = np.array([1.6, 1.0, 0.35])  # of a box of 12 kg [m]
 MOMENTS = I1, I2, I3 = np.sum(SIDES**2) - SIDES**2  # rising [kg m^2]
@@ -65,6 +64,8 @@ def advance(state, controls, seconds):
 
 
 TITLE = "The flip about the middle axis"
+# Tables of its own, so that its words have the same numbers whatever else is there.
+word, colour = draw.Table(*turning.word.entries), draw.Table(*turning.colour.entries)
 _L, _OMEGA, _NONE, _S, _PER_S = word("L", "ω", "\N{EM DASH}", " s", " /s")
 _ASIDE, _T, _SHARE = word("rate about the other two axes", "time [s]", "log10, of the spin")
 _TIME, _GROWTH, _IN_THEORY = word("time", "growth, measured", "growth, in theory")

@@ -12,7 +12,6 @@ from course.simulations import space
 from course.simulations.model import Model, Preset
 from course.simulations.record import Record, menu, slider
 from course.simulations.rigid_body import turning
-from course.simulations.rigid_body.turning import colour, word
 
 BODIES = ("brick", "plate", "rod", "cube")
 SIDES = np.array([[1.5, 1.0, 0.4], [1.2, 1.2, 0.2], [0.4, 0.4, 1.6], [0.9, 0.9, 0.9]])  # [m]
@@ -40,6 +39,8 @@ def advance(state, controls, seconds):
 
 
 TITLE = "A free body: L stays, ω wanders"
+# Tables of its own, so that its words have the same numbers whatever else is there.
+word, colour = draw.Table(*turning.word.entries), draw.Table(*turning.colour.entries)
 (_VIOLET,) = colour("#b5487f")  # no body rate has it
 _L, _OMEGA, _THIRD = word("L", "ω", "3")
 _KEYS = word(

@@ -1,0 +1,123 @@
+"""Every live simulation's module: made from these sources, and the same numbers as Python's."""
+
+import gzip
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from course.simulations import pen as draw
+from course.simulations.model import Experiment
+from course.site import compiler, wasm
+from tests.budget import ROOT, examples
+from tests.site.host import Hosted, array
+from tests.site.same import any_controls, assert_same_run, ends
+
+LIVE = wasm.live()
+# Compiled anew by the tests, and the constant that one of them changes.
+SMALL, CONSTANT, OTHER = "role.development", "tries * real / 86_400.0", "tries * real / 80_000.0"
+
+
+def hosted(name: str) -> Hosted:
+    return Hosted(wasm.model(name), wasm.file_of(name))
+
+
+@pytest.mark.parametrize("name", LIVE)
+def test_a_module_is_made_from_the_sources_as_they_are(name: str) -> None:
+    assert not wasm.stale(name), f"run `python -m course.site.wasm {name}`"
+    module = wasm.file_of(name).read_bytes()
+    assert len(gzip.compress(module)) <= wasm.LARGEST
+    assert set(compiler.imports(module)) <= compiler.MATHS
+    has = {"memory", "__heap_base", *wasm.signatures(wasm.model(name))}
+    assert hosted(name).exports.keys() == has
+    assert wasm.told(module).keys() == {"fingerprint", "numba", "llvmlite", "linker"}
+    assert str(ROOT).encode() not in module
+
+
+def test_a_recorded_simulation_has_no_module() -> None:
+    kept = {path for path in wasm.SIMULATIONS.rglob("*.wasm")}
+    assert kept == {wasm.file_of(name) for name in LIVE}
+
+
+@pytest.mark.parametrize("name", LIVE)
+def test_it_computes_what_python_does(name: str) -> None:
+    """Presets, both ends of every slider, and controls within the limits."""
+    model, module = wasm.model(name), hosted(name)
+    for preset in model.presets.values():
+        assert_same_run(model, module, dict(preset.values), (1.0,))
+    for values in ends(model):
+        assert_same_run(model, module, values, (1.0,))
+
+    @examples(2)
+    @given(any_controls(model))
+    def within(values: dict[str, Any]) -> None:
+        assert_same_run(model, module, values, (0.3, 0.7))
+
+    within()
+
+
+@pytest.mark.parametrize("name", LIVE)
+def test_a_full_pen_is_an_error_and_nothing_is_written_past_its_end(name: str) -> None:
+    model, module = wasm.model(name), hosted(name)
+    run = Experiment(model)
+    need = draw.HEADER + run.picture().data.size
+    state, controls = (module.places[each.dtype] for each in (model.state, model.controls))
+    place = module.places[np.dtype(float)]
+    module.write(state, run.state.tobytes())
+    module.write(controls, run.controls.tobytes())
+    for room in (0, 5, need // 3, need // 2, need - draw.HEADER - 1):
+        pen, spare = np.zeros(draw.HEADER + room), np.full(8, 1e300)
+        draw.clear(pen)
+        with pytest.raises(ValueError) as plain:
+            model.frame(pen.copy(), run.state, run.controls)
+        module.write(place, pen.tobytes() + spare.tobytes())
+        with pytest.raises(ValueError, match=f"^{re.escape(str(plain.value))}$"):
+            module.call("frame", *array(place, pen), state, controls)
+        assert module.read(place + pen.nbytes, spare.nbytes) == spare.tobytes()
+
+
+# --- Compiled anew --------------------------------------------------------------------------------
+
+
+def test_the_same_sources_give_the_same_bytes() -> None:
+    told = wasm.told(wasm.file_of(SMALL).read_bytes())
+    here = {"numba": wasm.numba.__version__, "llvmlite": wasm.llvmlite.__version__}
+    here["linker"] = compiler.linker()[1]
+    if {name: told[name] for name in here} != here:
+        pytest.skip(f"made with {told}, here is {here}")
+    assert wasm.rebuilt(SMALL) == wasm.file_of(SMALL).read_bytes()
+
+
+def test_a_constant_of_the_source_changes_the_module_and_its_picture(tmp_path: Path) -> None:
+    """In a copy elsewhere; Python with the changed source is the judge of the new picture."""
+    away = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(ROOT / "course", tmp_path / "course", ignore=away)
+    shutil.copytree(ROOT / "tests", tmp_path / "tests", ignore=away)
+    source = tmp_path.joinpath("course", "simulations", *SMALL.split(".")).with_suffix(".py")
+    text = source.read_text(encoding="utf-8")
+    assert text.count(CONSTANT) == 1
+    source.write_text(text.replace(CONSTANT, OTHER), encoding="utf-8")
+    code = (
+        "from course.site import wasm; from tests.site.host import Hosted\n"
+        "from course.simulations.model import Experiment\n"
+        f"name = {SMALL!r}; model, path = wasm.model(name), wasm.file_of(name)\n"
+        "assert wasm.stale(name)\n"
+        "before = Experiment(Hosted(model, path)).picture()\n"
+        "assert wasm.main([name]) == 0 and not wasm.stale(name)\n"
+        "after, plain = Experiment(Hosted(model, path)).picture(), Experiment(model).picture()\n"
+        "assert after.data.tobytes() != before.data.tobytes()\n"
+        "assert abs(after.data - plain.data).max() < 1e-9\n"
+    )
+    environment = os.environ | {"PYTHONPATH": str(tmp_path)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert source.with_suffix(".wasm").read_bytes() != wasm.file_of(SMALL).read_bytes()
