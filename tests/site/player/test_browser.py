@@ -30,7 +30,8 @@ DOT = (
 )
 PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>A page</title>
 <meta name="viewport" content="width=device-width"><body>
-<div class="course-live" data-simulation="{name}"><img src="{dot}" alt="saved"></div>
+<div class="course-live" data-simulation="{name}" data-preset="{preset}">
+<img src="{dot}" alt="saved"></div>
 <script src="live.js"></script><script src="bundle.js"></script></body></html>"""
 STEP = 1.0 / 25.0
 
@@ -69,12 +70,13 @@ def open_page(browser: Any, tmp_path: Path) -> Iterator[Callable[..., Any]]:
 
     def opened(
         name: str = BOX, bundle: str | None = None, before: str = "", wide: int = 1000,
-        ready: bool = True, **options: Any,
+        ready: bool = True, preset: str = "", **options: Any,
     ) -> Any:  # fmt: skip
         (tmp_path / "live.js").write_text(told.script(), encoding="utf-8")
         text = told.bundle(name) if bundle is None else bundle
         (tmp_path / "bundle.js").write_text(text, encoding="utf-8")
-        (tmp_path / "index.html").write_text(PAGE.format(name=name, dot=DOT), encoding="utf-8")
+        text = PAGE.format(name=name, dot=DOT, preset=preset)
+        (tmp_path / "index.html").write_text(text, encoding="utf-8")
         context = browser.new_context(viewport={"width": wide, "height": 800}, **options)
         contexts.append(context)
         context.on("request", lambda r: None if _here(r.url) else wrong.append(r.url))
@@ -347,6 +349,15 @@ class TestTheBox:
         press_button(page, "Reset")
         page.evaluate(FRAME)
         assert wrong.count() == 0 and numbers(page)["time"] == "0.000 s"
+
+    def test_a_place_may_ask_for_a_preset(self, open_page: Any) -> None:
+        experiment = Experiment(told.model(BOX))
+        experiment.choose("Explicit Euler gains energy")
+        page = open_page(preset="Explicit Euler gains energy")
+        assert_alike(page, experiment, "at the start")
+        assert page.get_by_label("Preset").input_value() == "Explicit Euler gains energy"
+        experiment.choose("Default drop")
+        assert_alike(open_page(preset="no such"), experiment, "the first one")
 
     def test_what_is_not_allowed_never_reaches_the_model(self, open_page: Any) -> None:
         page = open_page()
