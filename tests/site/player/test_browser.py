@@ -341,7 +341,7 @@ class TestTheBox:
         # Later pictures have more numbers than that.
         press_button(page, "Play")
         wrong.wait_for()
-        assert "the picture has more numbers than the room of its paper" in wrong.inner_text()
+        assert "no room left on the paper" in wrong.inner_text()
         assert page.get_by_role("button", name="Play").count() == 1
         frame = page.locator("canvas").get_attribute("data-frame")
         page.wait_for_timeout(150)
