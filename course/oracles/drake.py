@@ -65,7 +65,7 @@ class Drake(Engine):
 
     def missing(self) -> str:
         found = importlib.util.find_spec("pydrake")
-        return "" if found else "this needs Drake: make platforms, or pip install 'drake>=1.45'"
+        return "" if found else "this needs Drake: make platforms, or pip install 'drake>=1.51'"
 
     def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> DrakeRun:
         return DrakeRun(self, scene, dt, settings)
