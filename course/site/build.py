@@ -9,7 +9,10 @@ import html.parser
 import io
 import os
 import shutil
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+from multiprocessing import get_context
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
@@ -117,16 +120,20 @@ def write_sources(folder: Path, made: Mapping[str, notebooks.Page]) -> None:
             (pictures / file).write_bytes(png)
     static = folder / "_static"
     shutil.copy(HERE / "course.css", static)
-    _write_scripts(static, names)
-
-
-def _write_scripts(static: Path, names: Iterable[str]) -> None:
-    """Write what runs the simulations, and each of them."""
     (static / "live.js").write_text(declaration.script(), encoding="utf-8")
-    (static / "simulations").mkdir()
-    for name in sorted(names):
-        text = declaration.bundle(name)
-        (static / "simulations" / f"{name}.js").write_text(text, encoding="utf-8")
+
+
+@contextmanager
+def scripts(names: Iterable[str]) -> Iterator[Iterator[tuple[str, str]]]:
+    """The script of each simulation, (name, text), made beside whatever else is done meanwhile.
+
+    Args:
+        names: of the simulations.
+    """
+    # What is recorded takes long, so it comes first.
+    ordered = sorted(set(names), key=lambda name: (declaration.is_live(name), name))
+    with ProcessPoolExecutor(mp_context=get_context("spawn")) as pool:
+        yield zip(ordered, pool.map(declaration.bundle, ordered), strict=True)
 
 
 def sphinx(source: Path, out: Path, simulations: Mapping[str, Sequence[str]]) -> None:
@@ -226,7 +233,12 @@ def build(
     source.mkdir(parents=True)
     made = pages(folder)
     write_sources(source, made)
-    sphinx(source, out, {name: page.simulations for name, page in made.items()})
+    with scripts(name for page in made.values() for name in page.simulations) as simulations:
+        sphinx(source, out, {name: page.simulations for name, page in made.items()})
+        (out / "_static" / "simulations").mkdir()
+        for name, text in simulations:
+            script = out / "_static" / "simulations" / f"{name}.js"
+            script.write_text(text, encoding="utf-8")
     for name in _LEFT_OUT:
         (out / name).unlink(missing_ok=True)
     (out / "_sources").rmdir()

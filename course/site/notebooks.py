@@ -112,7 +112,7 @@ def place_of_simulation(name: str, model: Model, picture: str, preset: str = "")
     start = f' data-preset="{chosen}"' if preset else ""
     return (
         f'<div class="course-live" data-simulation="{name}"{start}>'
-        f'<img alt="{label}" src="{picture}" width="{int(model.paper.width)}"></div>'
+        f'<img alt="{label}" loading="lazy" src="{picture}" width="{int(model.paper.width)}"></div>'
     )
 
 

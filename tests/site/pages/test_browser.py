@@ -1,0 +1,248 @@
+"""The pages in headless Chromium: from a sub-path and from the disk, narrow and wide, both colours.
+
+Every request to another origin is refused and counted as a failure.
+"""
+
+import functools
+import http.server
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, sync_playwright
+
+from tests.conftest import chromium, why_no_browser
+from tests.site.test_build import WORDS
+
+FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
+
+# What reaches beyond the screen without a box of its own that scrolls.
+TOO_WIDE = """() => {
+  for (const each of document.querySelectorAll('details')) each.open = true;
+  const wide = document.documentElement.clientWidth;
+  const boxed = e => e && e !== document.body && (
+    /auto|scroll/.test(getComputedStyle(e).overflowX) && e.getBoundingClientRect().right <= wide + 1
+    || boxed(e.parentElement));
+  return [...document.querySelectorAll('article *, article')].filter(e =>
+    e.getBoundingClientRect().right > wide + 1 && !boxed(e)).slice(0, 5).map(e =>
+    `${e.tagName}.${e.className}: ${(e.textContent || '').slice(0, 60)}`);
+}"""
+
+# What a reader who cannot see the page misses: names, levels of headings, doubled ids.
+UNNAMED = """() => {
+  const said = [];
+  const name = e => (e.getAttribute('aria-label') || e.textContent || e.title || '').trim();
+  const shown = e => e.checkVisibility({visibilityProperty: true});
+  if (!document.documentElement.lang || !document.title) said.push('no language or title');
+  for (const e of document.images) if (!e.alt.trim()) said.push(`image ${e.src.slice(-40)}`);
+  const inner = 'img[alt], svg title';
+  for (const e of document.querySelectorAll('button, a[href], summary'))
+    if (shown(e) && !name(e) && !e.querySelector(inner)) said.push(e.outerHTML.slice(0, 90));
+  for (const e of document.querySelectorAll('input:not([type=hidden], .sidebar-toggle), select'))
+    if (shown(e) && !e.labels?.length && !e.getAttribute('aria-label') && !e.placeholder)
+      said.push(e.outerHTML.slice(0, 90));
+  const heads = [...document.querySelectorAll('article :is(h1,h2,h3,h4,h5,h6)')]
+    .filter(e => !e.closest('.course-live')).map(e => Number(e.tagName[1]));
+  if (heads.filter(level => level === 1).length !== 1) said.push(`h1: ${heads}`);
+  heads.forEach((level, k) => k && level > heads[k - 1] + 1
+    && said.push(`h${heads[k - 1]}, h${level}`));
+  const ids = [...document.querySelectorAll('[id]')].map(e => e.id);
+  for (const id of new Set(ids.filter((id, k) => ids.indexOf(id) !== k)))
+    said.push(`id ${id} twice`);
+  const places = [...document.querySelectorAll('[tabindex]')];
+  if (places.some(e => e.tabIndex > 0)) said.push('tabindex');
+  return said;
+}"""
+
+# Text whose contrast with what is behind it is too low (WCAG 2, 4.5, or 3 where it is large).
+FAINT = """() => {
+  const numbers = text => text.match(/[\\d.]+/g).map(Number);
+  const canvas = document.createElement('canvas').getContext('2d', {willReadFrequently: true});
+  const rgb = colour => {
+    canvas.clearRect(0, 0, 1, 1); canvas.fillStyle = colour; canvas.fillRect(0, 0, 1, 1);
+    return [...canvas.getImageData(0, 0, 1, 1).data];
+  };
+  const light = ([r, g, b]) => [r, g, b].map(v => (v /= 255) <= 0.04045 ? v / 12.92
+    : ((v + 0.055) / 1.055) ** 2.4).reduce((sum, v, k) => sum + v * [0.2126, 0.7152, 0.0722][k], 0);
+  const behind = e => {
+    for (; e; e = e.parentElement) {
+      const colour = getComputedStyle(e).backgroundColor;
+      if (colour !== 'rgba(0, 0, 0, 0)' && colour !== 'transparent') return rgb(colour);
+    }
+    return [255, 255, 255];
+  };
+  const seen = new Map();
+  const words = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  for (let node; (node = words.nextNode());) {
+    const e = node.parentElement;
+    const seeable = e.checkVisibility({opacityProperty: true, visibilityProperty: true});
+    if (!node.data.trim() || !seeable) continue;
+    const style = getComputedStyle(e);
+    const [a, b] = [light(rgb(style.color)), light(behind(e))];
+    const ratio = (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
+    const large = parseFloat(style.fontSize) >= 24;
+    if (ratio < (large ? 3 : 4.5)) {
+      const key = `${e.tagName}.${e.className} ${style.color}`;
+      const words = node.data.trim().slice(0, 30);
+      if (!seen.has(key)) seen.set(key, `${key}: ${ratio.toFixed(2)} ${words}`);
+    }
+  }
+  return [...seen.values()];
+}"""
+
+
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_told: Any) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    if reason := why_no_browser():
+        pytest.fail(reason)
+    with sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture(scope="module")
+def addresses(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
+    """Where the site is: on the disk, and below a path of a server."""
+    folder = tmp_path_factory.mktemp("host")
+    (folder / "some").mkdir()
+    (folder / "some" / "where").symlink_to(site)
+    handler = functools.partial(Quiet, directory=str(folder))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield [site.as_uri(), f"http://127.0.0.1:{server.server_port}/some/where"]
+        server.shutdown()
+
+
+class Reader:
+    """A page that keeps to one origin, and remembers what went wrong."""
+
+    def __init__(self, browser: Browser, address: str, **options: Any) -> None:
+        self.context = browser.new_context(**options)
+        self.address, self.wrong = address, []  # type: str, list[str]
+        self.context.route(
+            lambda url: not url.startswith((address, "data:", "blob:")), self._refuse
+        )
+        self.page = self.context.new_page()
+        self.page.on("console", self._said)
+        self.page.on("pageerror", lambda error: self.wrong.append(str(error)))
+
+    def _said(self, message: Any) -> None:
+        if message.type in ("error", "warning"):
+            self.wrong.append(message.text)
+
+    def _refuse(self, route: Any) -> None:
+        if not route.request.url.endswith("/favicon.ico"):
+            self.wrong.append(f"asked for {route.request.url}")
+        route.abort()
+
+    def open(self, name: str) -> Any:
+        self.page.goto(f"{self.address}/{name}")
+        return self.page
+
+    def __enter__(self) -> "Reader":
+        return self
+
+    def __exit__(self, *_raised: Any) -> None:
+        self.context.close()
+
+
+def test_every_page_opens_alone_and_fits(
+    browser: Browser, site: Path, addresses: list[str]
+) -> None:
+    """From the disk on a telephone, from a sub-path on a wide screen, everything unfolded."""
+    for address, wide in zip(addresses, (390, 2560), strict=True):
+        with Reader(browser, address, viewport={"width": wide, "height": 900}) as reader:
+            for path in sorted(site.glob("*.html")):
+                page = reader.open(path.name)
+                assert page.evaluate(TOO_WIDE) == [], (path.name, wide)
+                assert page.evaluate("document.documentElement.scrollWidth") <= wide, path.name
+                assert reader.wrong == [], path.name
+
+
+def test_pages_have_names_and_levels(browser: Browser, site: Path, addresses: list[str]) -> None:
+    with Reader(browser, addresses[0], viewport={"width": 1280, "height": 900}) as reader:
+        found = {
+            path.name: reader.open(path.name).evaluate(UNNAMED) for path in site.glob("*.html")
+        }
+    found["search.html"].remove("h1: ")  # it is Furo's, and has none before one has searched
+    assert {name: said for name, said in found.items() if said} == {}
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_text_stands_out(browser: Browser, addresses: list[str], scheme: str) -> None:
+    options: dict[str, Any] = {"color_scheme": scheme, "viewport": {"width": 1280, "height": 900}}
+    with Reader(browser, addresses[0], **options) as reader:
+        for name in ("index", "01_rigid_body", "10_middleware", "claims", "search"):
+            assert reader.open(f"{name}.html").evaluate(FAINT) == [], name
+
+
+def test_the_checks_see_what_they_are_for(browser: Browser, tmp_path: Path) -> None:
+    bad = (
+        '<html><body style="background:#fff"><article><h1>a</h1><h3>b</h3><img src="data:,">'
+        '<button></button><p style="color:#999">faint</p><p id="x"></p><p id="x"></p>'
+        '<div style="width:3000px">wide</div><script src="https://a.invalid/b.js"></script>'
+    )
+    (tmp_path / "bad.html").write_text(bad)
+    with Reader(browser, tmp_path.as_uri()) as reader:
+        page = reader.open("bad.html")
+        assert any("wide" in said for said in page.evaluate(TOO_WIDE))
+        told = " ".join(page.evaluate(UNNAMED))
+        assert all(word in told for word in ("no language", "image", "<button>", "h1, h3", "id x"))
+        assert len(page.evaluate(FAINT)) == 1
+        assert any("asked for https://a.invalid/b.js" in said for said in reader.wrong)
+
+
+def test_the_focus_goes_down_the_page(browser: Browser, addresses: list[str]) -> None:
+    """With the tabulator from one thing to the next: each is seen, none is met twice."""
+    with Reader(browser, addresses[0], viewport={"width": 1280, "height": 900}) as reader:
+        page = reader.open("00_role.html")
+        met = []
+        for _ in range(40):
+            page.keyboard.press("Tab")
+            met.append(page.evaluate(
+                "() => { const e = document.activeElement;"
+                " const all = [...document.querySelectorAll('*')];"
+                " return [all.indexOf(e), e.checkVisibility(), e.tagName]; }"
+            ))  # fmt: skip
+        assert all(seen for _, seen, tag in met if tag != "BODY"), met
+        places = [place for place, _, tag in met if tag != "BODY"]
+        assert len(places) > 30 and places == sorted(set(places)), met
+
+
+def test_the_search_finds_words_where_they_are(browser: Browser, addresses: list[str]) -> None:
+    with Reader(browser, addresses[0]) as reader:
+        for word, wanted in WORDS.items():
+            page = reader.open(f"search.html?q={word}")
+            page.wait_for_selector("#search-results .search li a")
+            page.wait_for_function(
+                "/finished|found/i.test(document.querySelector('.search-summary').textContent)"
+            )
+            hits = page.eval_on_selector_all(
+                "#search-results .search li a",
+                "all => all.map(a => new URL(a.href).pathname.split('/').at(-1))",
+            )
+            assert f"{wanted}.html" in hits[:5], (word, hits[:5])
+        assert reader.wrong == []
+
+
+def test_what_is_folded_unfolds_and_the_side_bar_opens(
+    browser: Browser, addresses: list[str]
+) -> None:
+    with Reader(browser, addresses[1], viewport={"width": 390, "height": 844}) as reader:
+        page = reader.open("cards.html")
+        first = page.locator("article details").first
+        assert not first.locator("p").first.is_visible()
+        first.locator("summary").click()
+        assert first.locator("p").first.is_visible()
+        page.locator("label.nav-overlay-icon, .mobile-header .nav-overlay-icon").first.click()
+        page.locator(".sidebar-tree a", has_text="The claims").click()
+        page.wait_for_url("**/claims.html")
+        assert reader.wrong == []
