@@ -100,6 +100,8 @@ SLOW = (
     "tests/rigid_body/test_integrators.py::test_compiled_and_plain_source_agree",
     "tests/rigid_body/test_loop.py::test_an_hour_has",
     "tests/rigid_body/test_planar.py::test_resting_face_contact_properties",
+    "tests/simulations/test_browser.py",
+    "tests/simulations/test_compiled.py",
     "tests/simulations/test_models.py",
     "tests/site/player/test_browser.py",
     "tests/site/test_build.py",

@@ -10,6 +10,7 @@ Lengths on paper (line widths, letters, arrow heads) are in pixels of a picture 
 `Paper.width` pixels wide, and scale with it.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from decimal import ROUND_HALF_UP, Context, Decimal
@@ -610,20 +611,22 @@ def picture(paper: Paper, pen: Array) -> Picture:
 
 def written(value: float, form: int) -> str:
     """A number as both painters write it; halves are rounded away from zero, as browsers do."""
+    sign = "+" if SIGNED <= form < EXPONENT else ""
+    if not math.isfinite(value):
+        return (sign if value != -math.inf else MINUS) + ("NaN" if value != value else "Infinity")
     size, digits, tail = abs(Decimal(float(value))), form % 20, ""
     if form >= EXPONENT or size >= 10**21:
         size = Context(digits + 1, ROUND_HALF_UP).plus(size)
         power = size.adjusted()
         size = size.scaleb(-power, _WIDE)
-        tail = f"e{power}".replace("-", "\N{MINUS SIGN}")
+        tail = f"e{power}".replace("-", MINUS)
     shown = size.quantize(Decimal(1).scaleb(-digits), context=_WIDE)
-    sign = "+" if SIGNED <= form < EXPONENT else ""
     if value < 0.0 and shown:
-        sign = "\N{MINUS SIGN}"
+        sign = MINUS
     return f"{sign}{shown:f}{tail}"
 
 
-_WIDE = Context(60, ROUND_HALF_UP)
+_WIDE, MINUS = Context(60, ROUND_HALF_UP), "\N{MINUS SIGN}"
 
 
 def _parts(paper: Paper, parts: Array) -> str:

@@ -1,9 +1,7 @@
 """Both painters draw the same: canvas.js in a real browser against matplotlib, for every model."""
 
 import base64
-from collections.abc import Iterator
 from io import BytesIO
-from pathlib import Path
 from typing import Any
 
 import matplotlib.image
@@ -14,31 +12,15 @@ from course.simulations import canvas as widget
 from course.simulations import pen as draw
 from course.simulations.model import Experiment
 from course.simulations.painter import to_png
-from tests.conftest import chromium
 from tests.simulations.models import MODELS
+from tests.simulations.test_browser import browser_page  # noqa: F401
 
-SCRIPT = Path(widget.__file__).with_suffix(".js").read_text(encoding="utf-8")
 PAINT = """([paper, data, wide]) => {
   const canvas = document.createElement("canvas");
   const bytes = Uint8Array.from(atob(data), c => c.charCodeAt(0));
   const readouts = window.painter.paint(canvas, paper, new Float64Array(bytes.buffer), wide);
   return [readouts, canvas.toDataURL("image/png").split(",")[1]];
 }"""
-
-
-@pytest.fixture(scope="module")
-def page() -> Iterator[Any]:
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=chromium(), args=["--no-sandbox", "--disable-gpu", "--disable-quic"]
-        )
-        page = browser.new_page()
-        load = "async text => { window.painter = await import('data:text/javascript,' + text); }"
-        page.evaluate(load, "".join(f"%{byte:02x}" for byte in SCRIPT.encode()))
-        yield page
-        browser.close()
 
 
 def in_browser(page: Any, picture: draw.Picture) -> tuple[dict[str, str], Any]:
@@ -83,18 +65,3 @@ def test_both_painters_draw_the_same_picture(page: Any, model: Any) -> None:
                 assert (blurred(still) < 0.9).any()
                 assert difference.max() < most and (difference > 0.12).mean() < share
             experiment.advance(1.3)
-
-
-def test_both_write_numbers_alike(page: Any) -> None:
-    rng = np.random.default_rng(3)
-    forms = [
-        *range(16),
-        *(draw.SIGNED + k for k in range(9)),
-        *(draw.EXPONENT + k for k in range(16)),
-    ]
-    values = [0.0, -0.0, 0.5, 1.5, 2.5, -2.5, 0.125, 1.005, 1e21, -1e22, 9.995, 99999.5]
-    values += (rng.normal(size=300) * 10.0 ** rng.uniform(-12, 12, 300)).tolist()
-    pairs = [(value, form) for value in values for form in forms]
-    shown = page.evaluate("pairs => pairs.map(p => window.painter.written(...p))", pairs)
-    for (value, form), text in zip(pairs, shown, strict=True):
-        assert draw.written(value, form) == text, (value, form)
