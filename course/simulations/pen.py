@@ -10,7 +10,6 @@ Lengths on paper (line widths, letters, arrow heads) are in pixels of a picture 
 `Paper.width` pixels wide, and scale with it.
 """
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from decimal import ROUND_HALF_UP, Context, Decimal
@@ -612,8 +611,8 @@ def picture(paper: Paper, pen: Array) -> Picture:
 def written(value: float, form: int) -> str:
     """A number as both painters write it; halves are rounded away from zero, as browsers do."""
     sign = "+" if SIGNED <= form < EXPONENT else ""
-    if not math.isfinite(value):
-        return (sign if value != -math.inf else MINUS) + ("NaN" if value != value else "Infinity")
+    if not np.isfinite(value):
+        return (sign if value != -np.inf else MINUS) + ("NaN" if value != value else "Infinity")
     size, digits, tail = abs(Decimal(float(value))), form % 20, ""
     if form >= EXPONENT or size >= 10**21:
         size = Context(digits + 1, ROUND_HALF_UP).plus(size)
