@@ -113,6 +113,7 @@ class _CallConv(callconv.CPUCallConv):
         self, builder: Any, exc: Any, exc_args: Any = None, loc: Any = None, func_name: Any = None
     ) -> None:
         text = ", ".join(str(each) for each in exc_args or ()) or exc.__name__
+        text = text.partition("\nFile ")[0]  # Numba adds where the source lies on this machine
         words = self.context.insert_const_string(builder.module, text)
         null, size = callconv.GENERIC_POINTER(None), len(text.encode())
         info = [words, ir.IntType(32)(size), null, null, ir.IntType(32)(0)]

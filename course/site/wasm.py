@@ -118,7 +118,7 @@ def fingerprint(model: Model) -> str:
             state.update(repr(value).encode())
 
     def note(name: str, value: Any) -> None:
-        if value is not None:
+        if isinstance(value, _COUNTS) or hasattr(value, "py_func"):
             state.update(name.encode())
             visit(value)
 
@@ -127,6 +127,10 @@ def fingerprint(model: Model) -> str:
     for record in (model.controls, model.state):
         state.update(str(record.dtype.descr).encode())
     return state.hexdigest()
+
+
+# What a compiled function may find outside itself.
+_COUNTS = python.FunctionType | tuple | list | np.ndarray | np.generic | int | float | str
 
 
 def _inner(code: python.CodeType) -> Iterator[python.CodeType]:

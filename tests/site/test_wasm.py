@@ -38,7 +38,7 @@ def test_a_module_is_made_from_the_sources_as_they_are(name: str) -> None:
     has = {"memory", "__heap_base", *wasm.signatures(wasm.model(name))}
     assert hosted(name).exports.keys() == has
     assert wasm.told(module).keys() == {"fingerprint", "numba", "llvmlite", "linker"}
-    assert str(ROOT).encode() not in module
+    assert b".py" not in module  # no place on the machine that made it
 
 
 def test_a_recorded_simulation_has_no_module() -> None:
