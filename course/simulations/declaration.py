@@ -8,14 +8,11 @@ import base64
 import contextlib
 import functools
 import gzip
-import hashlib
 import importlib
 import itertools
 import json
-import os
 import pkgutil
 import re
-import shutil
 import sys
 import zlib
 from collections.abc import Iterator
@@ -35,10 +32,10 @@ from course.simulations.record import Field, Record
 # How long a recording is, and how many pictures it has in a second: as `Step` in live.js.
 SECONDS, RATE = 10.0, 25
 # A recording ends before that where its text would be longer than this, all presets together.
-_ROOM = 1_500_000
-# A point is told in steps of 1 / _GRID of the window's unit, a fraction of a pixel; what is farther
+ROOM = 1_500_000
+# A point is told in steps of 1 / GRID of the window's unit, a fraction of a pixel; what is farther
 # away is cut off. Two numbers stand for a gap in a line and for what is told exactly.
-_GRID, _FAR, _GAP, _EXACT = 512, 2.0**30, -(2**31), 1 - 2**31
+GRID, _FAR, _GAP, _EXACT = 512, 2.0**30, -(2**31), 1 - 2**31
 
 _HERE = Path(__file__).parent
 
@@ -73,6 +70,11 @@ def model(name: str) -> Model:
 def module(name: str) -> Path:
     """Where the compiled module of a simulation lies, or would."""
     return _HERE.joinpath(*name.split(".")).with_suffix(".wasm")
+
+
+def recording(name: str) -> Path:
+    """Where the recording of a simulation is kept, beside its source; see `course.site.films`."""
+    return module(name).with_suffix(".json")
 
 
 def is_live(name: str) -> bool:
@@ -201,42 +203,22 @@ def _input(name: str, field: Field, record: Record) -> dict[str, Any]:
 
 
 def _film(name: str) -> dict[str, Any]:
-    """What `_recorded` makes, a minute of work for all: found again until a source changes."""
-    kept = _HERE / "__pycache__" / "recorded" / _sources() / f"{name}.json"
-    if not kept.exists():
-        films = _recorded(model(name))
-        with contextlib.suppress(OSError):  # where nothing can be written, nothing is kept
-            for old in set(kept.parent.parent.glob("*")) - {kept.parent}:
-                shutil.rmtree(old, ignore_errors=True)
-            kept.parent.mkdir(parents=True, exist_ok=True)
-            part = kept.with_suffix(f".{os.getpid()}")
-            part.write_text(json.dumps(films), encoding="utf-8")
-            part.replace(kept)
-        return films
-    return json.loads(kept.read_text(encoding="utf-8"))
+    """The recording that is kept beside a simulation's source."""
+    if not recording(name).exists():
+        raise refused("name", name, f"one with a recording (python -m course.site.films {name})")
+    return json.loads(recording(name).read_text(encoding="utf-8"))["films"]
 
 
-@functools.cache
-def _sources() -> str:
-    """A hash of whatever a simulation may depend on."""
-    state = hashlib.sha256(f"{np.__version__} {SECONDS} {RATE} {_ROOM} {_GRID}".encode())
-    for path in sorted(_HERE.parent.rglob("*")):
-        if path.suffix in (".py", ".npz", ".toml"):
-            state.update(f"{path.relative_to(_HERE.parent)} {path.stat().st_size}\n".encode())
-            state.update(path.read_bytes())
-    return state.hexdigest()[:16]
+def recorded(made: Model) -> dict[str, Any]:
+    """Each preset of a model as a film: the sizes of its pictures, and their numbers, compressed.
 
-
-def _recorded(made: Model) -> dict[str, Any]:
-    """Each preset as a film: the sizes of its pictures, and their numbers, compressed.
-
-    A picture is told by what differs from the one before: of each number, in steps of 1 / `_GRID`,
+    A picture is told by what differs from the one before: of each number, in steps of 1 / `GRID`,
     the difference as four bytes, first the lowest ones of all, and so on. After them stand the
     numbers that are told exactly. A picture of size 0 is like the one before.
     """
     films = {}
     for name in made.presets:
-        run, room = Experiment(made), _ROOM / len(made.presets)
+        run, room = Experiment(made), ROOM / len(made.presets)
         sizes: list[int] = []
         parts: list[bytes] = []
         run.choose(name)
@@ -265,7 +247,7 @@ def _recorded(made: Model) -> dict[str, Any]:
 
 
 def _steps(picture: drawing.Picture) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """The numbers of a picture in steps of 1 / `_GRID`, and those that are told exactly.
+    """The numbers of a picture in steps of 1 / `GRID`, and those that are told exactly.
 
     Points are as exact as a screen asks for, all else as it is.
     """
@@ -276,8 +258,8 @@ def _steps(picture: drawing.Picture) -> tuple[NDArray[np.int32], NDArray[np.floa
             point[at + 2 + drawing.STYLE[kind] : end] = True
         at = end
     gap = np.isnan(data)
-    scaled = np.clip(np.where(gap, 0.0, _GRID * data), -_FAR, _FAR)
+    scaled = np.clip(np.where(gap, 0.0, GRID * data), -_FAR, _FAR)
     steps = np.round(scaled).astype(np.int32)
-    exact = ~(point | gap | (steps == _GRID * data))
+    exact = ~(point | gap | (steps == GRID * data))
     steps[gap], steps[exact] = _GAP, _EXACT
     return steps, data[exact]

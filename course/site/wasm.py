@@ -87,7 +87,7 @@ def fingerprint(model: Model) -> str:
     code = Path(compiler.__file__), here / "compiled.py", SIMULATIONS / "splitmix.py"
     for path in (*code, compiler.ARENA):
         text = path.read_text(encoding="utf-8")
-        state.update((_bare(text) if path.suffix == ".py" else text).encode())
+        state.update((bare(text) if path.suffix == ".py" else text).encode())
 
     def visit(value: Any) -> None:
         value = getattr(value, "py_func", value)
@@ -146,12 +146,12 @@ def _text(_path: str, code: python.CodeType) -> str:
     in decorators and defaults only, so the path belongs to what is remembered."""
     text = textwrap.dedent(inspect.getsource(code))
     try:
-        return _bare(text)
+        return bare(text)
     except SyntaxError:  # a lambda within a statement
         return text
 
 
-def _bare(text: str) -> str:
+def bare(text: str) -> str:
     """Source without comments, layout and docstrings."""
     tree = ast.parse(text)
     for node in ast.walk(tree):

@@ -13,6 +13,7 @@ import pytest
 from course import CHAPTERS
 from course.simulations import declaration as told
 from course.simulations.model import KEYS, Experiment
+from course.site import films
 from tests.simulations.models import WALK
 
 
@@ -143,8 +144,8 @@ def _unpacked(film: Any) -> Iterator[Any]:
 @pytest.mark.parametrize("model", [WALK, told.model("rigid_body.spring")])
 def test_a_recording_gives_back_its_pictures(model: Any, monkeypatch: Any) -> None:
     monkeypatch.setattr(told, "SECONDS", 1.0)
-    films = told._recorded(model)
-    assert films == told._recorded(model) and list(films) == list(model.presets)
+    films = told.recorded(model)
+    assert films == told.recorded(model) and list(films) == list(model.presets)
     for preset, film in films.items():
         experiment = Experiment(model)
         experiment.choose(preset)
@@ -159,28 +160,61 @@ def test_a_recording_gives_back_its_pictures(model: Any, monkeypatch: Any) -> No
 def test_a_recording_has_as_many_pictures_as_there_is_room_for(monkeypatch: Any) -> None:
     monkeypatch.setattr(told, "SECONDS", 1.0)
     for room, most in ((0, 1), (3_000, 20)):
-        monkeypatch.setattr(told, "_ROOM", room)
-        films = told._recorded(WALK)
-        assert all(1 <= len(film["sizes"]) <= most for film in films.values())
-        assert sum(len(film["data"]) for film in films.values()) <= max(room, 1_500)
+        monkeypatch.setattr(told, "ROOM", room)
+        made = told.recorded(WALK)
+        assert all(1 <= len(film["sizes"]) <= most for film in made.values())
+        assert sum(len(film["data"]) for film in made.values()) <= max(room, 1_500)
 
 
-def test_a_film_is_made_once_while_the_sources_are_the_same(
+@pytest.mark.parametrize("name", films.names())
+def test_a_recording_was_made_from_the_sources_as_they_are(name: str) -> None:
+    assert not films.stale(name), f"run `python -m course.site.films {name}`"
+    kept = json.loads(told.recording(name).read_text())["films"]
+    assert list(kept) == list(told.model(name).presets)
+    assert all(film["data"] and film["sizes"][0] > 0 for film in kept.values())
+
+
+def test_no_other_simulation_has_a_recording() -> None:
+    assert {*told._HERE.rglob("*.json")} == {told.recording(name) for name in films.names()}
+
+
+def test_a_recording_knows_what_it_was_made_from(monkeypatch: Any, tmp_path: Any) -> None:
+    """Code at the far end of its imports, and data, count; words for readers do not."""
+    monkeypatch.setattr(films, "COURSE", tmp_path)
+    for name, text in {
+        "simulations/__init__.py": "",
+        "simulations/walk.py": '"""A walk."""\nfrom course.topic import far\n',
+        "topic/__init__.py": "from course.other import near\nimport math\n",
+        "topic/far.py": "STEP = 1.0\n",
+        "topic/data.toml": "a = 1\n",
+        "other.py": "near = 1\n",
+        "nobody.py": "x = 1\n",
+    }.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert {path.name for path in films.reached("walk")} == {
+        "__init__.py", "walk.py", "far.py", "data.toml", "other.py"
+    }  # fmt: skip
+    before = films.fingerprint("walk")
+    (tmp_path / "simulations/walk.py").write_text('"""It walks."""\nfrom course.topic import far\n')
+    (tmp_path / "nobody.py").write_text("x = 2\n")
+    assert films.fingerprint("walk") == before
+    for name, text in (
+        ("other.py", "near = 2\n"),
+        ("topic/far.py", "STEP = 2.0\n"),
+        ("topic/data.toml", "a = 2\n"),
+    ):
+        (tmp_path / name).write_text(text)
+        assert films.fingerprint("walk") != before
+        before = films.fingerprint("walk")
+
+
+def test_a_recorded_simulation_without_its_recording_is_refused(
     monkeypatch: Any, tmp_path: Any
 ) -> None:
-    made: list[str] = []
-    monkeypatch.setattr(told, "_HERE", tmp_path)
-
-    def recorded(model: Any) -> Any:
-        made.append(model.title)
-        return {"a": 1}
-
-    monkeypatch.setattr(told, "_recorded", recorded)
-    for state, times in (("one", 1), ("one", 1), ("two", 2), ("one", 3)):
-        monkeypatch.setattr(told, "_sources", lambda state=state: state)
-        assert told._film("rigid_body.top") == {"a": 1}
-        assert len(made) == times
-    assert len(list(tmp_path.rglob("*.json"))) == 1
+    monkeypatch.setattr(told, "recording", lambda name: tmp_path / "none.json")
+    with pytest.raises(ValueError, match=r"python -m course\.site\.films pipeline"):
+        told.bundle("pipeline")
 
 
 def test_the_script_is_one_without_modules() -> None:

@@ -565,7 +565,7 @@ def test_a_recorded_simulation_says_so_and_shows_its_pictures(
     name = "rigid_body.spring"
     monkeypatch.setitem(told.RECORDED, name, "a library computes them")
     monkeypatch.setattr(told, "SECONDS", 0.4)
-    monkeypatch.setattr(told, "_film", lambda name: told._recorded(told.model(name)))
+    monkeypatch.setattr(told, "_film", lambda name: told.recorded(told.model(name)))
     page, experiment = open_page(name), Experiment(told.model(name))
     assert page.locator(".title small").inner_text() == "recorded"
     assert "a library computes them" in page.locator(".side").inner_text()
