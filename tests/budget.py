@@ -105,6 +105,7 @@ SLOW = (
     "tests/simulations/test_models.py",
     "tests/site/player/test_browser.py",
     "tests/site/test_build.py",
+    "tests/site/pages",
     "tests/test_compiled.py",
     "tests/test_tools.py::test_in_the_background",
     "tests/vector_env/test_charts.py",
