@@ -580,7 +580,7 @@ said("contact_regimes", "stiff", "soft", "force", "admittance", "hybrid")
 # one sample; computed torque, with the half sample; a better plan by trying:
 
 # %%
-source(sampled.loop_matrix, control.pid._update, control.computed_torque, control.mppi)
+source(sampled._closed, control.pid._update, control.computed_torque, control.mppi)
 
 # %% [markdown]
 # Sliders for three gains, torque limit, delay, sample time, load, friction; a menu for the encoder; switches for
