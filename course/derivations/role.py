@@ -88,7 +88,7 @@ def chain_age(found):
 
 @claim(
     "Who polls twice as often gets data half as old.",
-    "How old the newest value is depends on how often it is *made*: {formula} at a moment of your "
+    "How old the newest value is depends on how often it is made: {formula} at a moment of your "
     "own. Readers at {slow_hz:.0f} and at {fast_hz:.0f} Hz get pictures of {camera_hz:.0f} Hz that "
     "are {slow_ms:.1f} and {fast_ms:.1f} ms old. Polling shortens only how long its own answer is "
     "in force.",
