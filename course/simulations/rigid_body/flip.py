@@ -64,8 +64,7 @@ def advance(state, controls, seconds):
 
 
 TITLE = "The flip about the middle axis"
-# Tables of its own, so that its words have the same numbers whatever else is there.
-word, colour = draw.Table(*turning.word.entries), draw.Table(*turning.colour.entries)
+word, colour = draw.Table(*turning.word.entries), draw.Table(*turning.colour.entries)  # its own
 _L, _OMEGA, _NONE, _S, _PER_S = word("L", "ω", "\N{EM DASH}", " s", " /s")
 _ASIDE, _T, _SHARE = word("rate about the other two axes", "time [s]", "log10, of the spin")
 _TIME, _GROWTH, _IN_THEORY = word("time", "growth, measured", "growth, in theory")
