@@ -41,7 +41,7 @@ def test_sensordata_is_one_step_late_and_shifting_the_log_mends_it():
 
 def test_an_empty_module_says_what_to_install(monkeypatch):
     monkeypatch.delattr(sysid.toolbox(), "optimize")
-    with pytest.raises(ImportError, match="'absl-py.*colorama.*tabulate"):
+    with pytest.raises(ImportError, match=r"'absl-py.*colorama.*tabulate"):
         sysid.toolbox()
 
 
