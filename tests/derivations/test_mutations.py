@@ -159,7 +159,7 @@ def test_no_entry_of_the_record_can_change(item):
         other = (
             value + " not"
             if isinstance(value, str)
-            else value + (abs(value) + 1) * 2 * (tolerance + 1e-9)
+            else value + (abs(value) + 1) * 4 * (tolerance + 1e-9)
         )
         if value in (float("inf"), float("-inf")):
             other = 1.0
