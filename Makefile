@@ -161,9 +161,12 @@ charts: setup platforms ## rebuild every chart of the README, and the data behin
 notebooks: setup ## run the notebooks from their sources and write them with their outputs
 	$(BIN)/python -m tools.notebooks
 
-# The wheel is that of the sdist. Its time stamps are the commit's: of one commit it is always the same.
+# The wheel is that of the sdist. Time stamps are the commit's and modes those of git: of one commit
+# both are always the same. What an older build listed in *.egg-info would be taken along.
 dist: setup ## build the package, wheel and sdist, into dist/
-	SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) $(BIN)/python -m build --no-isolation --outdir dist
+	rm -rf *.egg-info
+	umask 022; SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct) \
+		$(BIN)/python -m build --no-isolation --outdir dist
 
 clean: ## remove .venv, caches and compiled code
 	rm -rf $(VENV) build dist *.egg-info .pytest_cache .mypy_cache .ruff_cache .hypothesis
