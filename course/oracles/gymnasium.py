@@ -16,7 +16,7 @@ def _gymnasium() -> ModuleType:
         import gymnasium
         import gymnasium.vector
     except ImportError as error:
-        raise ImportError("this needs Gymnasium: pip install 'gymnasium>=1.2'") from error
+        raise ImportError("this needs Gymnasium: pip install 'gymnasium>=1.4'") from error
     return gymnasium
 
 
