@@ -4,6 +4,8 @@ import re
 
 _GREEK = "alpha beta gamma delta zeta eta theta lambda mu nu pi rho sigma tau phi psi omega Omega"
 _FUNCTIONS = "sqrt exp log sin cos tan asin acos atan asinh cosh det"
+# As code writes them: alone in a sentence they stay what one types.
+_SHORT = {"eps": r"\epsilon", "lam": r"\lambda"}
 _NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan"}
 _OPERATORS = {
     "+-": r"\pm",
@@ -20,11 +22,11 @@ _TOKEN = re.compile(
     rf"|(?P<greek>\b(?:{_GREEK.replace(' ', '|')})(?:_\w+)?\b)"
     rf"|(?P<function>\b(?:{_FUNCTIONS.replace(' ', '|')})(?=\())"
     r"|(?P<number>\b\d+(?:,\d{3})*(?:\.\d+)?(?:e[+-]?\d+)?(?!\w))"
-    r"|(?P<symbol>\b(?:d[tqxv]\d?|[A-Za-z]\d?(?:_\w+)?'*)(?![\w-]))"
+    r"|(?P<symbol>\b(?:eps|lam|d[tqxv]\d?|[A-Za-z]\d?(?:_\w+)?'*)(?![\w-]))"
     r"|(?P<operator>\+-|<=|>=|[-+*/=<>^|]|(?<= )\.(?= ))"
     r"|(?P<open>\()|(?P<close>\))|(?P<space> +)|(?P<word>[^\s()`]+?(?=[\s()`,.;:]|$)|.)"
 )
-_WEAK = {"a", "A", "I", "s"}
+_WEAK = {"a", "A", "I", "s", *_SHORT}
 
 Token = tuple[str, str]
 
@@ -127,6 +129,8 @@ def _set(run: list[Token]) -> str:
             out += r"\times"
         elif word == "dt":  # the step has one letter in a notebook; d t would be a product
             out += "h"
+        elif word in _SHORT:
+            out += f"{_SHORT[word]} "
         elif kind == "symbol" and word[-1].isdigit() and "_" not in word:
             out += f"{word[:-1]}_{word[-1]}"
         elif kind == "symbol" and "_" in word:

@@ -32,6 +32,8 @@ def open_text(markdown: str) -> str:
         ("forces of 2 N m and 100 kN/m do it", None),
         ("`a_name` of e - f", r"`a_name` of $e - f$"),
         ("a 7-R arm, N dq2 beside", r"a 7-R arm, $N dq_2$ beside"),
+        ("6*eps - eps^2 of every eps", r"$6\, \epsilon - \epsilon ^{2}$ of every eps"),
+        ("gamma^2*lam*d1, eps T", r"$\gamma ^{2}\, \lambda \, d_1$, eps $T$"),
         ("5 $ and 2 < 3", r"5 \$ and 2 \< 3"),
     ],
 )
