@@ -8,6 +8,7 @@ const BASELINE = { 0: "bottom", 0.5: "middle", 1: "top" };
 const FAR = 1e7; // farther away than this a point is drawn here
 const SLACK = 2; // what is cut off may stand out by this much: half of a line [pixels]
 const LETTERS = 8; // no smaller ones however narrow the picture [pixels]
+const NARROW = 0.7; // such are this narrow at most, so that words stay apart where there is room
 const MINUS = "\u2212";
 
 // A number as `written` in pen.py writes it.
@@ -162,6 +163,7 @@ export function paint(canvas, paper, at, wide) {
       context.translate(px(x) + right * size, py(y) - up * size);
       context.rotate((-turn * Math.PI) / 180);
       const letter = Math.max(letters * size, Math.min(LETTERS, letters) * ratio);
+      context.scale(Math.max((letters * size) / letter, NARROW), 1);
       context.font = `${bold ? "bold " : ""}${letter}px ${FONT}`;
       context.fillStyle = paper.colours[colour];
       context.textAlign = ALIGN[align];

@@ -201,7 +201,7 @@ const STYLE = `
 .course-simulation.in-page .course-side,.course-simulation .course-live .title{display:none}
 .course-live .aloud{position:absolute;width:1px;height:1px;overflow:hidden;clip-path:inset(50%);
   white-space:nowrap}
-@media print{.course-live .side{display:none}}
+@media print{.course-live .side{display:none}.course-live canvas{height:auto!important}}
 `;
 
 const make = (tag, options = {}, ...children) => {

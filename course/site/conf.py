@@ -22,6 +22,11 @@ html_theme = "furo"
 html_math_renderer = "mathml"
 html_static_path = ["_static"]
 html_css_files = ["course.css"]
+# The box of chapter 1, in the page itself: a browser then asks for no file, from the disk neither.
+html_favicon = (
+    "data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 16 16'%3E"
+    "%3Cpath fill='%23f4b183' stroke='%23c55a11' d='M3 3 13 5 12 12 2 10z'/%3E%3C/svg%3E"
+)
 html_copy_source = html_show_sourcelink = html_show_search_summary = False
 html_show_copyright = False
 html_use_index = False

@@ -139,8 +139,7 @@ class Reader:
             self.wrong.append(message.text)
 
     def _refuse(self, route: Any) -> None:
-        if not route.request.url.endswith("/favicon.ico"):
-            self.wrong.append(f"asked for {route.request.url}")
+        self.wrong.append(f"asked for {route.request.url}")
         route.abort()
 
     def open(self, name: str) -> Any:
@@ -246,3 +245,53 @@ def test_what_is_folded_unfolds_and_the_side_bar_opens(
         page.locator(".sidebar-tree a", has_text="The claims").click()
         page.wait_for_url("**/claims.html")
         assert reader.wrong == []
+
+
+# Where the words of a picture stand, from its left edge to its right one, line by line.
+WORDS_DRAWN = """
+const draw = CanvasRenderingContext2D.prototype.fillText;
+const fresh = CanvasRenderingContext2D.prototype.fillRect;
+CanvasRenderingContext2D.prototype.fillRect = function (...given) {
+  this.canvas.words = [];
+  fresh.apply(this, given);
+};
+CanvasRenderingContext2D.prototype.fillText = function (words, ...given) {
+  const [at, size] = [this.getTransform(), this.measureText(words)];
+  if (Math.abs(at.b) < 1e-9)
+    this.canvas.words.push([
+      words, at.f, at.e - at.a * size.actualBoundingBoxLeft,
+      at.e + at.a * size.actualBoundingBoxRight,
+    ]);
+  draw.call(this, words, ...given);
+};
+"""
+
+
+def test_words_of_a_narrow_picture_stand_apart(browser: Browser, addresses: list[str]) -> None:
+    with Reader(browser, addresses[0], viewport={"width": 390, "height": 844}) as reader:
+        reader.page.add_init_script(WORDS_DRAWN)
+        page = reader.open("01_rigid_body.html")
+        picture = page.locator(".course-live canvas").first
+        picture.wait_for()
+        page.wait_for_function("() => document.querySelector('canvas')?.words?.length")
+        words, wide = picture.evaluate("picture => [picture.words, picture.width]")
+        assert len(words) > 20
+        for k, (text, line, left, right) in enumerate(words):
+            assert 0 <= left and right <= wide, text
+            for other, its_line, start, end in words[:k]:
+                assert its_line != line or end <= left or right <= start, (text, other)
+
+
+def test_a_page_prints_as_it_is(browser: Browser, addresses: list[str]) -> None:
+    with Reader(browser, addresses[0], viewport={"width": 1280, "height": 900}) as reader:
+        page = reader.open("01_rigid_body.html")
+        picture = page.locator(".course-live[data-ready] canvas").first
+        picture.wait_for()
+        shape = "picture => picture.clientWidth / picture.clientHeight"
+        before = picture.evaluate(shape)
+        page.emulate_media(media="print")
+        page.set_viewport_size({"width": 700, "height": 900})
+        page.evaluate("document.querySelector('.course-live canvas').style.height = '50px'")
+        assert picture.evaluate(shape) == pytest.approx(before, rel=0.02)
+        for bar in (".sidebar-drawer", ".skip-to-content", ".course-live .side"):
+            assert not page.locator(bar).first.is_visible(), bar
