@@ -43,7 +43,7 @@ def test_a_library_in_one_place_gives_the_same_success_and_error(name, most, see
 
 
 @pytest.mark.parametrize("name, most, seeds", [
-    ("MuJoCo's rays", 1e-9, 2), ("Open3D perceives", 2e-3, 3), ("all of them", 2e-3, 3),
+    ("MuJoCo's rays", 1e-9, 2), ("Open3D perceives", 2e-3, 3), ("all of them", 2e-3, 2),
 ])  # fmt: skip
 def test_a_library_that_sees_gives_the_same_within_the_band(name, most, seeds):
     """Open3D's fit is off by less than 1 mm and scatters by 2 mm: so little does the end differ."""
