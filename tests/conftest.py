@@ -11,7 +11,6 @@ many examples, drawn afresh.
 import importlib.util
 import os
 import shutil
-import sys
 from collections import defaultdict
 from pathlib import Path
 
@@ -32,6 +31,7 @@ from tests.budget import (
     slowness,
     too_costly,
     topic_of,
+    working_time,
     yardstick,
 )
 
@@ -106,20 +106,11 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None):
     start = processor_time()
     if start > 10.0 * len(_YARDSTICKS):
         _YARDSTICKS.append(yardstick())
-    start = _working()
+    start = working_time()
     try:
         return (yield)
     finally:
-        _SECONDS[_topic(item)] += _working() - start
-
-
-def _working() -> float:
-    """Processor time without what went into compiling: the seconds of a topic are those after it.
-
-    Some loops are compiled by the first test that calls them, not by `make warm`.
-    """
-    module = sys.modules.get("course.compiled")
-    return processor_time() - sum(module.COMPILE_SECONDS.values() if module else ())
+        _SECONDS[_topic(item)] += working_time() - start
 
 
 def pytest_sessionfinish(session: pytest.Session) -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from course import CHAPTERS, charts, contents
+from course import CHAPTERS, charts, compiled, contents
 from tests import budget
 from tools import gallery
 
@@ -541,6 +541,12 @@ def test_a_run_fails_for_seconds_only_beyond_their_spread(monkeypatch) -> None:
     assert budget.slowness([0.5 * budget.YARDSTICK]) == budget.slowness([]) == 1.0
     more = {"drills": 2.1 * took["drills"]}
     assert budget.too_costly(more, slow=2.0) == ["drills"]
+
+
+def test_compiling_does_not_count_for_a_topic(monkeypatch) -> None:
+    start = budget.working_time()
+    monkeypatch.setitem(compiled.COMPILE_SECONDS, "a loop", 1000.0)
+    assert budget.working_time() < start - 900.0
 
 
 @pytest.mark.parametrize(
