@@ -23,9 +23,12 @@ unexport PYTHONPATH PYTHONHOME
 # The compiler's one-line announcements and a learner's progress are for a person, not for an output
 # that is compared. Small matrices are slower with threads, and two workers share the cores.
 QUIET := COURSE_QUIET=1 DRILLS_PROGRESS=none OPENBLAS_NUM_THREADS=1
+PYTEST := env $(QUIET) $(BIN)/pytest
+NBVAL := $(PYTEST) --nbval --nbval-current-env --nbval-sanitize-with tests/nbval_sanitize.cfg \
+	--nbval-cell-timeout=120 -n 2 --dist loadfile
 
 .NOTPARALLEL:
-.PHONY: help setup platforms sphinx site lab check test prove lint types pytest nbval warm charts notebooks dist clean
+.PHONY: help setup platforms sphinx site lab check test prove lint types pytest nbval warm charts notebooks dist clean optional extras cpus
 
 # `make test TOPIC=contact` and `make prove TOPIC=contact`: one topic, and the framework's smoke tests.
 TOPIC ?=
@@ -93,6 +96,8 @@ setup: ## make .venv with the pinned packages, if it isn't there
 	{ echo "$$place"; python_of $(BIN)/python; echo "$$wanted"; } > $(STAMP); \
 	echo "$(VENV) is ready"
 
+COMMA := ,
+
 # Adds a set of optional packages once: $(call add,extra of pyproject.toml,what that is). The stamp
 # holds the pins and the Python it was made for, beside the stamp of the set-up: whatever makes
 # .venv anew takes it away.
@@ -114,6 +119,9 @@ endef
 platforms: setup ## add the other simulators of chapter 3 (161 MB to download, 510 MB on disk)
 	$(call add,platforms,the other simulators)
 
+extras: platforms ## add every optional library: the simulators, Stable-Baselines3, wrappers, Dask
+	$(call add,sb3$(COMMA)wrappers$(COMMA)cluster,the optional libraries)
+
 sphinx: setup ## add what builds the site (110 MB to download, 440 MB on disk)
 	$(call add,site,what builds the site)
 
@@ -125,16 +133,30 @@ lab: setup ## set up, then open the course in JupyterLab, in copies under work/
 	@$(BIN)/python -m tools.warm --background
 	@JUPYTER_CONFIG_PATH='$(CURDIR)/.jupyter' exec $(BIN)/python -m tools.lab
 
-check: setup lint types ## lint, types and the quick tests, in about three minutes
-	$(QUIET) $(BIN)/pytest -q --quick $(OF_TOPIC) -n 2 --dist worksteal
+check: setup sphinx lint types ## lint, types and the quick tests, in about three minutes
+	$(PYTEST) -q -m 'not slow' $(OF_TOPIC) -n 2 --dist worksteal
 	@echo "the quick tests passed; make test runs all"
 
-test: setup platforms sphinx lint types warm pytest nbval ## set up, then run every test, or those of TOPIC=contact
+test: setup sphinx lint types warm pytest nbval ## set up, then run every test, or those of TOPIC=contact
 	@echo "all tests passed"
 
-prove: setup platforms sphinx warm ## the long proofs: many seeds, the whole hostile suite, properties at random
-	$(QUIET) COURSE_PROVE=1 $(BIN)/pytest $(OF_TOPIC) -n 2 --dist worksteal
+optional: extras ## add the optional libraries, and run the tests that need them
+	COURSE_REQUIRE_OPTIONAL=1 $(PYTEST) -m optional $(OF_TOPIC) -n 2 --dist worksteal
+	@echo "the tests of the optional libraries passed"
+
+prove: setup sphinx extras warm ## the long proofs: many seeds, the hostile suite, random properties, other CPUs
+	COURSE_PROVE=1 $(PYTEST) $(OF_TOPIC) -n 2 --dist worksteal
+	$(MAKE) cpus CPUS='haswell nehalem'
 	@echo "all proofs passed"
+
+# A CPU is emulated: its instructions are those that the numerical libraries are held to.
+CPUS ?= farthest
+cpus: setup sphinx ## the claims, the notebooks and what learns, computed as on another CPU
+	@set -e; for cpu in $(CPUS); do \
+		$(BIN)/python -m tools.cpus $$cpu -- $(PYTEST) -q tests/learning \
+			tests/derivations/test_derivations.py -n 2 --dist worksteal; \
+		$(BIN)/python -m tools.cpus $$cpu -- $(NBVAL) notebooks/; \
+	done
 
 lint: setup ## ruff: rules and layout
 	$(BIN)/ruff check
@@ -144,12 +166,10 @@ types: setup ## mypy
 	$(BIN)/mypy
 
 pytest: warm ## the tests without the notebooks
-	$(QUIET) $(BIN)/pytest $(OF_TOPIC) -n 2 --dist worksteal
+	$(PYTEST) $(OF_TOPIC) -n 2 --dist worksteal
 
 nbval: warm ## the notebooks, run again and compared with what they show
-	$(if $(NOTEBOOKS),$(QUIET) $(BIN)/pytest --nbval --nbval-current-env \
-		--nbval-sanitize-with tests/nbval_sanitize.cfg --nbval-cell-timeout=120 \
-		-n 2 --dist loadfile $(NOTEBOOKS))
+	$(if $(NOTEBOOKS),$(NBVAL) $(NOTEBOOKS))
 
 warm: setup ## compile and keep every hot loop of the chapters
 	@$(BIN)/python -m tools.warm

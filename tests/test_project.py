@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from course import CHAPTERS, charts, compiled, contents
+from course import CHAPTERS, charts, contents
 from tests import budget
 from tools import gallery
 
@@ -519,36 +519,6 @@ def test_every_dependency_is_pinned() -> None:
     assert {normal(re.split(r"[<>=!~ \[]", line)[0]) for line in wanted} <= pinned
 
 
-def test_no_topic_costs_more_lines_than_it_may(capsys) -> None:
-    counted = budget.count_lines()
-    table = [
-        f"{topic:<14} {lines:6} lines of {budget.lines_allowed(topic)}"
-        for topic, lines in counted.most_common()
-    ]
-    with capsys.disabled():
-        print("\n", *table, f"{'in all':<14} {counted.total():6} lines", sep="\n")
-    assert [t for t, lines in counted.items() if lines > budget.lines_allowed(t)] == []
-
-
-def test_a_run_fails_for_seconds_only_beyond_their_spread(monkeypatch) -> None:
-    monkeypatch.setitem(budget.SECONDS_OF, "contact", 60.0)
-    monkeypatch.setitem(budget.SECONDS_OF, "drills", 150.0)
-    took = {"contact": 71.0, "drills": 1.01 * budget.SPREAD * 150.0}
-    assert budget.too_costly(took) == ["drills"]
-    assert 71.0 / 55.0 < budget.SPREAD < 2.0  # the spread that was met, and still a bound
-    # Where the yardstick takes twice as long, so may everything; a faster machine wins nothing.
-    assert budget.too_costly(took, slow=budget.slowness([2.0 * budget.YARDSTICK])) == []
-    assert budget.slowness([0.5 * budget.YARDSTICK]) == budget.slowness([]) == 1.0
-    more = {"drills": 2.1 * took["drills"]}
-    assert budget.too_costly(more, slow=2.0) == ["drills"]
-
-
-def test_compiling_does_not_count_for_a_topic(monkeypatch) -> None:
-    start = budget.working_time()
-    monkeypatch.setitem(compiled.COMPILE_SECONDS, "a loop", 1000.0)
-    assert budget.working_time() < start - 900.0
-
-
 @pytest.mark.parametrize(
     ("path", "topic"),
     [
@@ -570,21 +540,15 @@ def test_every_file_counts_for_one_topic(path: str, topic: str) -> None:
     assert budget.topic_of(path) == topic
 
 
-@pytest.mark.parametrize("name", sorted({*budget.SMOKE, *budget.SLOW}))
-def test_what_is_smoke_or_slow_is_there(name: str) -> None:
-    place, _, test = name.partition("::")
-    path = ROOT / place
-    files = [*path.rglob("*.py")] if path.is_dir() else [*path.parent.glob(f"{path.name}*")]
-    assert any(f"def {test or 'test_'}" in file.read_text("utf-8") for file in files), name
-
-
-def test_the_quick_tests_hold_the_smoke_tests_and_something_of_every_room() -> None:
-    files = [path.relative_to(ROOT) for path in (ROOT / "tests").rglob("test_*.py")]
-    ours = [path for path in files if "prove" not in path.parts]
-    quick = {path.parent for path in ours if budget.is_quick(f"{path.as_posix()}::")}
-    left_out = {path.name for path in {path.parent for path in ours} - quick}
-    assert left_out <= {"dist", "interview", "pages", "player"}  # installing, and browsers
-    assert all(map(budget.is_quick, budget.SMOKE))
+@pytest.mark.slow
+def test_the_quick_tests_have_something_of_every_topic() -> None:
+    command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"]
+    done = subprocess.run(
+        [*command, "-m", "not slow", "tests"], cwd=ROOT, capture_output=True, text=True, timeout=300
+    )
+    assert done.returncode == 0, done.stdout[-2000:]
+    files = re.findall(r"^tests/(\w+)/\S+::", done.stdout, re.M)
+    assert set(TOPICS) <= set(files)
 
 
 # --- The README -----------------------------------------------------------------------------------

@@ -1,6 +1,7 @@
 """Compile the hot loops of the course in reading order, so that nobody waits for them later.
 
-`python -m tools.warm` (or `make warm`) calls `warm()` of each chapter that has one.
+`python -m tools.warm` (or `make warm`) calls `warm()` of each chapter that has one, in as many
+processes as there are cores.
 `--background` leaves that to a process of its own and returns at once: it has the lowest priority,
 writes nothing and ends by itself, whatever becomes of the caller. Ended half-way it leaves what it
 has compiled so far: numba puts each finished file in its place in one go, and what was not written
@@ -11,12 +12,15 @@ is compiled again. A reader who needs a function meanwhile waits for it, or comp
 import argparse
 import importlib
 import importlib.util
+import multiprocessing
 import os
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 from course import CHAPTERS
 
@@ -36,22 +40,40 @@ def topics() -> list[str]:
     return [topic for topic in found if hasattr(importlib.import_module(f"course.{topic}"), "warm")]
 
 
-def warm(names: list[str]) -> Iterator[tuple[str, float, int, float]]:
-    """Compile, or load from the disk cache, the hot loops of these topics.
+class Warmed(NamedTuple):
+    """What it took to make the loops of a topic ready."""
 
-    Yields:
-        For each its name, the seconds it took, and of how many compiled functions; with the
-        processor time of compiling or loading them [s].
-    """
+    topic: str
+    seconds: float  # on the clock [s]
+    functions: int  # compiled, or loaded from the disk cache
+    processor: float  # processor time of compiling or loading them [s]
+
+
+def warm_topic(name: str) -> Warmed:
+    """Compile the hot loops of one topic, or load them from the disk cache."""
     from course.compiled import COMPILE_SECONDS
 
-    for name in names:
-        known = set(COMPILE_SECONDS)
-        start = time.perf_counter()
-        importlib.import_module(f"course.{name}").warm()
-        seconds = time.perf_counter() - start
-        new = [spent for key, spent in COMPILE_SECONDS.items() if key not in known]
-        yield name, seconds, len(new), sum(new)
+    known = set(COMPILE_SECONDS)
+    start = time.perf_counter()
+    importlib.import_module(f"course.{name}").warm()
+    seconds = time.perf_counter() - start
+    new = [spent for key, spent in COMPILE_SECONDS.items() if key not in known]
+    return Warmed(name, seconds, len(new), sum(new))
+
+
+def warm(names: list[str], jobs: int = 1) -> Iterator[Warmed]:
+    """Make the hot loops of these topics ready, and yield what each took.
+
+    Args:
+        names: the topics.
+        jobs: how many processes share the work. A loop that two topics need is compiled once
+            (`course.compiled` locks it).
+    """
+    if jobs == 1:
+        yield from map(warm_topic, names)
+        return
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        yield from pool.map(warm_topic, names)
 
 
 def start_in_background(names: list[str]) -> subprocess.Popen[bytes]:
@@ -82,10 +104,12 @@ def main(arguments: list[str] | None = None) -> None:
     known = topics()
     if unknown := sorted(set(given.topics) - set(known)):
         parser.error(f"topics is {', '.join(unknown)}, allowed is {', '.join(known)}")
-    for name, seconds, functions, spent in warm(given.topics or known):
+    names = given.topics or known
+    jobs = 1 if given.gently else min(len(names), os.cpu_count() or 1)
+    for done in warm(names, jobs):
         print(
-            f"{name}: {functions} compiled functions ready in {seconds:.1f} s "
-            f"({spent:.1f} s of processor time)",
+            f"{done.topic}: {done.functions} compiled functions ready in {done.seconds:.1f} s "
+            f"({done.processor:.1f} s of processor time)",
             flush=True,
         )
 

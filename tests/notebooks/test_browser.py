@@ -23,9 +23,12 @@ from pathlib import Path
 from typing import Any
 
 import nbformat
+import pytest
 
 from course.simulations.rigid_body import MODEL
-from tests.conftest import chromium, why_no_browser
+from tests.conftest import chromium
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 ROOT = Path(__file__).resolve().parents[2]
 CHAPTER = ROOT / "notebooks" / "01_rigid_body.ipynb"
@@ -410,7 +413,6 @@ def drag_the_tolerance(page: Any) -> None:
 
 
 def test_chapter_1_in_the_browser(tmp_path, capsys):
-    assert not why_no_browser(), f"the browser test cannot run: {why_no_browser()}"
     available = importlib.util.find_spec(EXTENSION) is not None
     compare = os.environ.get("COURSE_COMPARE_NAGLE") == "1"
     for extension in [False, True] if available and compare else [available]:

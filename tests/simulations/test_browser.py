@@ -12,6 +12,8 @@ from course.simulations import canvas as widget
 from course.simulations import pen as draw
 from tests.conftest import chromium
 
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
 SCRIPT = Path(widget.__file__).with_suffix(".js").read_text(encoding="utf-8")
 FORMS = [*range(16), *(draw.SIGNED + k for k in range(16)), *(draw.EXPONENT + k for k in range(16))]
 

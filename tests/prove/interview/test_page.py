@@ -10,10 +10,11 @@ import pytest
 from course.interview import tables
 from tests.conftest import chromium
 
+pytestmark = pytest.mark.browser
+
 BROWSER = chromium()
 
 
-@pytest.mark.skipif(BROWSER is None, reason="Chromium not found")
 @pytest.mark.parametrize(("rows", "pages"), [(1, 1), (3, 2)])
 def test_the_cheat_sheet_is_one_page(tmp_path, rows: int, pages: int) -> None:
     """One page as it is; with every row three times it is more, so that the count counts."""

@@ -15,6 +15,8 @@ from course.simulations.painter import to_png
 from tests.simulations.models import MODELS
 from tests.simulations.test_browser import browser_page  # noqa: F401
 
+pytestmark = pytest.mark.browser
+
 PAINT = """([paper, data, wide]) => {
   const canvas = document.createElement("canvas");
   const bytes = Uint8Array.from(atob(data), c => c.charCodeAt(0));

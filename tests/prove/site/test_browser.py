@@ -7,8 +7,9 @@ import statistics
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from course.simulations import declaration
-from tests.conftest import why_no_browser
 from tests.notebooks.test_browser import (
     CHAPTER,
     WATCH,
@@ -19,6 +20,8 @@ from tests.notebooks.test_browser import (
     open_page,
     slider,
 )
+
+pytestmark = pytest.mark.browser
 
 TIMES = 12
 # What a cell does meanwhile: a loop in Python, beside which another thread of the kernel answers
@@ -44,7 +47,7 @@ def in_the_page(page: Any, canvas: Any) -> list[float]:
 
 
 def test_a_picture_in_the_page_waits_for_no_kernel(tmp_path: Path, capsys: Any) -> None:
-    assert not why_no_browser() and declaration.is_live("rigid_body.bouncing_box")
+    assert declaration.is_live("rigid_body.bouncing_box")
     notebook(tmp_path / CHAPTER.name)
     with jupyter_lab(tmp_path, True) as address, open_page(tmp_path / "profile") as page:
         open_notebook(page, address.format("lab"))

@@ -8,13 +8,17 @@ import http.server
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
-from playwright.sync_api import Browser, sync_playwright
 
-from tests.conftest import chromium, why_no_browser
+from tests.conftest import chromium
 from tests.site.test_build import WORDS
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
 
 FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
 
@@ -99,9 +103,9 @@ class Quiet(http.server.SimpleHTTPRequestHandler):
 
 
 @pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    if reason := why_no_browser():
-        pytest.fail(reason)
+def browser() -> Iterator["Browser"]:
+    from playwright.sync_api import sync_playwright
+
     with sync_playwright() as playwright:
         opened = playwright.chromium.launch(executable_path=chromium(), args=FLAGS)
         yield opened
@@ -124,7 +128,7 @@ def addresses(site: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[
 class Reader:
     """A page that keeps to one origin, and remembers what went wrong."""
 
-    def __init__(self, browser: Browser, address: str, **options: Any) -> None:
+    def __init__(self, browser: "Browser", address: str, **options: Any) -> None:
         self.context = browser.new_context(**options)
         self.address, self.wrong = address, []  # type: str, list[str]
         self.context.route(
@@ -154,7 +158,7 @@ class Reader:
 
 
 def test_every_page_opens_alone_and_fits(
-    browser: Browser, site: Path, addresses: list[str]
+    browser: "Browser", site: Path, addresses: list[str]
 ) -> None:
     """From the disk on a telephone, from a sub-path on a wide screen, everything unfolded."""
     for address, wide in zip(addresses, (390, 2560), strict=True):
@@ -166,7 +170,7 @@ def test_every_page_opens_alone_and_fits(
                 assert reader.wrong == [], path.name
 
 
-def test_pages_have_names_and_levels(browser: Browser, site: Path, addresses: list[str]) -> None:
+def test_pages_have_names_and_levels(browser: "Browser", site: Path, addresses: list[str]) -> None:
     with Reader(browser, addresses[0], viewport={"width": 1280, "height": 900}) as reader:
         found = {
             path.name: reader.open(path.name).evaluate(UNNAMED) for path in site.glob("*.html")
@@ -176,14 +180,14 @@ def test_pages_have_names_and_levels(browser: Browser, site: Path, addresses: li
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
-def test_text_stands_out(browser: Browser, addresses: list[str], scheme: str) -> None:
+def test_text_stands_out(browser: "Browser", addresses: list[str], scheme: str) -> None:
     options: dict[str, Any] = {"color_scheme": scheme, "viewport": {"width": 1280, "height": 900}}
     with Reader(browser, addresses[0], **options) as reader:
         for name in ("index", "01_rigid_body", "10_middleware", "claims", "search"):
             assert reader.open(f"{name}.html").evaluate(FAINT) == [], name
 
 
-def test_the_checks_see_what_they_are_for(browser: Browser, tmp_path: Path) -> None:
+def test_the_checks_see_what_they_are_for(browser: "Browser", tmp_path: Path) -> None:
     bad = (
         '<html><body style="background:#fff"><article><h1>a</h1><h3>b</h3><img src="data:,">'
         '<button></button><p style="color:#999">faint</p><p id="x"></p><p id="x"></p>'
@@ -199,7 +203,7 @@ def test_the_checks_see_what_they_are_for(browser: Browser, tmp_path: Path) -> N
         assert any("asked for https://a.invalid/b.js" in said for said in reader.wrong)
 
 
-def test_the_focus_goes_down_the_page(browser: Browser, addresses: list[str]) -> None:
+def test_the_focus_goes_down_the_page(browser: "Browser", addresses: list[str]) -> None:
     """With the tabulator from one thing to the next: each is seen, none is met twice."""
     with Reader(browser, addresses[0], viewport={"width": 1280, "height": 900}) as reader:
         page = reader.open("00_role.html")
@@ -216,7 +220,7 @@ def test_the_focus_goes_down_the_page(browser: Browser, addresses: list[str]) ->
         assert len(places) > 30 and places == sorted(set(places)), met
 
 
-def test_the_search_finds_words_where_they_are(browser: Browser, addresses: list[str]) -> None:
+def test_the_search_finds_words_where_they_are(browser: "Browser", addresses: list[str]) -> None:
     with Reader(browser, addresses[0]) as reader:
         for word, wanted in WORDS.items():
             page = reader.open(f"search.html?q={word}")
@@ -233,7 +237,7 @@ def test_the_search_finds_words_where_they_are(browser: Browser, addresses: list
 
 
 def test_what_is_folded_unfolds_and_the_side_bar_opens(
-    browser: Browser, addresses: list[str]
+    browser: "Browser", addresses: list[str]
 ) -> None:
     with Reader(browser, addresses[1], viewport={"width": 390, "height": 844}) as reader:
         page = reader.open("cards.html")
@@ -267,7 +271,7 @@ CanvasRenderingContext2D.prototype.fillText = function (words, ...given) {
 """
 
 
-def test_words_of_a_narrow_picture_stand_apart(browser: Browser, addresses: list[str]) -> None:
+def test_words_of_a_narrow_picture_stand_apart(browser: "Browser", addresses: list[str]) -> None:
     with Reader(browser, addresses[0], viewport={"width": 390, "height": 844}) as reader:
         reader.page.add_init_script(WORDS_DRAWN)
         page = reader.open("01_rigid_body.html")
@@ -282,7 +286,7 @@ def test_words_of_a_narrow_picture_stand_apart(browser: Browser, addresses: list
                 assert its_line != line or end <= left or right <= start, (text, other)
 
 
-def test_a_page_prints_as_it_is(browser: Browser, addresses: list[str]) -> None:
+def test_a_page_prints_as_it_is(browser: "Browser", addresses: list[str]) -> None:
     with Reader(browser, addresses[0], viewport={"width": 1280, "height": 900}) as reader:
         page = reader.open("01_rigid_body.html")
         picture = page.locator(".course-live[data-ready] canvas").first

@@ -20,6 +20,8 @@ from course.simulations.panel import Panel
 from tests.budget import PROVE
 from tests.conftest import chromium
 
+pytestmark = [pytest.mark.browser, pytest.mark.slow]
+
 LIVE = [n for n in told.names() if told.module(n).exists() and n not in told.RECORDED]
 BOX = "rigid_body.bouncing_box"
 # Moved in full in every run: one with all kinds of inputs and a drag that starts anew.
