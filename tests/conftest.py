@@ -11,8 +11,8 @@ Markers say where a test runs. They stand at the test, or in `pytestmark` of its
     smoke     the framework that every topic stands on: it runs with `--topic` as well.
     topic     names the topic of a test over all chapters, which is otherwise its folder's.
 
-`--topic contact` runs the tests of one topic and the smoke tests. COURSE_PROVE=1 runs the long tier
-instead: what is marked `prove`, and every property with many examples, sampled afresh.
+`--topic contact` runs the tests of one topic and the smoke tests. COURSE_PROVE=1 runs the long tier:
+what is marked `prove` as well, and every property with ten times as many examples, sampled afresh.
 """
 
 import importlib.util
@@ -71,10 +71,6 @@ def _topic(item: pytest.Item) -> str:
     return topic_of(item.path.relative_to(ROOT).as_posix())
 
 
-def _is_property(item: pytest.Item) -> bool:
-    return hypothesis.is_hypothesis_test(getattr(item, "obj", None))
-
-
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     for item in items:
         if item.path.is_relative_to(ROOT / "tests" / "prove"):
@@ -86,8 +82,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
             raise pytest.UsageError(f"topic must be one of {', '.join(known)}, got {topic!r}")
 
     def selected(item: pytest.Item) -> bool:
-        long = item.get_closest_marker("prove") is not None
-        in_tier = long or _is_property(item) if PROVE else not long
+        in_tier = PROVE or item.get_closest_marker("prove") is None
         of_topic = not topic or _topic(item) == topic or item.get_closest_marker("smoke")
         return bool(in_tier and of_topic)
 

@@ -1,6 +1,7 @@
 """Words on charts: where they go, and that every stored chart can be read where it is shown."""
 
 import functools
+import re
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from matplotlib.text import Text
 from course import charts
 from course.measure.figure import SHOWN, SIX, WIDTH, Panel, Series, draw
 from course.measure.labels import drawn_points, free_place, spread
-from tests.budget import examples, topic_of
+from tests.budget import ROOT, examples, topic_of
 
 charts.load()
 DRAWN = sorted(path.stem for path in charts.FOLDER.glob("*.json"))
@@ -140,9 +141,20 @@ def test_names_above_move_apart_and_the_title_stands_over_them() -> None:
 # --- every chart ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.topic(_topic(n))) for n in DRAWN]
-)
+# Drawing all of them takes long: `make test` draws those that the README shows.
+SHOWN_FIRST = set(re.findall(r"^!\[(\w+)\]", (ROOT / "README.md").read_text("utf-8"), re.M))
+
+
+def _marks(name: str) -> list[pytest.MarkDecorator]:
+    tier = pytest.mark.slow if name in SHOWN_FIRST else pytest.mark.prove
+    return [pytest.mark.topic(_topic(name)), tier]
+
+
+def test_the_charts_of_the_readme_are_drawn() -> None:
+    assert SHOWN_FIRST and set(DRAWN) >= SHOWN_FIRST
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=_marks(n)) for n in DRAWN])
 def test_a_chart_can_be_read_where_it_is_shown(name: str) -> None:
     """From its data: letters, names, curves, and that no word lies on a curve or another word."""
     panels = charts.stored(name)
