@@ -11,8 +11,8 @@ Markers say where a test runs. They stand at the test, or in `pytestmark` of its
     smoke     the framework that every topic stands on: it runs with `--topic` as well.
     topic     names the topic of a test over all chapters, which is otherwise its folder's.
 
-`--topic contact` runs the tests of one topic and the smoke tests. COURSE_PROVE=1 runs the long tier:
-what is marked `prove` as well, and every property with ten times as many examples, sampled afresh.
+`--topic contact` runs the tests of one topic and the smoke tests. COURSE_PROVE=1 runs the long tier
+as well: what is marked `prove`, and every property with ten times as many examples, sampled afresh.
 """
 
 import importlib.util

@@ -10,6 +10,9 @@ import pytest
 
 from course import check
 
+pytestmark = pytest.mark.smoke
+
+
 ROOT = Path(__file__).resolve().parent.parent
 
 

@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.slow
+
+
 MODULE = """
 from numba import float64
 from numba.extending import register_jitable

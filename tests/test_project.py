@@ -16,6 +16,9 @@ from course import CHAPTERS, charts, contents
 from tests import budget
 from tools import gallery
 
+pytestmark = pytest.mark.smoke
+
+
 ROOT = Path(__file__).resolve().parent.parent
 PRESENT = [chapter for chapter in CHAPTERS if chapter.there]
 TOPICS = [chapter.topic for chapter in CHAPTERS]
@@ -195,6 +198,7 @@ def faults(module: str, source: str, is_package: bool = False) -> list[str]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("module", modules())
 def test_imports_go_one_way(module: str) -> None:
     path = modules()[module]

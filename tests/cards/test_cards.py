@@ -51,6 +51,7 @@ def test_every_corrected_statement_can_be_set():
                 assert formula.count(left) == formula.count(right), (item.id, formula)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("id", "right"),
     [

@@ -19,6 +19,7 @@ def table() -> charts.Panel:
     return charts.build("contact_table", repeats=1)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sentence", models.SENTENCES)
 def test_every_sentence_of_the_table_holds(table: charts.Panel, sentence: str) -> None:
     assert models.SENTENCES[sentence]([tuple(row) for row in table.data])
@@ -98,6 +99,7 @@ def test_the_clamp_saves_what_theory_says() -> None:
     assert models.soft_limit(models.SAVED) == pytest.approx(0.5, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_pyramids_steer_and_cones_do_not() -> None:
     stretched, turned = charts.build("contact_steering", degrees=(0.0, 22.5, 45.0), dt=2e-3)
     for label, law in (("exact", "exact"), ("MuJoCo Newton, pyramidal", "exact"), ("box", "box")):
@@ -110,6 +112,7 @@ def test_pyramids_steer_and_cones_do_not() -> None:
         assert turned[label].y == pytest.approx([0.0] * 3, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_gradients_before_touch_behind_it_and_of_the_wrong_sign() -> None:
     push, bounce = charts.build("contact_gradients", points=7, draws=20)
     speeds = np.array(push["rigid"].x)
@@ -124,6 +127,7 @@ def test_gradients_before_touch_behind_it_and_of_the_wrong_sign() -> None:
     assert np.polyfit(x, y, 1)[0] == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_work_precision_of_a_scene_picks_what_is_good() -> None:
     names = ("penalty", "exact pyramid (LCP)", "true cone (Newton)", "MuJoCo Newton, elliptic")
     found = models.work_precision("braking", (1e-2, 5e-3, 2.5e-3), 1, names)

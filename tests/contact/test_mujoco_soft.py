@@ -65,6 +65,7 @@ def ours(state: ContactState, options: Options) -> tuple[np.ndarray, np.ndarray,
     return soft_forces(state.problem, options.softness(state.weight))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("cone", ["elliptic", "pyramidal"])
 @pytest.mark.parametrize("what", OPTIONS)
 @pytest.mark.parametrize("scene", SCENES)
@@ -90,6 +91,7 @@ def test_reference_and_compliance_are_mujocos(cone: str) -> None:
         assert np.max(np.abs(rows.compliance / state.compliance - 1.0)) < 1e-12
 
 
+@pytest.mark.slow
 def test_our_own_block_and_tower_move_as_mujocos_do() -> None:
     """Course's scene, forces and step; MuJoCo lends the inverse weights of its start pose. Without
     friction it takes a least coefficient; the pyramid's compliance is then 1e-10 of the usual."""

@@ -38,6 +38,7 @@ def test_the_chapter_has_its_exercises():
     assert names >= {"aabb", "circle_contact", "impact_time", "pgs_sweep", "contact_step"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("card", exercises(), ids=lambda card: card.name)
 def test_an_exercise_is_in_the_notebook_with_its_card_its_starter_and_its_check(card):
     source = Path(__file__).parents[2] / "notebooks" / "source" / "02_contact.py"

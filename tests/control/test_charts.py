@@ -7,6 +7,7 @@ from course.charts import build
 from course.charts.control.pid import JAM, LOOP, STEP
 
 
+@pytest.mark.slow
 def test_the_map_of_the_loop_has_its_boundary_where_theory_has_it() -> None:
     (panel,) = build("pid_stability", nx=9, ny=30)
     theory, mujoco = panel.series

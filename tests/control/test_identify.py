@@ -85,6 +85,7 @@ def hidden():
     return cases
 
 
+@pytest.mark.slow
 def test_which_of_seven_causes_it_is_on_hidden_logs():
     cases = hidden()
     logs = record([truth for _, truth, _ in cases], seconds=6.0, seed=5)

@@ -112,6 +112,7 @@ def test_two_links_are_their_chain():
     assert relative(found, whole) < 1e-13
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("w", [4.0, 10.0])
 @pytest.mark.parametrize("ratio", [0.8, 1.25])
 def test_a_wrong_inertia_leaves_the_error_of_theory(w, ratio):
@@ -169,6 +170,7 @@ def test_friction_compensation_is_odd_and_has_its_limits():
 # --- adaptive -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gravity", [0.0, 9.81])
 def test_the_adaptive_laws_function_falls_by_its_damping(gravity):
     arm = TwoLink(payload=0.4, damping=(0.3, 0.1), gravity=gravity)
@@ -208,6 +210,7 @@ def test_the_adaptive_laws_function_falls_by_its_damping(gravity):
     assert values[-1] < 0.95 * start
 
 
+@pytest.mark.slow
 def test_the_adaptive_law_learns_to_track_where_the_wrong_model_does_not():
     wrong = TwoLink(gravity=9.81)
     law = laws.Adaptive(wrong, 10.0, 5.0, 2.0, 1e-3, wrong.parameters)
@@ -357,6 +360,7 @@ class Plain:
         return self.law(*state)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("limit", [np.inf, [6.0, 3.0]])
 def test_the_compiled_loop_is_the_python_loop_and_mujocos(kind, limit):

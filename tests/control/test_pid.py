@@ -77,6 +77,7 @@ def test_a_step_of_the_set_point_makes_no_kick(dt, ratio, kd, step):
     assert kick == pytest.approx(kd * step / (tau + dt), rel=1e-9, abs=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tau", [0.0, 0.01, 0.05])
 def test_noise_comes_through_the_filter_as_theory_says(tau):
     dt, n = 0.01, 200_000
@@ -203,6 +204,7 @@ def test_the_joint_is_scipys_zero_order_hold(inertia, damping, dt, q, v, torque)
     assert [joint.q, joint.v] == pytest.approx(expected, abs=1e-11 * scale)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", ["Euler", "implicitfast", "RK4"])
 def test_mujocos_joint_converges_to_the_exact_one(integrator):
     torques = np.random.default_rng(1).uniform(-2.0, 2.0, 400)
@@ -465,6 +467,7 @@ def graded(derivative, integral, seed):
     return grade_here("pid", text.replace("{integral}", INTEGRALS[integral]), seed=seed)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("derivative", "integral"),
     [

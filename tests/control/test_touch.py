@@ -14,6 +14,7 @@ from course.oracles.mujoco import wall as mujoco
 DT = 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.0, 0.0013, 0.002])
 @pytest.mark.parametrize("wall_damping", [0.0, 30.0, 900.0])
 def test_touching_and_leaving_is_a_tight_integration(delay, wall_damping):
@@ -70,6 +71,7 @@ def test_in_contact_the_loop_is_its_matrix(law, delay):
 # --- limits, both sides ---------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("wall", [1e3, 1e5])
 def test_the_force_loops_limit_is_theorys_and_mujocos(wall):
     edge = charts.force_edge(wall)
@@ -83,6 +85,7 @@ def test_the_force_loops_limit_is_theorys_and_mujocos(wall):
     assert charts.force_edge_mujoco(wall, 2e-3, "spring", 10) == pytest.approx(edge, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_simulated_contact_passes_the_command_on():
     spring, contact = (charts.force_edge_mujoco(1e5, 2e-3, kind) for kind in ("spring", "contact"))
     assert contact == pytest.approx(1.0 / 0.9, rel=0.02) and contact > 10.0 * spring

@@ -37,12 +37,14 @@ def test_there_are_enough_to_answer():
     } <= ids
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("item", ANSWERABLE, ids=lambda item: item.id)
 def test_its_own_formula_is_right(item):
     result = _check(item.id, item.formula.expression)
     assert result.correct and result and result.counterexample is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("item", ANSWERABLE, ids=lambda item: item.id)
 def test_it_has_slips_and_rejects_each_by_name(item):
     assert len(item.formula.slips) >= 3
@@ -52,6 +54,7 @@ def test_it_has_slips_and_rejects_each_by_name(item):
         assert explanation in result.message, slip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("item", ANSWERABLE, ids=lambda item: item.id)
 @pytest.mark.parametrize("change", ["1.001*({})", "({}) + 0.001", "-({})", "({})^2", "1/({})"])
 def test_small_changes_are_caught_with_true_numbers(item, change):
@@ -342,6 +345,7 @@ HOSTILE = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("text", HOSTILE, ids=range(len(HOSTILE)))
 def test_hostile_text_gets_a_message_and_nothing_else(text, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)

@@ -30,6 +30,7 @@ def refuse(missing):
     raise ImportError(missing)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("item", ALL, ids=lambda item: item.id)
 def test_verdict_and_figures_reproduce(item):
     try:
@@ -41,6 +42,7 @@ def test_verdict_and_figures_reproduce(item):
     assert outcome.agrees, "\n".join(outcome.disagreements)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("item", ALL, ids=lambda item: item.id)
 def test_texts_are_complete(item):
     assert len(item.claim) > 15 and len(item.corrected) > 15
@@ -161,6 +163,7 @@ def changed(monkeypatch):
     return change
 
 
+@pytest.mark.slow
 def test_command_prints_a_table_of_80_columns():
     result = subprocess.run(
         [sys.executable, "-m", "course.derivations", "--id", "semi_implicit_limit"],

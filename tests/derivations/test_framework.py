@@ -8,6 +8,9 @@ from course.derivations import Ask, Claim, Verdict, claim, records, settle
 from course.derivations.answer import Symbol
 from course.derivations.honest import constants, typed_numbers
 
+pytestmark = pytest.mark.smoke
+
+
 SYMBOLS = {"n": Symbol("number of terms"), "m": Symbol("mass [kg]")}
 SAID = ("The first n odd numbers add up to n.", "They add up to n^2: {of_three:.0f} for {terms}.")
 

@@ -12,6 +12,9 @@ import pytest
 from course import derivations
 from course.derivations import Found, claims, honest, records, run, settle
 
+pytestmark = pytest.mark.slow
+
+
 ALL = claims()
 CONDITIONAL = [
     item for item in ALL if records.load(item.file).get(item.id, {}).get("condition", "")

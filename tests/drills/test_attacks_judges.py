@@ -14,6 +14,8 @@ from drills import cards as catalogue
 from drills.reasons import Reason
 from tests.drills.here import grade_here
 
+pytestmark = pytest.mark.slow
+
 
 def edited(name: str, *edits: tuple[str, str]) -> str:
     text = catalogue.card(name).solution_text()

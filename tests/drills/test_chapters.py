@@ -27,6 +27,8 @@ from drills.progress import Loaded, Reading, Record
 from drills.workspace import ROOT, Misuse
 from tools import form, notebooks
 
+pytestmark = pytest.mark.smoke
+
 
 def cell(source: str, kind: str = "code", name: str | None = None) -> dict[str, Any]:
     made: dict[str, Any] = {"cell_type": kind, "id": name or f"id-{source}"[:20]}

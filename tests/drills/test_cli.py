@@ -43,6 +43,8 @@ def test_the_console_script_is_there() -> None:
     assert SCRIPT.exists(), "install the project again: the script `drills` is missing"
 
 
+@pytest.mark.smoke
+@pytest.mark.slow
 def test_a_newcomer_starts_fails_asks_and_solves(place: Place) -> None:
     welcome = place.run()
     assert welcome.code == 0 and "drills start" in welcome.out and "verlet" in welcome.out
@@ -83,6 +85,8 @@ def test_a_newcomer_starts_fails_asks_and_solves(place: Place) -> None:
     assert "●" in next(line for line in place.run("list").out.splitlines() if " verlet " in line)
 
 
+@pytest.mark.smoke
+@pytest.mark.slow
 def test_the_first_two_minutes_of_the_readme(place: Place) -> None:
     """The answer that it shows gets the feedback that it shows; with the change it is right."""
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -138,6 +142,7 @@ def test_the_schema_refuses_what_is_missing() -> None:
         assert not VALIDATOR.is_valid(broken), key
 
 
+@pytest.mark.smoke
 def test_the_json_of_the_quick_commands(place: Place) -> None:
     listed = place.json("list")
     assert [entry["drill"] for entry in listed["exercises"]] == catalogue.names()
@@ -155,6 +160,7 @@ def test_the_json_of_the_quick_commands(place: Place) -> None:
     assert place.json("reset", "verlet")["backup"] is None
 
 
+@pytest.mark.slow
 def test_what_to_do_next_is_chosen(place: Place) -> None:
     """By chapter, level and minutes; what was tried goes first, what is solved is gone."""
     every = [card for card in catalogue.cards()]
@@ -190,6 +196,7 @@ def test_what_to_do_next_is_chosen(place: Place) -> None:
     assert [entry["drill"] for entry in place.json("next")["exercises"]] == names
 
 
+@pytest.mark.slow
 def test_a_chapter_is_started_read_and_counted(place: Place) -> None:
     number = str(FIRST.number)
     path = Path((started := place.json("start", number))["file"])
@@ -213,6 +220,7 @@ def test_a_chapter_is_started_read_and_counted(place: Place) -> None:
     assert undone["checkpoint"] is None and not undone["sections"][1]["read"]
 
 
+@pytest.mark.slow
 def test_a_drill_is_checked_from_a_file(place: Place, name: str = "fk3") -> None:
     card = catalogue.card(name)
     path = place.folder / "somewhere.py"
@@ -224,6 +232,7 @@ def test_a_drill_is_checked_from_a_file(place: Place, name: str = "fk3") -> None
     assert (wrong["verdict"], wrong["reason"], wrong["exit"]) == ("fail", "missing_name", 1)
 
 
+@pytest.mark.slow
 def test_a_seed_draws_the_same_cases_again(place: Place) -> None:
     place.answer(WRONG)
     first = place.json("check", "verlet")
@@ -278,6 +287,7 @@ def test_doctor_names_the_protections(place: Place) -> None:
 # --- Which exercise, which file -------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_a_file_is_recognised_by_its_name_or_by_what_it_defines(place: Place) -> None:
     other = place.folder / "mine.py"
     other.write_text(RIGHT)
@@ -338,6 +348,7 @@ def test_odd_files_are_no_answer_and_nothing_waits(place: Place, kind: str) -> N
         assert (data["reason"], data["exit"]) == ("unreadable", 1)
 
 
+@pytest.mark.slow
 def test_all_answers_are_checked_one_by_one(place: Place) -> None:
     assert place.json("check", "--all")["exit"] == 2
     place.answer(RIGHT)
@@ -424,6 +435,7 @@ def test_an_answer_is_never_replaced_in_a_pipe(place: Place, command: str) -> No
         assert path.read_text() == workspace.start_text(catalogue.card("verlet"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("typed", "replaced"), [("y\n", True), ("n\n", False), ("\n", False)])
 def test_a_person_is_asked(place: Place, typed: str, replaced: bool) -> None:
     path = place.answer("my hour of work\n")
@@ -489,6 +501,7 @@ def test_inside_the_project_the_answers_are_in_its_work_folder(
     assert workspace.folder() == Path("/work")
 
 
+@pytest.mark.slow
 def test_two_terminals_at_once_count_both(place: Place) -> None:
     place.answer(WRONG)
     running = [place.popen("check", "verlet") for _ in range(3)]
@@ -501,6 +514,7 @@ def test_two_terminals_at_once_count_both(place: Place) -> None:
 # --- Lightness ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [[], ["list"], ["next"], ["status"], ["start", "verlet"], ["start", "1"], ["--help"]],

@@ -76,6 +76,7 @@ DRAWN = {"fk3": "clockwise", "bounce": "rest_time_halved", "rrt": "vertices_only
          "pid": "integral_not_stopped", "circle_contact": "from_b_to_a"}  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n in catalogue.names() if exercises.of(n).picture])
 def test_a_case_that_failed_is_drawn(name: str) -> None:
     first, *others = exercises.of(name).slips
@@ -104,6 +105,7 @@ def test_numbers_that_no_picture_can_hold_are_no_fault(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] in ([], ["a.png"])
 
 
+@pytest.mark.slow
 def test_the_command_writes_the_picture_and_the_notebook_shows_it(place: Place) -> None:
     place.answer(FK3.replace(ANGLES, "thetas"), "fk3")
     data = place.json("check", "fk3", "--rendered")

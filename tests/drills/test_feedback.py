@@ -78,6 +78,7 @@ def _settled(text: str) -> str:
     return re.sub(r"\([\d.e+-]+ times\)", "(RATIO)", text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_feedback_is_the_golden_one(case: str) -> None:
     shown = _settled(feedback.text(_report(case), card("fk3")))

@@ -23,6 +23,9 @@ from drills.reasons import Reason
 from drills.report import Report
 from drills.verify import in_this_process
 
+pytestmark = pytest.mark.slow
+
+
 ROOT = Path(__file__).resolve().parents[2]
 TURN = 2.0 * math.pi
 RIGHT = catalogue.card("fk3").solution_text()

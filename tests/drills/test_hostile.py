@@ -18,6 +18,7 @@ ELSEWHERE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reason", [reason for reason in Reason if reason not in ELSEWHERE])
 def test_verdict(reason: Reason, world: dict[str, str], monkeypatch: pytest.MonkeyPatch) -> None:
     submission = next(s for s in runnable(*KINDS) if s.reasons == {reason})

@@ -17,11 +17,15 @@ from drills.cards import UnknownExercise, definitions
 from drills.exercise import Slip, coarse_slips, slips
 from tests.test_project import BIG, imports
 
+pytestmark = pytest.mark.smoke
+
+
 ROOT = Path(__file__).resolve().parents[2]
 FILES = sorted((ROOT / "drills").rglob("*.py"))
 JUDGES = sorted((ROOT / "drills" / "catalogue").glob("*/exercise.py"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_a_big_library_is_asked_through_its_oracle(path: Path) -> None:
     tree = ast.parse(path.read_text(encoding="utf-8"))

@@ -436,6 +436,7 @@ def test_an_interrupt_ends_the_grading_and_leaves_no_process(kernel: Kernel) -> 
     assert kernel.run("check(verlet_step)")["text/plain"].startswith("RIGHT")
 
 
+@pytest.mark.slow
 def test_reasons_of_results_are_of_the_closed_list() -> None:
     shown = notebook.check(3)
     assert shown.reason is Reason.MISSING_NAME and not shown.passed

@@ -110,6 +110,7 @@ def test_numpy_scalars_are_arrays_of_no_dimension() -> None:
     assert [v.item() for v in values] == [1.5, -3, True]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("expression", "name"),
     [
@@ -258,6 +259,7 @@ def test_nesting_has_a_bound() -> None:
 # Loading
 
 
+@pytest.mark.slow
 def test_signature_is_described() -> None:
     source = "def f(a, /, b, *c, d=1, **e): pass\nclass K:\n    def __init__(self, n=3): pass"
     with child(source) as running:
@@ -278,6 +280,7 @@ def test_signature_is_described() -> None:
         assert running.load().parameters is None
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("source", "line"),
     [
@@ -296,6 +299,7 @@ def test_invalid_python_is_located(source: str, line: int) -> None:
     assert caught.value.message
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("source", ["-" * 200_000 + "1", "1" + "+1" * 200_000, "[" * 150_000])
 def test_code_nested_beyond_the_compiler_is_no_crash(source: str) -> None:
     with child(source) as running, pytest.raises((SyntaxProblem, MissingName, Ended)) as caught:
@@ -372,6 +376,7 @@ class Counter:
             other.fetch(one)
 
 
+@pytest.mark.slow
 def test_handles_given_up_are_freed() -> None:
     source = """
 import gc
@@ -423,6 +428,7 @@ def test_exceptions_carry_the_frames_of_the_file_only() -> None:
             running.call("f", 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "body",
     [
@@ -489,6 +495,7 @@ def from_threads(function):
 """
 
 
+@pytest.mark.slow
 def test_a_function_argument_is_answered_by_the_grader() -> None:
     asked: list[Any] = []
 

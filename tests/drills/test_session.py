@@ -29,6 +29,9 @@ from tests.drills.place import (
     until,
 )
 
+pytestmark = pytest.mark.slow
+
+
 __all__ = ["a_place"]
 
 
@@ -61,7 +64,12 @@ for arguments in {TEXTS!r}:
 
 
 @pytest.mark.parametrize(
-    "locale", [{"LC_ALL": "C"}, {"PYTHONIOENCODING": "ascii"}, {}], ids=["C", "ascii", "UTF-8"]
+    "locale",
+    [
+        pytest.param({"LC_ALL": "C"}, id="C"),
+        pytest.param({"PYTHONIOENCODING": "ascii"}, id="ascii", marks=pytest.mark.prove),
+        pytest.param({}, id="UTF-8", marks=pytest.mark.prove),
+    ],
 )
 def test_every_text_fits_80_columns_and_the_locale(place: Place, locale: dict[str, str]) -> None:
     place.answer(WRONG)

@@ -9,6 +9,8 @@ import pytest
 
 from drills.sandbox import Unreadable, decode_submission, read_submission
 
+pytestmark = pytest.mark.smoke
+
 
 def test_submission_is_read(tmp_path: Path) -> None:
     path = tmp_path / "answer.py"

@@ -13,9 +13,13 @@ from hypothesis import strategies as st
 from drills.reasons import Reason
 from drills.values import Mismatch, as_float64, close, describe, identical, worst
 
+pytestmark = pytest.mark.smoke
+
+
 FINITE = st.floats(allow_nan=False, allow_infinity=False)
 
 
+@pytest.mark.slow
 @given(st.lists(st.lists(FINITE, min_size=2, max_size=2), min_size=1, max_size=8))
 def test_a_list_of_floats_is_as_good_as_an_array(rows: list[list[float]]) -> None:
     shape = (len(rows), 2)

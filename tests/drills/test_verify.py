@@ -20,6 +20,9 @@ from drills.sandbox import Limits
 from drills.verify import Effort
 from tests.budget import exercise_topics
 
+pytestmark = pytest.mark.slow
+
+
 # The long tier takes 50 seeds, in the sandbox.
 EFFORT = Effort(seeds=4, slip_seeds=1, place=verify.in_this_process)
 EXERCISES = [

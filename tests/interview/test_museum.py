@@ -28,6 +28,7 @@ def library(name: str):
     return pytest.importorskip(name)
 
 
+@pytest.mark.slow
 @EXHIBITS
 @examples(5)
 @given(seed=SEEDS)

@@ -151,6 +151,7 @@ def lines(key: str, mark: str) -> list[Any]:
     return [f"On {key}.", "More.", ".", "5", *marks, "A reply.", ""]
 
 
+@pytest.mark.slow
 def test_a_whole_interview(
     place: Place, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -206,6 +207,7 @@ def test_a_whole_interview(
     assert not {one.key for one in again.interview.items} & set(keys)
 
 
+@pytest.mark.slow
 def test_what_was_weak_is_drawn_for(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     """An answer marked low and a drill that is tried and unsolved are weak, a good answer not."""
     for mark, seed in (("0", 1), ("3", 2)):
@@ -247,6 +249,7 @@ def test_what_was_asked_in_one_that_is_not_over_is_not_asked_again(place: Place)
 # --- Ended from outside, a pipe, a terminal -------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGHUP, signal.SIGINT, None])
 def test_what_was_said_is_kept_however_it_ends(place: Place, end: signal.Signals | None) -> None:
     options = ("--kind", "concept", "--chapters", "1", "--seed", "7")
@@ -284,6 +287,7 @@ def test_a_pipe_of_80_columns_in_ascii(place: Place) -> None:
     assert place.run("interview", "--chapters", "1,99").code == 2
 
 
+@pytest.mark.slow
 def test_an_editor_takes_the_answer(place: Place) -> None:
     editor = place.folder / "editor"
     editor.write_text('#!/bin/sh\necho "From the editor." >> "$1"\n')
@@ -305,6 +309,7 @@ def test_a_damaged_file_is_put_aside(place: Place) -> None:
     assert (place.work / "interviews.json.damaged-1").read_text() == damaged
 
 
+@pytest.mark.slow
 def test_a_reader_who_has_gone_ends_the_questions(place: Place) -> None:
     """Blank lines without end, of which each is refused: nobody sees it."""
     process = place.popen("interview", "--kind", "concept", "--seed", "7", stdin=subprocess.PIPE)

@@ -57,6 +57,7 @@ def test_both_sides_of_a_card_are_whole(kind: str) -> None:
             )
 
 
+@pytest.mark.slow
 def test_a_claim_on_record_reads_as_the_claim_that_is_run() -> None:
     for id in ("reaction_is_age", "same_rate_in_step"):
         (entry,) = (e for e in deck() if e.key == f"claim/{id}")
@@ -243,6 +244,7 @@ def test_a_judged_card_is_rated_by_a_blank_line(
     assert found["new"] == 0 and found["rated"][0]["card"] == entry.key
 
 
+@pytest.mark.slow
 def test_the_grader_rates_a_drill(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing written, wrong, then right: known, but hard. Wrong and given up: again."""
     one_kind("drill", monkeypatch, "fk3")

@@ -60,6 +60,7 @@ def test_the_listing_is_short_and_gives_nothing_away(one: Scenario) -> None:
     assert text in page._repr_markdown_()
 
 
+@pytest.mark.slow
 @EACH
 def test_all_causes_show_the_same_symptom(one: Scenario) -> None:
     figures = [
@@ -71,12 +72,14 @@ def test_all_causes_show_the_same_symptom(one: Scenario) -> None:
     assert not any(map(one.removed, figures))
 
 
+@pytest.mark.slow
 @EACH
 def test_every_pair_of_causes_is_told_apart(one: Scenario) -> None:
     for pair in combinations([cause.name for cause in one.causes], 2):
         assert any(scenarios.tells_apart(one.name, p.name, *pair) for p in one.probes), pair
 
 
+@pytest.mark.slow
 @EVERY
 def test_the_model_answer_leaves_the_cause_alone(name: str, cause: str) -> None:
     path_leaves_the_cause(name, cause, SEEDS)
@@ -93,6 +96,7 @@ def path_leaves_the_cause(name: str, cause: str, seeds: Iterable[int]) -> None:
         } - {cause}, seed
 
 
+@pytest.mark.slow
 @EVERY
 def test_the_right_repair_removes_the_symptom(name: str, cause: str) -> None:
     """And no other does at a price that can be paid; the popular one is no better."""
@@ -107,6 +111,7 @@ def test_the_right_repair_removes_the_symptom(name: str, cause: str) -> None:
         assert cured == [repair.name == right] * 3, repair.name
 
 
+@pytest.mark.slow
 @EACH
 def test_what_is_run_does_not_depend_on_the_cause(one: Scenario) -> None:
     """Counted in calls of functions: a probe must not be quicker for one cause than another."""
@@ -136,6 +141,7 @@ def test_what_is_run_does_not_depend_on_the_cause(one: Scenario) -> None:
 # --- A case -------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @EACH
 def test_who_always_guesses_the_same_does_no_better_than_chance(one: Scenario) -> None:
     """The draw is even: by four standard deviations of a share; a guess has no evidence."""

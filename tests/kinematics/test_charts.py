@@ -11,6 +11,8 @@ from course.kinematics import ik, panda, planar, tip
 from course.oracles.mujoco import chain
 from course.oracles.pinocchio import Arm
 
+pytestmark = pytest.mark.slow
+
 
 def slope(series) -> float:
     return float(np.polyfit(np.log(series.x), np.log(series.y), 1)[0])

@@ -52,6 +52,7 @@ def test_reachable_poses_of_the_seven_joint_arm_are_solved_within_its_limits(tab
     assert set(found.reason[found.success]) == {"solved"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_no_step_claims_what_forward_kinematics_contradicts(method) -> None:
     """Reachable, unreachable and near-singular targets, with and without limits."""

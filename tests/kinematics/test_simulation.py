@@ -59,6 +59,7 @@ def test_a_simulation_is_had_by_its_name():
 # --- two links ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", range(len(inverse.METHODS)))
 def test_every_step_ends_at_one_of_the_two_exact_answers(method):
     for target in ((0.5, 1.1), (-0.9, 0.4), (0.2, -1.0)):
@@ -179,6 +180,7 @@ def test_levenberg_and_marquardt_never_lose_ground():
 PANDA = kinematics.panda()
 
 
+@pytest.mark.slow
 def test_the_elbow_moves_and_the_tip_is_off_by_what_is_printed():
     for correct in (False, True):
         now = after(elbow.MODEL, 3.0, correct=correct)
@@ -204,6 +206,7 @@ def test_a_step_leaves_the_tip_still_to_first_order_and_no_further():
         assert shown == pytest.approx(c, rel=2.0 * h)
 
 
+@pytest.mark.slow
 def test_it_swings_to_and_fro():
     now, ways = Experiment(elbow.MODEL, correct=True), []
     for _ in range(50):

@@ -22,6 +22,7 @@ def test_many_ways_ranks_them_upside_down_and_keeps_the_shares() -> None:
     assert left.series[0].y[0] == "shown" and left.spans[0][1] < 0.48 < left.spans[0][2]
 
 
+@pytest.mark.slow
 def test_errors_compound_as_the_formulas_say() -> None:
     cost, law, growth, _ = charts.build(
         "compounding", n=20_000, horizons=(5, 20, 80), points=16, circle=10
@@ -36,6 +37,7 @@ def test_errors_compound_as_the_formulas_say() -> None:
         assert np.allclose(series.expected, accumulated(a, 1.0, 20)[[4, 19]], rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_samplers_have_their_orders_and_the_nets_their_floor() -> None:
     exact, driven = charts.build("samplers", n=1000, runs=100, fit=300, counts=(1, 2, 10, 40, 160))
     for label, order in (("Euler", 1.0), ("DDIM", 1.0), ("Heun", 2.0)):

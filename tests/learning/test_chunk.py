@@ -23,6 +23,9 @@ from course.learning import (
 from course.learning.recorded import HEADS
 from tests.budget import examples
 
+pytestmark = pytest.mark.slow
+
+
 WAYS = TwoWays()
 SHOWN = WAYS.demonstrate(100, 0)
 

@@ -88,6 +88,7 @@ def test_solvers_have_their_order_on_the_exact_map():
     assert order(errors, steps) == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("eta", [0.0, 1.0])
 def test_a_diffusion_ends_in_the_distribution_it_began_from(eta):
     rng = np.random.default_rng(2)
@@ -128,6 +129,7 @@ def diffusion():
     return diffusion_policy(STATES, CHUNKS, 0, width=64, steps=1500, rate=3e-3)
 
 
+@pytest.mark.slow
 def test_trained_policies_pass_on_both_sides_as_the_data_do(flow, diffusion):
     left = np.sum(WAYS.sides(SHOWN.states) > 0)
     for policy in (replace(flow, solver="heun"), diffusion, replace(diffusion, solver="ddpm")):
@@ -148,6 +150,7 @@ def test_with_one_step_they_are_the_mean_and_hit_the_obstacle(flow, diffusion):
         assert again.std() > 1.2 * chunks.std()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("make", [flow_policy, diffusion_policy])
 def test_what_is_drawn_depends_on_the_state(make):
     """One normal action for each state: its mean is a line, its deviation 0.3."""

@@ -9,6 +9,8 @@ from course.simulations.model import Experiment
 from course.vector_env import PointReachVector
 from course.vector_env.point import DISCOUNT, RADIUS, optimum, plan
 
+pytestmark = pytest.mark.slow
+
 
 def run(preset, **values):
     """The experiment, and what is told of each iteration, by column."""

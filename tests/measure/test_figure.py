@@ -16,6 +16,8 @@ from course.measure.figure import KEYS, Panel, Series, draw, key_of, text, write
 from course.measure.stability import stability_map
 from course.rigid_body.integrators import INTEGRATORS
 
+pytestmark = pytest.mark.smoke
+
 
 def _axes(*panels, **layout):
     figure = draw(panels, figure=Figure(layout="constrained"), **layout)

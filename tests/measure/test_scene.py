@@ -6,6 +6,9 @@ import pytest
 
 from course.measure.scene import LeftOut, Modelled, Scene, Tolerance
 
+pytestmark = pytest.mark.smoke
+
+
 GRAVITY = 9.81
 
 

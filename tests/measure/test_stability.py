@@ -8,6 +8,8 @@ import pytest
 
 from course.measure import stability
 
+pytestmark = pytest.mark.smoke
+
 
 def _shear(x, friction=0.0):
     """A rotation made of two shears, which needs x < 2, and a loss of speed by 2 * friction * x."""

@@ -12,6 +12,8 @@ from course.measure.figure import Panel, draw
 from course.measure.success import TWO_SIGMA, Success, collect, wilson
 from tests.budget import examples
 
+pytestmark = pytest.mark.smoke
+
 
 @given(st.integers(1, 2000), st.floats(0.0, 1.0), st.floats(0.3, 4.0))
 def test_wilson_ends_are_where_the_share_is_z_deviations_off(tried, share, z):

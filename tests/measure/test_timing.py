@@ -7,6 +7,8 @@ import pytest
 
 from course.measure import timing
 
+pytestmark = pytest.mark.smoke
+
 
 @pytest.fixture
 def quiet(monkeypatch):

@@ -19,6 +19,9 @@ from course.measure.work_precision import (
     measure,
 )
 
+pytestmark = pytest.mark.smoke
+
+
 STEPS = [0.5 / 2**k for k in range(7)]
 
 

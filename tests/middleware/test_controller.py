@@ -24,6 +24,7 @@ def settings(joints: int, seed: int = 0) -> np.ndarray:
     return scale * np.random.default_rng(seed).uniform(0.1, 1.0, (4, joints))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("joints", [1, 6, 7])
 def test_torques_are_those_of_python_and_nothing_is_allocated(program, joints: int):
     first = settings(joints)

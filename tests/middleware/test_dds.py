@@ -16,6 +16,7 @@ pytestmark = pytest.mark.skipif(
 )
 
 
+@pytest.mark.slow
 def test_nothing_leaves_the_machine():
     said = cyclonedds.read_back()
     assert said["interfaces"] == "lo (index 1 priority 2 mc {})"

@@ -45,6 +45,7 @@ def test_periods_that_are_over_are_skipped_not_bunched(took: int, missed: int):
     assert np.all(np.diff(starts) >= 985_000)  # and never two in a row
 
 
+@pytest.mark.slow
 def test_what_was_granted_is_what_the_system_says_and_all_is_restored():
     before = loop.given(), gc.isenabled(), gc.get_freeze_count()
     core = min(os.sched_getaffinity(0))
@@ -58,6 +59,7 @@ def test_what_was_granted_is_what_the_system_says_and_all_is_restored():
     assert (loop.given(), gc.isenabled(), gc.get_freeze_count()) == before
 
 
+@pytest.mark.slow
 def test_a_refusal_is_told_and_the_loop_runs_all_the_same(monkeypatch):
     def refuse(*_) -> None:
         raise PermissionError(1, "Operation not permitted")
@@ -76,6 +78,7 @@ def test_collections_are_counted():
     assert record.collections >= (1 in record.release)
 
 
+@pytest.mark.slow
 def test_a_loop_among_busy_processes_counts_every_period():
     found = loop.among_busy(("default", "SCHED_FIFO"), busy=1, periods=100, work=1e-5)
     for row in found:

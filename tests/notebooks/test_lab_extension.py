@@ -10,6 +10,9 @@ import pytest
 
 from tools import lab_extension
 
+pytestmark = pytest.mark.slow
+
+
 ROOT = Path(__file__).resolve().parents[2]
 
 # Starts a server, opens the websocket of a kernel as a browser does, and asks the server's end of

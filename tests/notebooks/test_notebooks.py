@@ -89,11 +89,13 @@ def edit(source: Path, change) -> None:
     nbformat.write(notebook, path)
 
 
+@pytest.mark.slow
 def test_every_notebook_of_the_course_was_built_from_its_source() -> None:
     assert notebooks.sources()
     assert notebooks.check_all() == []
 
 
+@pytest.mark.slow
 def test_two_builds_are_the_same_to_the_byte(built: tuple[str, bytes, bytes]) -> None:
     assert built[1] == built[2]
 
@@ -196,6 +198,7 @@ def test_missing_and_stray_notebooks_are_faults(example: Path) -> None:
     assert any("08_other.ipynb has no source" in fault for fault in faults)
 
 
+@pytest.mark.slow
 def test_a_source_that_fails_leaves_the_old_notebook(example: Path) -> None:
     path = notebooks.target(example)
     before = path.read_bytes()

@@ -44,6 +44,7 @@ def truth_of(wall) -> np.ndarray:
     return np.append(normal, -normal @ wall.poses[:3, 0])
 
 
+@pytest.mark.slow
 def test_points_lie_on_what_was_seen():
     shapes = scene(np.random.default_rng(2), 6)
     depth, ids = render(shapes, SMALL)

@@ -25,6 +25,7 @@ def turned(pose, *rotvec):
     return moved.poses[:, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "part", [BOX, CYLINDER, SPHERE, SMALL], ids=["box", "can", "ball", "small"]
 )
@@ -53,6 +54,7 @@ def test_parts_are_found_and_the_covariance_holds(part):
     assert known == 25 if not number else known > 12 and 0.5 < squares / number < 1.5
 
 
+@pytest.mark.slow
 def test_anyhow_in_space():
     rng = np.random.default_rng(2)
     for k in range(4):
@@ -164,6 +166,7 @@ def test_symmetric_poses_are_no_distance_apart(seed, part):
     assert abs(apart(several, pose, turned(pose, 0, 0, 3.0))[1] - 3.0) < 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("window", [1, 3])
 def test_the_stand_in_is_the_chain(window):
     """Spread of the whole chain over its prediction from one exact picture, without noise."""

@@ -1,6 +1,7 @@
 """What the charts of poses show, on smaller sizes."""
 
 import numpy as np
+import pytest
 
 from course import charts
 from course.charts.perception import left_out
@@ -16,6 +17,7 @@ def test_a_prism_comes_home_from_half_its_period():
     assert np.median(steps["points"].y) > 3.0 * np.median(steps["planes"].y)
 
 
+@pytest.mark.slow
 def test_closest_points_are_sure_and_rays_are_honest():
     panel, shared = charts.build("pose_covariance", runs=20)
     assert np.abs(np.array(panel["along the rays"].y) - 1.0).max() < 0.5
@@ -40,6 +42,7 @@ def test_averages_lag_and_predictions_say_their_error():
     assert np.all((ratio > 0.3) & (ratio < 1.3))
 
 
+@pytest.mark.slow
 def test_what_a_picture_leaves_out_is_below_what_the_gripper_needs(monkeypatch):
     known = left_out.known_part()
     assert known.check() == []

@@ -1,8 +1,11 @@
 """What the charts of speed against accuracy show, on smaller sizes."""
 
+import pytest
+
 from course import charts
 
 
+@pytest.mark.slow
 def test_a_coarse_grid_is_cheap_and_biased():
     for panel in charts.build("pose_precision", voxels=(0.008, 0.03), pictures=2, repeats=1):
         for name in ("shape", "cloud", "Open3D", "small_gicp"):
@@ -13,6 +16,7 @@ def test_a_coarse_grid_is_cheap_and_biased():
         assert pick.y[0] <= 2e-3 and "30 mm" in pick.tags[0]
 
 
+@pytest.mark.slow
 def test_the_same_chain_finds_the_same_parts():
     (panel,) = charts.build("frame_speed", pictures=2)
     right = [int(note.split(" right")[0].split()[-3]) for note in panel.notes[:3]]

@@ -147,6 +147,7 @@ def calibration(part, pose, sensor, runs, seed, free=DIRECTIONS, **options):
     return ratio, float(np.mean(squares)), fit.unobserved
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("part", "tilt", "blind"),
     [

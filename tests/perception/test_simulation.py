@@ -51,6 +51,7 @@ def test_points_are_of_what_they_are_said_to_be():
         assert np.bincount(truth[kinds == k]).max() > 0.98 * np.sum(kinds == k)
 
 
+@pytest.mark.slow
 def test_each_preset_shows_what_its_name_says():
     told, status, _ = seen("Small parts lost")
     assert status == ["lost"] * 3 + ["found"] * 2 and told[CLUSTERS] == 2

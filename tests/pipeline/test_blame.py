@@ -31,6 +31,7 @@ def test_without_a_fault_no_contract_is_broken_that_matters():
     assert len(broken) < 6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.name)
 def test_the_first_contract_that_a_fault_breaks_is_that_of_its_stage(fault):
     failed = [r for r in (injected(fault, seed)() for seed in range(8)) if not r.success]
@@ -40,6 +41,7 @@ def test_the_first_contract_that_a_fault_breaks_is_that_of_its_stage(fault):
     assert named.count(fault.stage) >= 0.8 * len(named)
 
 
+@pytest.mark.slow
 def test_contracts_and_replays_name_the_stage_and_the_last_error_does_not():
     found, runs, last = confusion(3)
     right = [STAGES.index(fault.stage) for fault in FAULTS]

@@ -23,6 +23,7 @@ def found():
     return budget(SCENE, PLANNED, range(60), PARTS)
 
 
+@pytest.mark.slow
 def test_each_part_alone_and_all_together_are_what_was_predicted(found):
     for some in subsets(PARTS):
         (mean, deviation), (told, covariance) = found.mean(some), found.told[some]

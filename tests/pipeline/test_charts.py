@@ -1,6 +1,7 @@
 """What the charts of chapter 11 say is in what they measured: their stored series are read."""
 
 import numpy as np
+import pytest
 
 from course import charts
 from course.pipeline import theory
@@ -35,6 +36,7 @@ def test_pictures_and_their_two_numbers_end_alike():
         assert widths[0] > 1.3 * widths[1]
 
 
+@pytest.mark.slow
 def test_the_arms_own_limit_is_that_of_theory_and_energy_tells_before_the_tip():
     _, limits, worked, energy = charts.stored("step_map")
     for series in limits.series:
@@ -48,6 +50,7 @@ def test_the_arms_own_limit_is_that_of_theory_and_energy_tells_before_the_tip():
         assert np.array(worked[series.label].y)[(x > 1.0) & (x < 1.5)].min() > 0.8
 
 
+@pytest.mark.slow
 def test_the_gain_of_looking_again():
     small = charts.build("look_and_move", most=8, chains=100, looks=600)
     measured = np.array(small[0]["measured"].y)

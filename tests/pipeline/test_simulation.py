@@ -38,6 +38,7 @@ def test_the_arrows_and_the_rate_are_those_of_the_chapter():
     assert told[whole.LOW] <= np.mean(chapter.successes(others)) <= told[whole.HIGH]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("preset", "broken", "cure"),
     [
@@ -56,6 +57,7 @@ def test_what_each_preset_breaks_first_and_what_cures_it(preset, broken, cure):
     assert told[whole.SHARE] == 1.0 if preset == "All stages" else told[whole.LOW] < 0.1
 
 
+@pytest.mark.slow
 def test_what_the_notes_say():
     first, told = seen("Cancelling errors")
     parts = told[whole.PARTS :].reshape(-1, 2)

@@ -13,6 +13,9 @@ from course.pipeline import Scenario, Settings, Sight, Stages, errors, many, run
 from course.pipeline.drive import Q, V
 from course.pipeline.eye import Eye, find
 
+pytestmark = pytest.mark.slow
+
+
 EYE = Eye(bodies=False, camera=Camera.symmetric(320, 240, math.radians(62.0)), height=1.0)
 SHORT = Scenario(seconds=0.5, tilt=0.05)
 

@@ -57,6 +57,7 @@ def test_states_are_drawn_by_their_colours() -> None:
     assert np.abs(drawn - share).max() < 4.0 * math.sqrt(share.max() / 20_000)
 
 
+@pytest.mark.slow
 def test_noise_becomes_what_the_network_knows(monkeypatch) -> None:
     """Two networks in closed form: of one path, and of independent normal numbers, whose spread
     comes out the better the smaller the steps are."""

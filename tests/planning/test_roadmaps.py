@@ -126,6 +126,7 @@ def test_a_revalidated_roadmap_is_the_one_that_would_be_built(kind) -> None:
     np.testing.assert_array_equal(twice.status, before)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("attach", ["trees", "list"])
 def test_queries_of_a_cached_roadmap_while_an_obstacle_moves(attach) -> None:
     asked, rng = shelf("tight"), np.random.default_rng(6)
@@ -185,6 +186,7 @@ def test_bad_input_is_named(options, named) -> None:
         plan(plane(SQUARE, [[5.0, 5.0, 1.0]]), [1, 1], [9, 9], **options)
 
 
+@pytest.mark.slow
 def test_the_ladder_of_the_five_second_question() -> None:
     """Small: the rungs that hold are faster than those before; what is proved does not collide."""
     sizes = {"queries": 3, "nodes": 200, "names": ("open",), "naive": 0.05, "samples": 300}

@@ -230,6 +230,7 @@ def paths_of(nodes, parents):
     return found
 
 
+@pytest.mark.slow
 @examples(20)
 @given(rngs(), st.floats(0.5, 3.0))
 def test_costs_are_lengths_and_with_all_as_neighbours_the_shortest(rng, step):
@@ -241,6 +242,7 @@ def test_costs_are_lengths_and_with_all_as_neighbours_the_shortest(rng, step):
     np.testing.assert_allclose(costs, truth, rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 @examples(10)
 @given(rngs())
 def test_the_starter_of_the_hunt_is_all_that_its_author_says(rng):

@@ -90,6 +90,7 @@ def test_a_segment_meets_a_disc_as_in_rational_arithmetic(a, b, centre, radius) 
         assert edge_free(plane(WIDE, discs=[[*centre, radius]]), a, b) == (gap > 0)
 
 
+@pytest.mark.slow
 @examples(60)
 @given(st.integers(0, 10**6))
 def test_the_clearance_is_that_of_the_nearest_of_many_points(seed) -> None:

@@ -44,6 +44,7 @@ def test_the_table_is_complete_and_its_verdicts_follow_from_its_errors() -> None
     assert all(table.costs(ROWS, name)["MuJoCo"] == 1.0 for name in table.TABLE)
 
 
+@pytest.mark.slow
 def test_a_small_table_is_measured_as_the_stored_one() -> None:
     found = charts.build("platforms_table", scenes=("tumble",))[0].data["rows"]
     for engine in list(smooth.here().values())[1:]:
@@ -83,6 +84,7 @@ def test_the_braking_law_and_the_cones() -> None:
     assert np.all(np.array(turn["PyBullet, cone off"].y)[1:4] < -8.0)
 
 
+@pytest.mark.slow
 def test_creep_follows_its_law_on_a_small_scan() -> None:
     rest, held = charts.build("platform_creep", ratios=(1.0, 30.0), dt=2e-3)
     for panel in (rest, held):
@@ -106,6 +108,7 @@ def test_squeezes_and_towers() -> None:
     assert ratio["PyBullet"].y[-1] < 0.3 * theory.sag_growth(8, "inverse mass")
 
 
+@pytest.mark.slow
 def test_readers_effects_and_costs() -> None:
     rows = table.stored_rows("platform_readers")
     assert {r[1] for r in rows} == {m.name for m in MODELS} and {r[3] for r in rows} <= {*VERDICTS}

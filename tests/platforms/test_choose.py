@@ -34,6 +34,7 @@ jobs = st.fixed_dictionaries({"error": limits, "step": limits, "gpu": st.boolean
 )
 
 
+@pytest.mark.slow
 @budget.examples(200)
 @given(tables, jobs)
 def test_a_pick_meets_all_needs_and_no_other_that_does_is_cheaper(table, needs) -> None:

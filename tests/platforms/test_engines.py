@@ -158,6 +158,7 @@ def test_contacts_of_a_tower_carry_what_stands_above(engine) -> None:
     np.testing.assert_allclose(report.tangential_force, 0.0, atol=1e-6)
 
 
+@pytest.mark.slow
 @BOTH
 def test_friction_on_a_slope_holds_the_weight_and_brakes_by_mu(engine) -> None:
     held = ran(engine, slope(0.2), 1e-3, 200).contacts()
@@ -174,6 +175,7 @@ def test_friction_on_a_slope_holds_the_weight_and_brakes_by_mu(engine) -> None:
     assert speed == pytest.approx(2.0 - 0.05 * GRAVITY, rel=0.02)
 
 
+@pytest.mark.slow
 @BOTH
 def test_fingers_hold_the_part_and_stay_on_their_guides(engine) -> None:
     run = ran(engine, grasp(3.0), 1e-3, 50 if engine is OWN else 300)

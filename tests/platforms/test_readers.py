@@ -46,6 +46,7 @@ def test_the_importer_reads_the_sound_one_and_what_it_has() -> None:
             read(BY_NAME[name].text)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("reader", readers.READERS)
 def test_what_a_reader_does(reader) -> None:
     try:

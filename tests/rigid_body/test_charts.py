@@ -16,6 +16,7 @@ def tumble():
     return accuracy.work_precision("tumble", repeats=1, steps=(250, 500, 1000, 2000, 4000))
 
 
+@pytest.mark.slow
 def test_every_integrator_shows_its_order_on_the_tumble(tumble) -> None:
     for name, item in INTEGRATORS.items():
         if item.order > 1:
@@ -29,6 +30,7 @@ def test_mujocos_euler_is_our_semi_implicit_euler(tumble) -> None:
     np.testing.assert_allclose(theirs, ours, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_mujocos_implicit_methods_are_of_first_order_on_a_tumble() -> None:
     names = tuple(f"MuJoCo {name}" for name in ("Euler", "implicitfast", "discrete"))
     result = accuracy.work_precision("tumble", 1, (8_000, 16_000, 32_000), names)
@@ -73,6 +75,7 @@ def test_the_box_is_exact_with_impact_times_and_first_order_without() -> None:
     assert pick.name == "exact flight, impact times" and pick.point.count == 10
 
 
+@pytest.mark.slow
 def test_table_has_every_scene_and_integrator() -> None:
     rows = accuracy.table_at(dt=5e-3, repeats=1)
     for problem in ("tumble", "heavy_top", "oscillator", "box drop"):
@@ -84,6 +87,7 @@ def test_table_has_every_scene_and_integrator() -> None:
     assert error["tumble", "rk4"] < 1e-6 * error["tumble", "semi_implicit_euler"]
 
 
+@pytest.mark.slow
 def test_batches_beat_a_general_engine_at_the_same_accuracy() -> None:
     """Aims are 100 and 25 on the clock; these are ratios of processor time, with room."""
     boxes = throughput.box_contenders(samples=8)
@@ -104,6 +108,7 @@ def test_batches_beat_a_general_engine_at_the_same_accuracy() -> None:
         assert np.all(np.less_equal([series.low, series.y], [series.y, series.high]))
 
 
+@pytest.mark.slow
 def test_the_scene_fits_its_question_and_its_neighbours_do_not() -> None:
     scene = box_scene.bouncing_box()
     assert scene.check() == []

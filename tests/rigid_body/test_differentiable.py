@@ -333,6 +333,7 @@ def test_finite_differences_of_fixed_steps_need_a_step_far_above_dt():
 # Parameters from recordings.
 
 
+@pytest.mark.slow
 def test_recovers_parameters_within_their_standard_errors():
     """Twenty recordings at 1 mm noise; the normalised errors must look like the normal law."""
     guess = [0.5, 0.4, 1.0]
@@ -355,6 +356,7 @@ def test_recovers_parameters_within_their_standard_errors():
     assert 0.5 < within < 0.85
 
 
+@pytest.mark.slow
 def test_standard_errors_are_those_of_many_recordings():
     """Near the truth the fit is linear in the noise, so 20,000 recordings cost nothing."""
     told = information(TRUTH, THROW, TIMES, 1e-3)
@@ -372,6 +374,7 @@ def test_standard_errors_are_those_of_many_recordings():
         np.testing.assert_allclose(found, estimator @ noise[:, n] / told.standard_errors, atol=0.05)
 
 
+@pytest.mark.slow
 def test_recovers_from_several_guesses_and_reports_when_it_is_trapped():
     recorded = record(TRUTH, THROW, TIMES, 1e-3, np.random.default_rng(5))
     for guess in ([0.5, 0.4, 1.0], [0.8, 0.1, 2.0], [0.4, 0.4, 0.5]):

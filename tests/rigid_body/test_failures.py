@@ -15,6 +15,7 @@ from course.rigid_body.integrators import INTEGRATORS
 # --- stability limits -----------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("zeta", [0.0, 0.4, 1.0, 1.7])
 @pytest.mark.parametrize("name", failures.contenders())
 def test_measured_limit_is_the_theory_and_both_sides_show_it(name, zeta):
@@ -159,6 +160,7 @@ def test_small_steps_in_tune_with_the_motion_grow_and_out_of_tune_do_not():
 # --- quaternions ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_quaternions_grow_and_lag_as_the_closed_form_says():
     left, middle, right = build(
         "quaternion_drift", most=100_000, points=3, angles=(1e-3, 2e-2), counts=(500, 1000)

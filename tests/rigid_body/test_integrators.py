@@ -41,6 +41,7 @@ def state_error(problem: problems.Problem, q: np.ndarray, v: np.ndarray) -> floa
     return float(np.hypot(problem.error(q), np.max(np.abs(v - true_v)) / scale))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("problem", PROBLEMS)
 @pytest.mark.parametrize("name", INTEGRATORS)
 def test_observed_order_is_the_theoretical_one(problem: str, name: str) -> None:
@@ -154,6 +155,7 @@ def test_inputs_are_left_alone(name: str) -> None:
     assert np.array_equal(q, system.q0) and np.array_equal(v, system.v0)
 
 
+@pytest.mark.slow
 def test_compiled_and_plain_source_agree() -> None:
     code = (
         "from course.rigid_body import problems, integrators as i\n"

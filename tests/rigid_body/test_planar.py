@@ -64,6 +64,7 @@ def lowest(state: np.ndarray, parameters: np.ndarray) -> np.ndarray:
 # Flat drops: closed form
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("restitution", [0.3, 0.7, 0.95])
 @pytest.mark.parametrize("dt", [0.0005, 0.003, 0.05])
 def test_flat_drop_bounces_at_the_analytic_times(restitution: float, dt: float) -> None:
@@ -145,6 +146,7 @@ def test_flight_is_the_integrator_itself(name: str) -> None:
     assert not body.force.any() and body.torque == 0.0
 
 
+@pytest.mark.slow
 def test_first_impact_agrees_with_sampling_and_brentq() -> None:
     rng = np.random.default_rng(7)
     hits = 0
@@ -276,6 +278,7 @@ def test_impact_agrees_with_integration_over_the_impulse() -> None:
     assert kinds == {"sticks", "slides", "reverses"}
 
 
+@pytest.mark.slow
 @examples(500)
 @given(vx=speeds, vy=speeds, omega=speeds, **boxes)
 def test_impact_properties(vx, vy, omega, w, h, angle, shape, e, mu) -> None:
@@ -346,6 +349,7 @@ def test_newtons_rule_gains_energy_where_ours_does_not() -> None:
     assert gains == pytest.approx([0.921822, -0.074195], abs=1e-6)
 
 
+@pytest.mark.slow
 @examples(500)
 @given(vx=speeds, vy=speeds, omega=speeds, **boxes)
 def test_resting_face_contact_properties(vx, vy, omega, w, h, angle, shape, e, mu) -> None:
@@ -527,6 +531,7 @@ def test_the_same_numbers_without_compilation() -> None:
 # Sustained contact
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("integrator", FLIGHT_COEFFICIENT)
 @pytest.mark.parametrize("quarter", [0, 1, -2, 7])
 def test_a_box_at_rest_stays_bit_for_bit(integrator: str, quarter: int) -> None:

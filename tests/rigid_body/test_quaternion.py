@@ -201,6 +201,7 @@ def test_exp_and_log_at_the_edges(angle, axis):
     check_exp_and_log(np.array(axis) * angle)
 
 
+@pytest.mark.slow
 @given(axes, angles)
 @examples(300)
 def test_exp_and_log_are_exact_to_1e_14(axis, angle):
@@ -278,6 +279,7 @@ def test_double_cover(q):
 # ---- the angle between two rotations ----
 
 
+@pytest.mark.slow
 @given(quaternions, axes, angles, st.sampled_from([1.0, -1.0]))
 @examples(200)
 def test_angle_between_against_50_digits(p, axis, angle, sign):
@@ -420,6 +422,7 @@ def test_rate_matrix_loses_one_rank_at_a_vertical_pitch(side, roll):
 # ---- the derivative of exp ----
 
 
+@pytest.mark.slow
 @given(axes, st.floats(1e-6, 5.0), vectors)
 @unhurried
 def test_dexp_inverse_against_finite_differences(axis, angle, w):
@@ -432,6 +435,7 @@ def test_dexp_inverse_against_finite_differences(axis, angle, w):
     np.testing.assert_allclose(omega, w, rtol=0, atol=1e-8 * (1.0 + norm(rate)))
 
 
+@pytest.mark.slow
 @given(axes, st.one_of(st.floats(0.0, 6.2), st.floats(-12, 0).map(lambda e: 10.0**e)), vectors)
 @unhurried
 def test_dexp_inverse_against_50_digits(axis, angle, w):

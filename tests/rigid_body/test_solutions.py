@@ -78,6 +78,7 @@ def test_the_chapter_has_its_exercises():
     assert names >= {"verlet", "orientation", "bounce", "tumble", "stable_step", "observed_order"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("card", exercises(), ids=lambda card: card.name)
 def test_an_exercise_is_in_the_notebook_with_its_card_its_starter_and_its_check(card):
     """Card, starter, check, in this order; and the starter is the catalogue's."""

@@ -7,6 +7,7 @@ from course import charts
 from course.role import CHAIN, age
 
 
+@pytest.mark.slow
 def test_more_phases_come_nearer_and_the_closed_form_is_there() -> None:
     (panel,) = charts.build("age_precision", runs=(3, 100), repeats=3, reference=256)
     few, many = panel["random phases"].y

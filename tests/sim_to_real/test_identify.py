@@ -52,6 +52,7 @@ def test_without_noise_the_truth_comes_back_from_afar(heavy, off, damping):
     assert found.reason == ""
 
 
+@pytest.mark.slow
 def test_the_spread_is_the_least_possible_and_the_intervals_hold():
     value = np.array([found.value for found in runs()])
     bound = np.sqrt(np.diag(cramer_rao()))

@@ -102,6 +102,7 @@ def exact_period(mass: float, armature: float, angle: float) -> float:
     return float(4.0 * special.ellipk(np.sin(angle / 2.0) ** 2) * np.sqrt(ratio))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
 def test_the_period_of_a_pendulum_is_that_of_the_new_mass_and_inertia(seed: int) -> None:
     model, data = scene(PENDULUM)
@@ -175,6 +176,7 @@ def distance(found: list[float]) -> float:
     return float(stats.kstest(found, stats.uniform(0.4, 0.8).cdf).pvalue)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "measure",
     [
@@ -188,6 +190,7 @@ def test_effective_friction_has_the_distribution_asked_for(measure: Callable) ->
     assert distance(effective(lambda model, rng: None, measure)) > RARE
 
 
+@pytest.mark.slow
 def test_the_distribution_test_finds_the_usual_mistakes() -> None:
     def each_by_itself(model: Any, rng: np.random.Generator) -> None:
         model.geom_friction[:, 0] = rng.uniform(0.4, 1.2, size=model.ngeom)
@@ -505,6 +508,7 @@ def test_a_sled_on_a_slope_slips_where_the_measured_friction_says(mu: float) -> 
         assert speed < 0.02 if excess < 0.0 else speed > 0.5 * run
 
 
+@pytest.mark.slow
 def test_the_measures_say_when_they_cannot() -> None:
     model, _ = scene()
     with pytest.raises(ValueError, match="enough to slide"):

@@ -5,6 +5,9 @@ import pytest
 from drills import cards as catalogue
 from tests.drills.here import grade_here
 
+pytestmark = pytest.mark.slow
+
+
 CARD = catalogue.card("randomize")
 SOLUTION = CARD.solution_text()
 

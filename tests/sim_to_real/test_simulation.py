@@ -68,6 +68,7 @@ def test_delay_breaks_what_other_errors_hold():
         assert some > 0.4 if part == "load" else some < 0.15, part
 
 
+@pytest.mark.slow
 def test_mending_the_delay_alone_hurts_and_mending_the_load_helps():
     far = chapter.real(1.0, 0.01)
     none, delay, load = (gains(k, 1.0) for k in (arms.NOMINAL, arms.DELAY, arms.LOAD))

@@ -16,6 +16,7 @@ def test_the_adapter_finds_the_truth_without_noise():
     )
 
 
+@pytest.mark.slow
 def test_both_give_the_same_answer_and_the_same_interval():
     for seed in range(2):
         log = record(seed=seed)
@@ -27,6 +28,7 @@ def test_both_give_the_same_answer_and_the_same_interval():
         assert theirs.residual == pytest.approx(ours.noise, rel=3e-3)
 
 
+@pytest.mark.slow
 def test_sensordata_is_one_step_late_and_shifting_the_log_mends_it():
     log = record()
     deviation = np.sqrt(np.diag(fit(arm, log, GUESS, FREE).covariance))

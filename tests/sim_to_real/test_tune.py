@@ -23,6 +23,9 @@ from course.sim_to_real import (
 )
 from course.sim_to_real.tune import GRID, GUESS, SEEDS, WIDTH, remake
 
+pytestmark = pytest.mark.slow
+
+
 CHECKED = tasks(400, 77)
 
 

@@ -22,6 +22,7 @@ def compiled() -> Any:
     return Compiled(WALK)
 
 
+@pytest.mark.slow
 def test_compiled_is_plain(compiled: Any) -> None:
     assert_compiled_is_plain(WALK, compiled, [dict(each.values) for each in WALK.presets.values()])
 
@@ -61,6 +62,7 @@ def test_a_full_pen_names_what_has_no_room_and_nothing_is_written_past_its_end(c
         assert told == expected
 
 
+@pytest.mark.slow
 def test_a_copy_and_stray_points_are_refused_compiled() -> None:
     copy = numba.njit("(float64[::1], float64[::1])", error_model="numpy")(draw.copy)
     point = numba.njit("(float64[::1], float64, float64)", error_model="numpy")(draw.point)

@@ -19,6 +19,8 @@ from course.simulations.painter import film, to_png
 from tests.budget import PROVE, examples
 from tests.simulations.models import MODELS, WALK
 
+pytestmark = pytest.mark.slow
+
 
 def assert_sound(experiment):
     """Everything is finite, and the picture is a list of items with readable numbers."""

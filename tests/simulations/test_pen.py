@@ -13,6 +13,9 @@ from course.simulations import pen as draw
 from course.simulations.painter import to_png
 from tests.budget import examples
 
+pytestmark = pytest.mark.smoke
+
+
 WORDS, COLOURS = draw.words_table(), draw.colours_table()
 ENERGY, JOULE, ODD = WORDS("energy", " J", "E = $ m v² < 1")
 RED, GREEN, BLUE = COLOURS("#ff0000", "#00ff00", "#0000ff")

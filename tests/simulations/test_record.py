@@ -5,6 +5,9 @@ import pytest
 
 from course.simulations.record import Field, Record, menu, slider, switch
 
+pytestmark = pytest.mark.smoke
+
+
 RECORD = Record(
     speed=slider("Speed", 1.0, 0.0, 2.0, 0.1, "m/s"),
     count=slider("Count", 3, 1, 9, 1),

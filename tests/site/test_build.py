@@ -69,6 +69,7 @@ def test_a_page_has_all_of_its_notebook(site: Path, name: str) -> None:
             at = found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CHAPTER_PAGES)
 def test_pictures_and_simulations_of_a_page_are_those_of_its_notebook(
     site: Path, name: str
@@ -198,6 +199,7 @@ def links(page: Path) -> list[tuple[Path, str]]:
     return found
 
 
+@pytest.mark.slow
 def test_every_link_and_anchor_leads_somewhere(site: Path) -> None:
     pages = sorted(site.glob("*.html"))
     assert len(pages) == 1 + len(CHAPTERS) + len(build.BESIDE) + 1
@@ -407,6 +409,7 @@ def test_an_anchor_to_nowhere_and_a_load_from_elsewhere(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_page_with_a_wrong_formula_or_link_is_named(tmp_path: Path) -> None:
     source = tmp_path / "source"
     (source / "_static").mkdir(parents=True)

@@ -94,6 +94,7 @@ def run(instance: Instance, name: str, values: Any) -> Any:
     return np.frombuffer(instance.read(place, given.nbytes))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["maths", "arrays", "lists", "wholes"])
 def test_a_piece_is_what_plain_python_says(made: Any, name: str) -> None:
     rng = np.random.default_rng(1)

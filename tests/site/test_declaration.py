@@ -141,6 +141,7 @@ def _unpacked(film: Any) -> Iterator[Any]:
     assert at == len(data)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [WALK, told.model("rigid_body.spring")])
 def test_a_recording_gives_back_its_pictures(model: Any, monkeypatch: Any) -> None:
     monkeypatch.setattr(told, "SECONDS", 1.0)
@@ -166,6 +167,7 @@ def test_a_recording_has_as_many_pictures_as_there_is_room_for(monkeypatch: Any)
         assert sum(len(film["data"]) for film in made.values()) <= max(room, 1_500)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", films.names())
 def test_a_recording_was_made_from_the_sources_as_they_are(name: str) -> None:
     assert not films.stale(name), f"run `python -m course.site.films {name}`"

@@ -20,6 +20,9 @@ from tests.budget import PROVE, ROOT, examples
 from tests.site.host import Hosted, array
 from tests.site.same import any_controls, assert_same_run, ends
 
+pytestmark = pytest.mark.slow
+
+
 LIVE = wasm.live()
 # In plain Python a start of these takes a second: ten times as many runs prove them.
 DEAR = {"control.joint", "control.probe"}

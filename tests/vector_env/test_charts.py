@@ -11,6 +11,8 @@ from course.charts import vector_env as chart
 from course.vector_env import ArmReach, ArmReachVector, training
 from tests.vector_env.test_vector_env import identical
 
+pytestmark = pytest.mark.slow
+
 
 def test_batches_beat_gymnasiums_loop() -> None:
     """Aims are 5 and 100 at N = 256 on the clock; these are ratios of processor time, with room."""

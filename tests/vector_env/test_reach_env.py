@@ -86,6 +86,7 @@ def tip_error(env_fn, steps: int = 100, samples: int = 8) -> float:
     return worst
 
 
+@pytest.mark.slow
 def test_what_differs_between_the_models_is_the_integrator() -> None:
     """First order for MuJoCo's default, fourth for both Runge-Kuttas; a tenth of the target."""
     tolerance = 0.1 * RADIUS
@@ -165,6 +166,7 @@ def test_a_single_environment_refuses_nonsense(env_fn) -> None:
 # --- batches --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize(("single", "batch"), PAIRS)
 def test_a_batch_is_gymnasiums_loop_to_the_bit(single, batch, mode) -> None:

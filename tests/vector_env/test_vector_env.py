@@ -225,6 +225,7 @@ def nothing_stays_behind():
 # --- the same results, whoever steps -------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("workers", [1, 2, 5])
 def test_processes_loop_and_gymnasium_agree_to_the_bit(mode: str, workers: int) -> None:
@@ -350,6 +351,7 @@ def test_every_environment_has_its_own_seed() -> None:
 # --- wrong use ------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [VectorizedEnv, ProcessVectorEnv])
 @pytest.mark.parametrize(
     ("actions", "said"),
@@ -424,6 +426,7 @@ def test_more_wrong_construction() -> None:
         ProcessVectorEnv(Counter, 2, timeout=0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [VectorizedEnv, ProcessVectorEnv])
 @pytest.mark.parametrize("seed", [[1, 2], -1, "12", 1.5, [1, 2, -3], [1, 2, True]])
 def test_wrong_seeds_are_refused(kind, seed) -> None:
@@ -475,6 +478,7 @@ def troubled(trouble: str, timeout: float = 30.0) -> ProcessVectorEnv:
     return envs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("trouble", "how", "said"),
     [
@@ -594,6 +598,7 @@ print(*[process.pid for process in envs._processes], flush=True)
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("envs", "rest"),
     [

@@ -156,6 +156,7 @@ def played(name: str, envs: VectorEnv, mode: str, folder: str) -> tuple[list[Any
     return heard, ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_wrapper_sees_what_it_sees_around_gymnasiums_loop(name, tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")  # HumanRendering opens a window

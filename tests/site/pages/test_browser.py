@@ -286,6 +286,7 @@ def test_words_of_a_narrow_picture_stand_apart(browser: "Browser", addresses: li
                 assert its_line != line or end <= left or right <= start, (text, other)
 
 
+@pytest.mark.prove
 def test_a_page_prints_as_it_is(browser: "Browser", addresses: list[str]) -> None:
     with Reader(browser, addresses[0], viewport={"width": 1280, "height": 900}) as reader:
         page = reader.open("01_rigid_body.html")

@@ -502,7 +502,7 @@ TELL = """([content, records]) => window.kernel(content, records.map(r => {
 
 
 @pytest.mark.skipif(BOX not in LIVE, reason="it is not compiled")
-@pytest.mark.parametrize("busy", [False, True])
+@pytest.mark.parametrize("busy", [False, pytest.param(True, marks=pytest.mark.prove)])
 def test_the_widget_of_a_notebook_runs_it_in_the_page(open_page: Any, busy: bool) -> None:
     panel, sent = Panel(told.model(BOX)), []
     panel.canvas.send = lambda content, buffers=None: sent.append((content, buffers))
