@@ -87,9 +87,6 @@ def test_bad_chunks_are_refused_by_shape():
         (Commit(told, 7), r"chunk.shape is \(3, 6, 2\), allowed is \(3, 7 or more, a\)"),
         (Delayed(told, 6), r"\(3, 7 or more, a\)"),
         (Commit(lambda s, rng: s, 1), r"chunk.shape is \(3, 1\)"),
-        (Commit(told, 0), "executed is 0"),
-        (Delayed(told, -1), "delay is -1"),
-        (Ensemble(told, np.inf), "decay is inf"),
     ):
         with pytest.raises(ValueError, match=wanted):
             act(np.zeros((3, 1)), rng)
@@ -97,6 +94,20 @@ def test_bad_chunks_are_refused_by_shape():
         begun(np.zeros((3, 1)), rng)
         with pytest.raises(ValueError, match=r"reset\(\)"):
             begun(np.zeros((4, 1)), rng)
+
+
+@pytest.mark.parametrize(
+    ("make", "value", "message"),
+    [
+        (Commit, 0, "executed is 0"),
+        (Commit, 1.5, "executed is 1.5"),
+        (Delayed, -1, "delay is -1"),
+        (Ensemble, np.inf, "decay is inf"),
+    ],
+)
+def test_an_executor_with_a_bad_number_is_refused_when_it_is_made(make, value, message):
+    with pytest.raises(ValueError, match=message):
+        make(told, value)
 
 
 # --- commit or react ------------------------------------------------------------------------------

@@ -1,9 +1,11 @@
 """PPO against sums and cases by hand, autograd, and the exact optimum of the point."""
 
 import math
+import sys
 from dataclasses import replace
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 import torch
@@ -253,6 +255,42 @@ def test_a_run_that_diverges_keeps_the_last_good_weights():
         list(ppo(points(), replace(SMALL, rate=1e18, longest_gradient=math.inf), steps=10**4))
 
 
+@pytest.mark.parametrize("spread", [1e-4, 1e-9])
+def test_a_policy_that_runs_away_with_finite_numbers_is_stopped(spread, monkeypatch):
+    """Divergences of 1e5 and 1e15 in one iteration; the weights from before it are restored."""
+    settings = replace(SMALL, spread=spread)
+    first = ActorCritic(4, 2, 3, settings, 16).flat.detach().numpy()
+    policies = []
+
+    class Kept(ActorCritic):
+        def __init__(self, *arguments: Any) -> None:
+            super().__init__(*arguments)
+            policies.append(self)
+
+    monkeypatch.setattr(sys.modules[ppo.__module__], "ActorCritic", Kept)
+    with pytest.raises(Diverged, match=r"by a divergence of .*: lower the rate"):
+        next(ppo(points(), settings, steps=256, seed=3))
+    np.testing.assert_array_equal(policies[0].flat.detach().numpy(), first)
+
+
+def test_an_end_needs_no_value_after_it():
+    """What follows a termination is not used, so that it may be missing."""
+    assert gae([1.0], [0.25], [math.nan], [True], [False])[0] == 0.75
+
+
+wrong: Any = {"rate": 1.0}
+
+
+def made(**values: Any) -> Settings:
+    return Settings(**values)
+
+
+def discrete() -> Any:
+    envs: Any = points()
+    envs.single_action_space = gymnasium.spaces.Discrete(3)
+    return envs
+
+
 @pytest.mark.parametrize(
     ("call", "told"),
     [
@@ -266,6 +304,21 @@ def test_a_run_that_diverges_keeps_the_last_good_weights():
         (lambda: next(ppo(points(), SMALL, steps=0)), "steps is 0"),
         (lambda: gae([1.0], [1.0, 2.0], [0.0], [False], [False]), r"values.shape is \(2,\)"),
         (lambda: gae([1.0], [1.0], [0.0], [False], [False], 2.0), "discount is 2.0"),
+        (lambda: gae(1.0, 1.0, 0.0, False, False), r"rewards.shape is \(\)"),
+        (lambda: gae([1.0, math.nan], *np.zeros((4, 2))), r"rewards\[1\] is nan"),
+        (lambda: gae(np.zeros(2), [math.inf, 0.0], *np.zeros((3, 2))), r"values\[0\] is inf"),
+        (lambda: gae([1.0], [1.0], [math.nan], [False], [True]), r"following\[0\] is nan"),
+        (lambda: made(clip="a"), "clip is 'a'"),
+        (lambda: made(most_kl=(1.0, 2.0)), "most_kl is "),
+        (lambda: made(hidden=16), "hidden is 16"),
+        (lambda: made(hidden=(16, 0)), r"hidden\[1\] is 0"),
+        (lambda: next(ppo(None, steps=10)), "envs is None"),
+        (lambda: next(ppo(points(), wrong, steps=10)), "settings is {'rate': 1.0}"),
+        (lambda: next(ppo(discrete(), SMALL, steps=10)), r"single_action_space is Discrete\(3\)"),
+        (
+            lambda: next(ppo(points(1), replace(SMALL, horizon=1, minibatches=1), steps=1)),
+            r"horizon \* environments is 1",
+        ),
     ],
 )
 def test_bad_input(call, told):
