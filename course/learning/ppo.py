@@ -456,7 +456,7 @@ def ppo(
     torch, settings = pytorch(), settings or Settings()
     if not isinstance(settings, Settings):
         raise refused("settings", settings, "a Settings, or None for the usual ones")
-    space = getattr(envs, "single_action_space", None)
+    space: Any = getattr(envs, "single_action_space", None)
     if not all(hasattr(envs, name) for name in ("num_envs", "metadata", "reset", "step")):
         raise refused("envs", envs, "a gymnasium.vector.VectorEnv")
     if not hasattr(space, "low") or len(space.shape) != 1:
