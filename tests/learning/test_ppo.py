@@ -273,6 +273,32 @@ def test_a_policy_that_runs_away_with_finite_numbers_is_stopped(spread, monkeypa
     np.testing.assert_array_equal(policies[0].flat.detach().numpy(), first)
 
 
+@pytest.mark.parametrize("detached", [True, False])
+def test_the_usual_listing_needs_detached_log_probabilities(detached):
+    """Several epochs over one batch: the graph of the old policy is freed by the first."""
+    torch.manual_seed(0)
+    net, states, advantages = torch.nn.Linear(4, 2), torch.randn(8, 4), torch.randn(8)
+    optimiser = torch.optim.Adam(net.parameters())
+
+    def log_probs(actions):
+        return torch.distributions.Normal(net(states), 1.0).log_prob(actions).sum(-1)
+
+    actions = torch.distributions.Normal(net(states), 1.0).sample()
+    old, epochs = log_probs(actions), 0
+    old = old.detach() if detached else old
+    try:
+        for _ in range(3):
+            ratio = (log_probs(actions) - old).exp()
+            loss = -torch.min(ratio * advantages, ratio.clamp(0.8, 1.2) * advantages).mean()
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            epochs += 1
+    except RuntimeError as problem:
+        assert "backward through the graph a second time" in str(problem)
+    assert epochs == (3 if detached else 1)
+
+
 def test_an_end_needs_no_value_after_it():
     """What follows a termination is not used, so that it may be missing."""
     assert gae([1.0], [0.25], [math.nan], [True], [False])[0] == 0.75
