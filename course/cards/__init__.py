@@ -97,7 +97,8 @@ class Option:
     """One answer to a question.
 
     Attributes:
-        label: what one clicks on; raw HTML, so without < and >.
+        label: what the reader clicks on; raw HTML, so without < and >. It may have fields too, but
+            a number in only one label tells which answer is right.
         right: whether it is the right one.
         why: Markdown with fields for figures.
     """
@@ -113,7 +114,7 @@ class Prediction:
 
     Attributes:
         name: in its file.
-        ask: the question, Markdown.
+        ask: the question, Markdown with fields for figures.
         options: the answers, one of them right.
     """
 
@@ -184,11 +185,12 @@ def predict(name: str) -> Shown:
         raise refused("name", name, ", ".join(known))
     asked = known[name]
     options = [
-        (o.label, f"**{'Right.' if o.right else 'No.'}** {filled(o.why, figure)}")
+        (filled(o.label, figure), f"**{'Right.' if o.right else 'No.'}** {filled(o.why, figure)}")
         for o in asked.options
     ]
-    plain = "\n".join([f"Predict: {name}", *(f"  {option.label}" for option in asked.options)])
-    return Shown(plain, choice("Predict.", f"{asked.ask} *Click your answer.*", options))
+    plain = "\n".join([f"Predict: {name}", *(f"  {label}" for label, _ in options)])
+    question = f"{filled(asked.ask, figure)} *Click your answer.*"
+    return Shown(plain, choice("Predict.", question, options))
 
 
 def figures(text: str, *rows: str, cut: str = "", summary: str = "All figures") -> Shown:

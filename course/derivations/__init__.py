@@ -376,8 +376,10 @@ def settle(claim: Claim, record: Mapping[str, Any] | None = None) -> Outcome:
     found = Found(claim.id)
     recorded = records.load(claim.file).get(claim.id) if record is None else record
     claim.check(found)
-    changes = records.differences(recorded, claim.entry(found))
-    return Outcome(claim, found, tuple(_faults(claim, found)), tuple(changes))
+    changes = tuple(records.differences(recorded, claim.entry(found)))
+    if recorded and not changes:
+        found.figures |= {name: recorded["figures"][name][0] for name in found.quoted}
+    return Outcome(claim, found, tuple(_faults(claim, found)), changes)
 
 
 @functools.cache

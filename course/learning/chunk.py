@@ -123,9 +123,12 @@ class Commit(Executor):
 
     executed: int = 1
 
+    def __post_init__(self) -> None:
+        count("executed", self.executed, 1)
+
     def __call__(self, states: Array, rng: np.random.Generator) -> Array:
         """Actions (N, a) for states (N, d)."""
-        k = self.step % count("executed", self.executed, 1)
+        k = self.step % self.executed
         if k == 0:
             self.made.clear()
             self.plan(states, rng, self.executed)
@@ -145,13 +148,16 @@ class Ensemble(Executor):
 
     decay: float = 0.01
 
+    def __post_init__(self) -> None:
+        finite("decay", self.decay)
+
     def __call__(self, states: Array, rng: np.random.Generator) -> Array:
         """Actions (N, a) for states (N, d)."""
         self.plan(states, rng, 1)
         if len(self.made) > self.made[0].shape[1]:
             self.made.popleft()
         old = len(self.made)
-        weights = np.exp(-finite("decay", self.decay) * np.arange(old))
+        weights = np.exp(-self.decay * np.arange(old))
         told = [chunk[:, old - 1 - i] for i, chunk in enumerate(self.made)]
         return np.tensordot(weights / weights.sum(), np.array(told), axes=1)
 
@@ -166,9 +172,12 @@ class Delayed(Executor):
 
     delay: int = 1
 
+    def __post_init__(self) -> None:
+        count("delay", self.delay)
+
     def __call__(self, states: Array, rng: np.random.Generator) -> Array:
         """Actions (N, a) for states (N, d)."""
-        self.plan(states, rng, count("delay", self.delay) + 1)
+        self.plan(states, rng, self.delay + 1)
         if len(self.made) > self.delay + 1:
             self.made.popleft()
         return self.made[0][:, len(self.made) - 1]

@@ -139,6 +139,16 @@ def flatten(*parts: Any) -> Any:
     return flat
 
 
+def length(gradient: NDArray[np.float32]) -> float:
+    """Return the Euclidean length of a float32 vector (n,), the same on every CPU.
+
+    A float32 dot product depends on the kernel that BLAS picks for the CPU, and training amplifies
+    the difference. Squares of float32 numbers are exact in float64, and NumPy adds them in an
+    order that does not depend on the CPU.
+    """
+    return math.sqrt(np.square(gradient, dtype=float).sum())
+
+
 def weights(net: Any) -> NDArray[np.float32]:
     """The weights of a network as one vector (n,), a copy, to keep or to store."""
     vector_of = pytorch().nn.utils.parameters_to_vector
@@ -214,7 +224,7 @@ def fit(
             good.copy_(flat.detach())
             value.backward()
             if clip < math.inf:
-                flat.grad.mul_(min(1.0, clip / (flat.grad.norm().item() + 1e-12)))
+                flat.grad.mul_(min(1.0, clip / (length(flat.grad.numpy()) + 1e-12)))
             optimiser.param_groups[0]["lr"] = rate * (1.0 - k / steps)
             optimiser.step()
     return told
@@ -259,7 +269,9 @@ class Normaliser:
         return cls(np.zeros(count("columns", columns, 1)), np.ones(columns))
 
     def check(self, name: str) -> None:
-        """Raise ValueError if a column of what is called `name` has no variance."""
+        """Raise ValueError if what is called `name` has one row, or a column without variance."""
+        if self.rows < 2:
+            raise refused(f"rows of {name}", int(self.rows), "2 or more: one has no variance")
         flat = np.flatnonzero(self.variance <= 1e-12 * (1.0 + self.mean**2))
         if flat.size:
             column = f"variance of {name}[:, {flat[0]}]"

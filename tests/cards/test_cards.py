@@ -107,6 +107,24 @@ def test_the_file_of_a_chapter_is_whole(topic):
     assert len(set(labels)) > 1, "the right answer always stands at the same place"
 
 
+@pytest.mark.parametrize("topic", TOPICS)
+def test_no_card_shows_an_unfilled_field(topic):
+    shown = [cards.predict(name) for name in cards.predictions(topic)]
+    for card in [*shown, cards.interview(topic), cards.checkpoint(topic)]:
+        assert not re.search(r"\{[a-z]\w*\.[a-z]", card.markdown + repr(card))
+
+
+def test_fields_are_filled_wherever_a_question_has_them(monkeypatch):
+    slope = "{beyond_the_clip.slope:.0f}"
+    options = (cards.Option(f"by {slope}", True, f"{slope}"), cards.Option("not", False, "no"))
+    asked = {"one": cards.Prediction("one", f"Is it {slope}?", options)}
+    monkeypatch.setattr(cards, "predictions", lambda topic: asked)
+    shown = cards.predict("one")
+    assert repr(shown) == "Predict: one\n  by -1\n  not"
+    for text in ("Is it -1?", "<summary>by -1</summary>", "**Right.** -1"):
+        assert text in shown.markdown
+
+
 @pytest.mark.parametrize(
     ("entry", "named"),
     [

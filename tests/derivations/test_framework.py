@@ -393,3 +393,27 @@ def test_a_figure_that_agrees_keeps_the_digits_on_record():
     assert records.merged(old, record)["figures"] == {"of_three": [9.0000001, 1e-6]}
     old = record | {"figures": {"of_three": [9.1, 1e-6]}}
     assert records.merged(old, record)["figures"] == {"of_three": [9.0, 1e-6]}
+
+
+def test_a_figure_that_is_quoted_is_shown_as_on_record_while_the_run_agrees():
+    def odd_sum(found):
+        found.figure("of_three", 9.0 + 1e-8 * shift)
+        found.figure("exact", 1.0 + 1e-8 * shift)
+        found.as_recorded("of_three")
+        found.statement = "Added."
+        found.heard(False)
+        found.corrected(True)
+
+    shift = 0
+    item, record = _on_record(only(odd_sum))
+    shift = 1
+    assert settle(item, record).finding.figures == {"of_three": 9.0, "exact": 1.0 + 1e-8}
+    shift = 10_000  # far off: what came out is shown, and what is wrong
+    outcome = settle(item, record)
+    assert outcome.finding.figures["of_three"] == 9.0001 and not outcome.agrees
+    everything = derivations.Found("odd_sum")
+    everything.figure("a", 1)
+    everything.as_recorded()
+    assert everything.quoted == {"a"}
+    with pytest.raises(ValueError, match="name is 'b'"):
+        everything.as_recorded("b")

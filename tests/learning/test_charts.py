@@ -9,6 +9,7 @@ from course.charts.learning import reinforced, ways
 from course.learning import Mixture, accumulated, evaluate
 from course.vector_env import PointReachVector
 from course.vector_env.point import plan
+from tests.learning import needs_stable_baselines3
 
 
 def test_many_ways_ranks_them_upside_down_and_keeps_the_shares() -> None:
@@ -63,7 +64,7 @@ def test_looking_often_jitters_and_looking_rarely_drifts() -> None:
     assert cures["2 executed"].y[1] > max(cures["8 executed"].y[1], 0.2)
 
 
-def test_learners_are_judged_by_the_optimum_and_beside_the_library() -> None:
+def test_learners_are_judged_by_the_optimum() -> None:
     tasks: list[dict] = [{}, {"offset": 10.0}, {"unit": 3.0, "radius": 0.1}]
     for task in tasks:
 
@@ -72,13 +73,18 @@ def test_learners_are_judged_by_the_optimum_and_beside_the_library() -> None:
             return plan(ways_, radius=task.get("radius", 0.05))[1]
 
         assert reinforced.test(perfect, **task) == pytest.approx(1.0, abs=1e-6)
+    found = reinforced.searched(0, 2)
+    again = reinforced.searched(0, 1)
+    assert found.scores[0] == again.scores[0] and found.steps[0] == again.steps[0]
+
+
+@pytest.mark.optional
+def test_learners_are_judged_by_the_optimum_and_beside_the_library() -> None:
+    needs_stable_baselines3()
     by_steps, by_time = charts.build("learning_curves", steps=4096, points=2, seeds=3, rounds=2)
     for label in ("ours, 16", "ours, 64", "Stable-Baselines3"):
         assert list(by_steps[label].x) == [2048, 4096]
         assert np.all(np.diff(by_time[label].x) > 0.0)
-    found = reinforced.searched(0, 2)
-    again = reinforced.searched(0, 1)
-    assert found.scores[0] == again.scores[0] and found.steps[0] == again.steps[0]
 
 
 def test_a_first_policy_meets_the_disc_as_often_as_predicted() -> None:
@@ -95,7 +101,9 @@ def test_the_stored_learners_show_what_each_detail_and_reward_does() -> None:
     whole, unscaled = usual.pop("as it is"), usual.pop("observations too")
     broken = {"lambda 0", "one epoch", "4 hidden", "discount 0.9"}
     assert {name for name, share in usual.items() if share < 0.9 * whole} == broken
-    assert all(usual[name] < 0.85 * whole for name in broken) and 0.7 < unscaled / whole < 0.9
+    assert all(usual[name] < 0.85 * whole for name in broken) and 0.75 < unscaled / whole < 0.9
+    first = charts.stored("details_that_matter")[0].series[0]
+    assert 0.45 < dict(zip(first.y, first.low, strict=True))["observations too"] / whole < 0.6
     rows = list(there)
     for whole, less in zip(rows[::2], rows[1::2], strict=True):
         assert there[less] < 0.85 * there[whole]

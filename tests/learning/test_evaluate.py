@@ -1,8 +1,5 @@
 """Evaluation against the exact optimum, the bias of the first to finish, bands against SciPy."""
 
-import importlib.util
-import os
-
 import numpy as np
 import pytest
 from scipy import stats
@@ -11,6 +8,7 @@ from course.learning import Settings, band, evaluate, first_finished
 from course.oracles import sb3
 from course.vector_env import PointReachVector, VectorizedEnv
 from course.vector_env.point import PointReach, optimum, plan
+from tests.learning import needs_stable_baselines3
 
 MODES = ("SameStep", "NextStep", "Disabled")
 
@@ -86,11 +84,10 @@ def test_bad_input(call, told):
         call(PointReachVector(3))
 
 
+@pytest.mark.optional
 def test_settings_are_those_of_the_library():
     """The curve of Stable-Baselines3 starts where ours does and climbs as ours does."""
-    required = os.environ.get("COURSE_REQUIRE_EXTRAS") == "1"
-    if importlib.util.find_spec("stable_baselines3") is None and not required:
-        pytest.skip("PPO was NOT compared with Stable-Baselines3: pip install -e '.[sb3]'")
+    needs_stable_baselines3()
     settings = Settings(rate=3e-3, epochs=5, hidden=(16, 16))
     judge = PointReachVector(128)
     mean = optimum(judge.reset(seed=10**6)[0]).mean()

@@ -1,5 +1,6 @@
 """Networks and the normaliser against closed forms and finite differences."""
 
+import math
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,19 @@ from course.learning import (
     tensor,
     weights,
 )
+from course.learning.network import length
 from tests.budget import examples
+
+
+def test_the_length_of_a_gradient_is_exact_and_depends_on_no_order():
+    """A float32 dot product is off in the seventh digit, by another amount on each CPU."""
+    rng = np.random.default_rng(0)
+    for n in (1, 700, 100_003):
+        gradient = (10.0 ** rng.uniform(-6.0, 2.0, n) * rng.normal(size=n)).astype(np.float32)
+        exact = math.sqrt(math.fsum(float(x) ** 2 for x in gradient))
+        assert length(gradient) == pytest.approx(exact, rel=1e-14)
+        assert length(gradient[::-1]) == pytest.approx(exact, rel=1e-14)
+    assert length(np.full(2, 3e38, dtype=np.float32)) > 4e38  # whose squares are beyond float32
 
 
 @pytest.mark.parametrize("activation", ["tanh", "relu", "silu"])

@@ -1,9 +1,11 @@
 """PPO against sums and cases by hand, autograd, and the exact optimum of the point."""
 
 import math
+import sys
 from dataclasses import replace
 from typing import Any
 
+import gymnasium
 import numpy as np
 import pytest
 import torch
@@ -254,6 +256,68 @@ def test_a_run_that_diverges_keeps_the_last_good_weights():
         list(ppo(points(), replace(SMALL, rate=1e18, longest_gradient=math.inf), steps=10**4))
 
 
+@pytest.mark.parametrize("spread", [1e-4, 1e-9])
+def test_a_policy_that_runs_away_with_finite_numbers_is_stopped(spread, monkeypatch):
+    """Divergences of 1e5 and 1e15 in one iteration; the weights from before it are restored."""
+    settings = replace(SMALL, spread=spread)
+    first = ActorCritic(4, 2, 3, settings, 16).flat.detach().numpy()
+    policies = []
+
+    class Kept(ActorCritic):
+        def __init__(self, *arguments: Any) -> None:
+            super().__init__(*arguments)
+            policies.append(self)
+
+    monkeypatch.setattr(sys.modules[ppo.__module__], "ActorCritic", Kept)
+    with pytest.raises(Diverged, match=r"by a divergence of .*: lower the rate"):
+        next(ppo(points(), settings, steps=256, seed=3))
+    np.testing.assert_array_equal(policies[0].flat.detach().numpy(), first)
+
+
+@pytest.mark.parametrize("detached", [True, False])
+def test_the_usual_listing_needs_detached_log_probabilities(detached):
+    """Several epochs over one batch: the graph of the old policy is freed by the first."""
+    torch.manual_seed(0)
+    net, states, advantages = torch.nn.Linear(4, 2), torch.randn(8, 4), torch.randn(8)
+    optimiser = torch.optim.Adam(net.parameters())
+
+    def log_probs(actions):
+        return torch.distributions.Normal(net(states), 1.0).log_prob(actions).sum(-1)
+
+    actions = torch.distributions.Normal(net(states), 1.0).sample()
+    old, epochs = log_probs(actions), 0
+    old = old.detach() if detached else old
+    try:
+        for _ in range(3):
+            ratio = (log_probs(actions) - old).exp()
+            loss = -torch.min(ratio * advantages, ratio.clamp(0.8, 1.2) * advantages).mean()
+            optimiser.zero_grad()
+            loss.backward()
+            optimiser.step()
+            epochs += 1
+    except RuntimeError as problem:
+        assert "backward through the graph a second time" in str(problem)
+    assert epochs == (3 if detached else 1)
+
+
+def test_an_end_needs_no_value_after_it():
+    """What follows a termination is not used, so that it may be missing."""
+    assert gae([1.0], [0.25], [math.nan], [True], [False])[0] == 0.75
+
+
+wrong: Any = {"rate": 1.0}
+
+
+def made(**values: Any) -> Settings:
+    return Settings(**values)
+
+
+def discrete() -> Any:
+    envs: Any = points()
+    envs.single_action_space = gymnasium.spaces.Discrete(3)
+    return envs
+
+
 @pytest.mark.parametrize(
     ("call", "told"),
     [
@@ -267,6 +331,21 @@ def test_a_run_that_diverges_keeps_the_last_good_weights():
         (lambda: next(ppo(points(), SMALL, steps=0)), "steps is 0"),
         (lambda: gae([1.0], [1.0, 2.0], [0.0], [False], [False]), r"values.shape is \(2,\)"),
         (lambda: gae([1.0], [1.0], [0.0], [False], [False], 2.0), "discount is 2.0"),
+        (lambda: gae(1.0, 1.0, 0.0, False, False), r"rewards.shape is \(\)"),
+        (lambda: gae([1.0, math.nan], *np.zeros((4, 2))), r"rewards\[1\] is nan"),
+        (lambda: gae(np.zeros(2), [math.inf, 0.0], *np.zeros((3, 2))), r"values\[0\] is inf"),
+        (lambda: gae([1.0], [1.0], [math.nan], [False], [True]), r"following\[0\] is nan"),
+        (lambda: made(clip="a"), "clip is 'a'"),
+        (lambda: made(most_kl=(1.0, 2.0)), "most_kl is "),
+        (lambda: made(hidden=16), "hidden is 16"),
+        (lambda: made(hidden=(16, 0)), r"hidden\[1\] is 0"),
+        (lambda: next(ppo(None, steps=10)), "envs is None"),
+        (lambda: next(ppo(points(), wrong, steps=10)), "settings is {'rate': 1.0}"),
+        (lambda: next(ppo(discrete(), SMALL, steps=10)), r"single_action_space is Discrete\(3\)"),
+        (
+            lambda: next(ppo(points(1), replace(SMALL, horizon=1, minibatches=1), steps=1)),
+            r"horizon \* environments is 1",
+        ),
     ],
 )
 def test_bad_input(call, told):

@@ -41,6 +41,16 @@ def test_outputs_and_paragraphs_are_short(name: str) -> None:
     assert form.faults(BUILT[name].cells) == []
 
 
+@pytest.mark.parametrize("name", sorted(BUILT))
+def test_no_output_shows_an_unfilled_field(name: str) -> None:
+    """A field such as {claim.figure} is filled; code that is listed may have some."""
+    for cell in BUILT[name].cells:
+        for output in cell.get("outputs", []):
+            for text in (output.get("text", ""), *output.get("data", {}).values()):
+                prose = re.sub(r"^```.*?^```|`[^`]*`", "", str(text), flags=re.S | re.M)
+                assert not re.search(r"\{[a-z]\w*\.[a-z]", prose), prose
+
+
 # --- Every chapter --------------------------------------------------------------------------------
 
 

@@ -112,6 +112,13 @@ def test_what_a_preset_was_chosen_for_starts_with_it(site: Path) -> None:
     ]  # fmt: skip
 
 
+def test_no_page_shows_an_unfilled_field(site: Path) -> None:
+    for page in sorted(site.glob("*.html")):
+        text = page.read_text("utf-8").partition("<article")[2]
+        prose = re.sub(r"<(pre|code|math|script)\b.*?</\1>|<[^>]*>", "", text, flags=re.S)
+        assert not re.search(r"\{[a-z]\w*\.[a-z]", prose), page.name
+
+
 @pytest.mark.parametrize("name", CHAPTER_PAGES)
 def test_no_formula_is_left_as_typed(site: Path, name: str) -> None:
     """As many formulas as the text of the notebook has between dollars, and no dollar left."""

