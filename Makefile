@@ -38,92 +38,24 @@ NOTEBOOKS := $(if $(TOPIC),$(wildcard notebooks/[0-9][0-9]_$(TOPIC).ipynb),noteb
 help: ## show this list
 	@awk -F ':.*## ' '/^[a-z]+:.*## / { printf "  make %-10s %s\n", $$1, $$2 }' $(firstword $(MAKEFILE_LIST))
 
-# What an installation was made for: if a line differs, it is not the one that is wanted.
-# A virtual environment holds absolute paths, so a moved tree needs a new one.
-define describe_install
-	place='$(CURDIR)/$(VENV)'; \
-	wanted=$$(cat pyproject.toml constraints.txt | cksum)
-endef
+# tools/setup.sh does the work. CHOSEN is empty unless somebody chose PYTHON.
+SETUP = VENV='$(VENV)' STAMP='$(STAMP)' LOG='$(LOG)' EXTRAS='$(EXTRAS)' PYTHON='$(PYTHON)' \
+	CHOSEN='$(filter-out file default,$(origin PYTHON))' GOAL='$(firstword $(MAKECMDGOALS))' \
+	PACKAGES='$(PACKAGES)' DOWNLOAD='$(DOWNLOAD)' DISK='$(DISK)' $(SHELL) tools/setup.sh
 
 setup: ## make .venv with the pinned packages, if it isn't there
-	@set -e; \
-	$(describe_install); \
-	mkdir -p $(dir $(LOG)); \
-	failed() { \
-		tail -n 12 $(LOG) >&2; \
-		echo "$$1 failed: the last lines are above, all of it is in $(LOG)" >&2; exit 1; \
-	}; \
-	python_of() { "$$1" -c 'import sys; print("%d.%d.%d" % sys.version_info[:3])' 2>/dev/null; }; \
-	had_place=; had_python=; had_packages=; \
-	if [ -f $(STAMP) ]; then \
-		{ read -r had_place; read -r had_python; read -r had_packages; } < $(STAMP) || true; \
-	fi; \
-	here=$$(python_of $(BIN)/python) || here=none; \
-	case '$(origin PYTHON)' in \
-		file|default) asked=$$here ;; \
-		*) asked=$$(python_of '$(PYTHON)') || asked=missing ;; \
-	esac; \
-	if [ ! -d $(VENV) ]; then why="there is none yet"; \
-	elif [ -z "$$had_packages" ]; then why="the last install did not finish"; \
-	elif [ "$$had_place" != "$$place" ]; then why="the one here was made in $$had_place"; \
-	elif [ "$$had_python" != "$$here" ]; then why="its Python was $$had_python and is now $$here"; \
-	elif [ "$$asked" != "$$here" ]; then why="it has Python $$here and $(PYTHON) is $$asked"; \
-	elif [ "$$had_packages" != "$$wanted" ]; then why=; \
-	else echo "$(VENV) is up to date (Python $$here)"; exit 0; fi; \
-	if [ -n "$$why" ]; then \
-		command -v '$(PYTHON)' >/dev/null || { \
-			echo "'$(PYTHON)' was not found. The course needs Python 3.11 or newer;" \
-				"name one with: make PYTHON=python3.12 $(firstword $(MAKECMDGOALS))" >&2; exit 1; }; \
-		'$(PYTHON)' -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { \
-			echo "'$(PYTHON)' is $$('$(PYTHON)' --version 2>&1). The course needs Python 3.11 or newer;" \
-				"name one with: make PYTHON=python3.12 $(firstword $(MAKECMDGOALS))" >&2; exit 1; }; \
-		'$(PYTHON)' -c 'import venv, ensurepip' 2>/dev/null || { \
-			echo "'$(PYTHON)' has no venv module. On Debian and Ubuntu: apt install python3-venv" >&2; exit 1; }; \
-		echo "making $(VENV): $$why"; \
-		echo "about $(PACKAGES) packages: about $(DOWNLOAD) to download, $(DISK) on disk" \
-			"(several GB more where the package index gives PyTorch with CUDA)"; \
-		rm -rf $(VENV); \
-		'$(PYTHON)' -m venv $(VENV) >$(LOG) 2>&1 || failed "making $(VENV)"; \
-	else \
-		echo "updating $(VENV): pyproject.toml or constraints.txt has changed"; \
-		rm -f $(STAMP); \
-	fi; \
-	echo "installing the packages pinned in constraints.txt; $(LOG) has the details"; \
-	$(BIN)/python -m pip install -c constraints.txt -e '.[$(EXTRAS)]' >$(LOG) 2>&1 || failed installing; \
-	$(BIN)/python -m pip uninstall -q -y rfc3987-syntax lark >>$(LOG) 2>&1 || failed uninstalling; \
-	echo "trying the new packages"; \
-	$(BIN)/python -c 'import course, jsonschema, nbformat' >>$(LOG) 2>&1 || failed "trying them"; \
-	{ echo "$$place"; python_of $(BIN)/python; echo "$$wanted"; } > $(STAMP); \
-	echo "$(VENV) is ready"
-
-COMMA := ,
-
-# Adds a set of optional packages once: $(call add,extra of pyproject.toml,what that is). The stamp
-# holds the pins and the Python it was made for, beside the stamp of the set-up: whatever makes
-# .venv anew takes it away.
-define add
-	@set -e; \
-	stamp=$(VENV)/installed-$(1); \
-	wanted="$$(sed -n 3p $(STAMP)) $$(sed -n 2p $(STAMP))"; \
-	[ "$$(cat $$stamp 2>/dev/null)" != "$$wanted" ] || exit 0; \
-	rm -f $$stamp; \
-	echo "adding $(2) to $(VENV); $(LOG) has the details"; \
-	$(BIN)/python -m pip install -c constraints.txt -e '.[$(1)]' >>$(LOG) 2>&1 || { \
-		tail -n 12 $(LOG) >&2; \
-		echo "installing failed: the last lines are above, all of it is in $(LOG)" >&2; exit 1; }; \
-	echo "$$wanted" > $$stamp
-endef
+	@$(SETUP)
 
 # A Python without a wheel leaves that simulator out (pyproject.toml says which), and the chapter's
 # table says so.
 platforms: setup ## add the other simulators of chapter 3 (161 MB to download, 510 MB on disk)
-	$(call add,platforms,the other simulators)
+	@$(SETUP) add platforms 'the other simulators'
 
 extras: platforms ## add every optional library: the simulators, Stable-Baselines3, wrappers, Dask
-	$(call add,sb3$(COMMA)wrappers$(COMMA)cluster,the optional libraries)
+	@$(SETUP) add sb3,wrappers,cluster 'the other optional libraries'
 
 sphinx: setup ## add what builds the site (110 MB to download, 440 MB on disk)
-	$(call add,site,what builds the site)
+	@$(SETUP) add site 'what builds the site'
 
 site: sphinx ## build the site, the course without a kernel, into the folder site
 	@OMP_NUM_THREADS=1 COURSE_QUIET=1 $(BIN)/python -m course.site

@@ -2,6 +2,7 @@
 
 import ast
 import os
+import pty
 import re
 import shutil
 import subprocess
@@ -270,12 +271,20 @@ case "$*" in
     "--version") echo "Python ${FAKE_VERSION:-3.11.9}" ;;
     *"import venv"*) [ -z "$FAKE_NO_VENV" ] ;;
     "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python" ;;
-    "-m tools."*) echo "$*" >> runs ;;
+    "-m tools."*)
+        echo "$*" >> runs
+        [ "$*" != "-m tools.libraries" ] || [ -z "$FAKE_LIBRARY" ] || {
+            echo "libGL.so.1 is missing" >&2; exit 1; } ;;
     "-m pip install "*)
         echo "$*" >> installs
+        [ ! -t 1 ] || echo "a progress bar"
         echo "Collecting numpy, and a hundred lines more"
         touch .venv/half-made
-        [ -z "$FAKE_FAIL" ] || { echo "no such package" >&2; exit 1; } ;;
+        [ -z "$FAKE_FAIL" ] || { echo "no such package" >&2; exit 1; }
+        case "$*" in
+            *"--log build/setup.log"*) exec >> build/setup.log ;;
+        esac
+        echo "Successfully installed numpy-2.0 scipy-1.15" ;;
 esac
 """
 
@@ -287,22 +296,48 @@ class Tree:
         self.folder = folder
         folder.mkdir()
         shutil.copy(ROOT / "Makefile", folder)
+        (folder / "tools").mkdir()
+        shutil.copy(ROOT / "tools" / "setup.sh", folder / "tools")
         (folder / "pyproject.toml").write_text("[project]\n")
         (folder / "constraints.txt").write_text("numpy==2.0\n")
         (folder / "python").write_text(FAKE_PYTHON)
         (folder / "python").chmod(0o755)
 
     def make(self, *arguments: str, python: str | None = "./python", **environment: str):
-        clean = {k: v for k, v in os.environ.items() if not k.startswith("MAKE") and k != "PYTHON"}
+        """Run make with both streams in pipes."""
         command = ["make", *arguments, *([f"PYTHON={python}"] if python else [])]
         return subprocess.run(
             command,
             cwd=self.folder,
-            env=clean | environment,
+            env=self.environment(environment),
             capture_output=True,
             text=True,
             timeout=60,
         )
+
+    def make_in_a_terminal(self, *arguments: str, **environment: str) -> tuple[int, list[str]]:
+        """Run make in a terminal and return its exit code and the lines on the screen."""
+        ours, theirs = pty.openpty()
+        try:
+            done = subprocess.run(
+                ["make", *arguments, "PYTHON=./python"],
+                cwd=self.folder,
+                env=self.environment(environment),
+                stdin=subprocess.DEVNULL,
+                stdout=theirs,
+                stderr=theirs,
+                timeout=60,
+            )
+            # The screen holds a few hundred bytes, which fit into the terminal's buffer.
+            return done.returncode, os.read(ours, 1 << 16).decode().splitlines()
+        finally:
+            os.close(ours)
+            os.close(theirs)
+
+    @staticmethod
+    def environment(more: dict[str, str]) -> dict[str, str]:
+        clean = {k: v for k, v in os.environ.items() if not k.startswith("MAKE") and k != "PYTHON"}
+        return clean | more
 
     @property
     def installs(self) -> int:
@@ -354,23 +389,76 @@ def test_a_failed_install_is_not_trusted(tree: Tree) -> None:
     assert tree.installs == 2
 
 
-def test_a_step_is_a_line_and_the_first_says_what_it_costs(tree: Tree) -> None:
+DURATION = r"(?:\d+ min )?\d+ s"
+
+
+def test_a_step_is_a_line_with_its_duration_and_the_first_reports_what_it_costs(tree: Tree) -> None:
     first = tree.make("setup")
     assert first.stderr == ""
-    _, sizes, installing, trying, ready = first.stdout.splitlines()
+    _, sizes, made, installing, installed, checked, ready = first.stdout.splitlines()
     announced = r"about \d+ packages: about [\d.]+ GB to download, [\d.]+ GB on disk"
     assert re.match(announced, sizes)
-    assert "build/setup.log" in installing and trying == "trying the new packages"
-    assert ready == ".venv is ready"
+    assert re.fullmatch(f"made .venv in {DURATION}", made)
+    assert "build/setup.log" in installing
+    assert re.fullmatch(f"installed 2 packages in {DURATION}", installed)
+    assert re.fullmatch(f"checked the packages in {DURATION}", checked)
+    assert re.fullmatch(f".venv is ready after {DURATION}", ready)
+    assert "a hundred lines more" in (tree.folder / "build" / "setup.log").read_text()
     (tree.folder / "constraints.txt").write_text("numpy==2.1\n")
     assert "on disk" not in tree.make("setup").stdout
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"), [(0, "0 s"), (59, "59 s"), (60, "1 min 0 s"), (3725, "62 min 5 s")]
+)
+def test_a_duration_is_in_minutes_and_seconds(seconds: int, words: str) -> None:
+    script = (ROOT / "tools" / "setup.sh").read_text(encoding="utf-8")
+    (function,) = re.findall(r"^elapsed\(\) .*?^}$", script, re.M | re.S)
+    clock = f"date() {{ echo {1_700_000_000 + seconds}; }}"
+    program = f"{clock}\n{function}\nelapsed 1700000000"
+    done = subprocess.run(["sh", "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout == f"{words}\n"
+
+
+def test_a_terminal_shows_the_progress_of_pip_and_the_log_has_it_too(tree: Tree) -> None:
+    code, screen = tree.make_in_a_terminal("setup")
+    assert code == 0 and "a progress bar" in screen
+    assert any(re.fullmatch(f"installed 2 packages in {DURATION}", line) for line in screen)
+    assert "Successfully installed" in (tree.folder / "build" / "setup.log").read_text()
+    code, screen = tree.make_in_a_terminal("platforms")
+    assert code == 0 and "a progress bar" in screen
+    # What failed is on the screen already: it isn't shown twice.
+    (tree.folder / "constraints.txt").write_text("numpy==2.1\n")
+    code, screen = tree.make_in_a_terminal("setup", FAKE_FAIL="1")
+    assert code != 0 and screen.count("no such package") == 1
+    assert any(line.startswith("installing failed: the last lines are above") for line in screen)
+
+
+def test_a_missing_library_of_the_system_stops_the_set_up_but_not_the_installation(
+    tree: Tree,
+) -> None:
+    failed = tree.make("setup", FAKE_LIBRARY="1")
+    assert failed.returncode != 0
+    assert failed.stderr.startswith("libGL.so.1 is missing\n")
+    assert not tree.stamp.exists()
+    # Once it is there, only the check is repeated; with other pins the packages are installed.
+    again = tree.make("setup")
+    assert again.returncode == 0
+    assert again.stdout.startswith("checking .venv again")
+    assert tree.installs == 1 and tree.stamp.exists()
+    assert "up to date" in tree.make("setup").stdout
+    (tree.folder / "constraints.txt").write_text("numpy==2.1\n")
+    assert tree.make("setup", FAKE_LIBRARY="1").returncode != 0
+    (tree.folder / "constraints.txt").write_text("numpy==2.2\n")
+    assert "updating .venv" in tree.make("setup").stdout
+    assert tree.installs == 3
 
 
 def test_lab_compiles_in_the_background_and_then_opens(tree: Tree) -> None:
     done = tree.make("lab")
     assert done.returncode == 0, done.stderr
     runs = (tree.folder / "runs").read_text().splitlines()
-    assert runs == ["-m tools.warm --background", "-m tools.lab"]
+    assert runs == ["-m tools.libraries", "-m tools.warm --background", "-m tools.lab"]
     assert done.stderr == ""
     assert done.stdout.splitlines()[-1] == "compiling the chapters in the background"
 

@@ -371,7 +371,7 @@ def test_all_answers_are_checked_one_by_one(place: Place) -> None:
 # --- Misuse ---------------------------------------------------------------------------------------
 
 MISUSE = [
-    (["chek"], "check"),
+    (["chek"], "check"),  # codespell:ignore chek
     (["show", "verlt"], "verlet"),
     (["start", "verlte"], "verlet"),
     (["check"], "Say which"),
@@ -415,7 +415,7 @@ def test_misuse_is_a_sentence_and_exit_2(place: Place, arguments: list[str], sai
 
 def test_the_nearest_names_are_data_too(place: Place) -> None:
     assert "verlet" in place.json("check", "verlt")["error"]["nearest"]
-    assert "check" in place.json("chekc")["error"]["nearest"]
+    assert "check" in place.json("chekc")["error"]["nearest"]  # codespell:ignore chekc
 
 
 # --- Nothing is lost ------------------------------------------------------------------------------
