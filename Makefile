@@ -90,6 +90,7 @@ setup: ## make .venv with the pinned packages, if it isn't there
 	$(BIN)/python -m pip uninstall -q -y rfc3987-syntax lark >>$(LOG) 2>&1 || failed uninstalling; \
 	echo "trying the new packages"; \
 	$(BIN)/python -c 'import course, jsonschema, nbformat' >>$(LOG) 2>&1 || failed "trying them"; \
+	$(BIN)/python -m tools.libraries || { echo "$(VENV) is not ready" >&2; exit 1; }; \
 	{ echo "$$place"; python_of $(BIN)/python; echo "$$wanted"; } > $(STAMP); \
 	echo "$(VENV) is ready"
 
