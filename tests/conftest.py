@@ -60,6 +60,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "topic(name): what a test over all chapters counts for")
+    config.addinivalue_line("markers", "optional: needs a library that make test does not install")
 
 
 def _topic(item: pytest.Item) -> str:
