@@ -17,6 +17,7 @@ How one is written (`course/derivations/rigid_body/time_step.py` holds examples)
         "What is true, with numbers from the figures: {limit_ms:.2f} ms, {formula}.",
         ask=("The question?", "dt < 2*sqrt(m/k)", {"2*m/k": "The root is missing.", ...}),
         source="Author, Title, year, section",
+        needs=("Drake",),                                # only what `make setup` does not install
     )
     def claim_id(found):
         stiffness = found.given("stiffness_n_per_m", 1e5)     # goes in; the texts may quote it
@@ -91,7 +92,29 @@ __all__ = [
     "run",
     "settle",
     "show",
+    "unmet",
 ]
+
+
+def _engine_missing(name: str) -> str:
+    from course.oracles.engines import engines
+
+    return engines()[name].missing()
+
+
+def _compiler_missing() -> str:
+    from course.middleware import controller
+
+    return "" if controller.compiler() else controller.NO_COMPILER
+
+
+# What some checks need and a machine may lack: how it is installed, and a function that returns why
+# it cannot be used here, or "".
+NEEDS: dict[str, tuple[str, Callable[[], str]]] = {
+    "Drake": ("make platforms", functools.partial(_engine_missing, "Drake")),
+    "PyBullet": ("make platforms", functools.partial(_engine_missing, "PyBullet")),
+    "a C++ compiler": ("apt-get install g++", _compiler_missing),
+}
 
 
 @dataclass(frozen=True)
@@ -159,6 +182,7 @@ class Claim:
         source: where that can be read up, or "".
         check: settles the claim by filling what it is handed.
         formula: what a learner can be asked for, or None.
+        needs: what the check needs beyond what `make setup` installs; names in `NEEDS`.
     """
 
     id: str
@@ -169,12 +193,15 @@ class Claim:
     source: str
     check: Callable[[Found], None] = field(repr=False)
     formula: Formula | None = None
+    needs: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.id.isidentifier() or self.id != self.id.lower():
             raise ValueError(f"id is {self.id!r}; it must be a name in snake_case")
         if not self.claim or not self.corrected:
             raise ValueError(f"{self.id}: claim and corrected must both have text")
+        if unknown := sorted(set(self.needs) - set(NEEDS)):
+            raise ValueError(f"needs must be among {', '.join(NEEDS)}, got {unknown[0]!r}")
 
     def entry(self, found: Found) -> dict[str, Any]:
         """What goes on record."""
@@ -260,6 +287,7 @@ def claim(
     *,
     ask: Ask | tuple[str, str, Mapping[str, str]] | None = None,
     source: str = "",
+    needs: tuple[str, ...] = (),
     registry: dict[str, Claim] | None = None,
 ) -> Callable[[Check], Check]:
     """Decorator that registers a check as a claim; see the top of this file.
@@ -269,13 +297,15 @@ def claim(
         corrected: what is true, with fields for the figures.
         ask: what a learner can be asked for.
         source: where it can be read up.
+        needs: what the check needs beyond what `make setup` installs; names in `NEEDS`.
         registry: where to put it; default: the claims of the course.
 
     Returns:
         A decorator that leaves the function as it is.
 
     Raises:
-        ValueError: for an id that is taken, an ask that cannot be read, or a file of no chapter.
+        ValueError: for an id that is taken, an ask that cannot be read, a need that is unknown, or
+            a file of no chapter.
     """
     target = CLAIMS if registry is None else registry
 
@@ -293,7 +323,7 @@ def claim(
             raise ValueError(f"id is {id!r}, which is taken; ids must be unique")
         target[id] = Claim(
             id, file, chapter, _one_line(heard), _one_line(corrected), _one_line(source), check,
-            formula,
+            formula, needs,
         )  # fmt: skip
         return check
 
@@ -396,7 +426,7 @@ def run(id: str) -> Outcome:
 
 
 def figure(id: str, name: str) -> float | str:
-    """A figure of a claim, computed by its check.
+    """A figure of a claim, computed by its check, or on record where the claim has `needs`.
 
     Args:
         id: id of a claim.
@@ -408,7 +438,9 @@ def figure(id: str, name: str) -> float | str:
     Raises:
         ValueError: for an unknown id or name.
     """
-    figures = run(id).finding.figures
+    item = _get(id)
+    outcome = _recorded(item, "") if item.needs else run(id)
+    figures = outcome.finding.figures
     if name not in figures:
         raise ValueError(f"name is {name!r}; figures of {id} are {', '.join(figures)}")
     return figures[name]
@@ -473,8 +505,9 @@ class Block:
 def show(id: str) -> Block:
     """The claim with this id as a card for a notebook, with figures computed now.
 
-    Where a library is missing that its check needs, the figures are those on record, and the card
-    says what to install.
+    A claim with `needs` is shown from the record on every machine, so that a page looks the same
+    whether or not they are installed; the card says so. Where a library that `make setup` installs
+    is missing, the figures are those on record too, and the card says what to install.
 
     Args:
         id: id of a claim.
@@ -482,6 +515,14 @@ def show(id: str) -> Block:
     Raises:
         ValueError: for an unknown id.
     """
+    item = _get(id)
+    if item.needs:
+        how = " and ".join(dict.fromkeys(f"`{NEEDS[need][0]}`" for need in item.needs))
+        return Block(_recorded(
+            item,
+            f"These figures are from the stored record: the check needs {' and '.join(item.needs)} "
+            f"({how}). `python -m course.derivations --id {id}` runs it.",
+        ))  # fmt: skip
     try:
         return Block(run(id))
     except ImportError as missing:
@@ -500,6 +541,7 @@ def _from_record(item: Claim, inputs: dict[str, float | str], statement: str) ->
     found, entry = Found(item.id), records.load(item.file)[item.id]
     found.inputs, found.statement = inputs, statement
     found.figures = {name: value for name, (value, _) in entry["figures"].items()}
+    found.tolerances = {name: tolerance for name, (_, tolerance) in entry["figures"].items()}
     found.holds = entry["verdict"] == Verdict.HOLDS.value
     found.condition, found.inside = entry.get("condition", ""), [True]
     return Outcome(item, found, (), ())
@@ -519,17 +561,26 @@ def recorded(id: str, file: str) -> Outcome:
         ValueError: for an unknown id.
     """
     importlib.import_module(f"{__name__}.{file}")
-    item = _get(id)
-    outcome = _from_record(item, _given(item.check), "From the record.")
+    return _recorded(_get(id), "From the record.")
+
+
+def _recorded(item: Claim, statement: str) -> Outcome:
+    """Return a claim with the verdict and the figures on record, and a statement of where from."""
+    outcome = _from_record(item, _given(item.check), statement)
     try:
         for text in (item.corrected, outcome.finding.condition):
             item.filled(text, outcome.finding)
     except LookupError:
-        given = _Given(id)
-        with contextlib.suppress(_Enough):
+        given = _Given(item.id)
+        with contextlib.suppress(_Enough, ImportError):
             item.check(given)
-        return _from_record(item, given.inputs, "From the record.")
+        return _from_record(item, given.inputs, statement)
     return outcome
+
+
+def unmet(item: Claim) -> str:
+    """Return why the check of a claim cannot run on this machine, or ""."""
+    return next((reason for need in item.needs if (reason := NEEDS[need][1]())), "")
 
 
 class _Enough(Exception):

@@ -11,9 +11,11 @@ import click
 
 import course
 from course import CHAPTERS
-from course.derivations import Claim, Outcome, claims, figure_text, records, run
+from course.derivations import Claim, Outcome, claims, figure_text, records, run, unmet
 
 _STYLE = {"holds": "green", "holds only if": "yellow", "false": "red"}
+_NOT_RUN = "NOT RUN"
+# A claim; what its check found; and where it found nothing, why: it broke, or could not run here.
 Result = tuple[Claim, Outcome | None, str]
 
 
@@ -32,6 +34,17 @@ def shown(claim: Claim) -> bool:
     return any(f'"{claim.id}"' in _notebook(chapter) for chapter in later)
 
 
+def _could_not_run(outcome: Outcome | None, error: str) -> bool:
+    return outcome is None and error.startswith(_NOT_RUN)
+
+
+def _disagreements(outcome: Outcome | None, error: str) -> list[str]:
+    """Return what is wrong with a claim; a check that could not run here is not wrong."""
+    if outcome is not None:
+        return list(outcome.disagreements)
+    return [] if _could_not_run(outcome, error) else [error]
+
+
 def _as_data(claim: Claim, outcome: Outcome | None, error: str) -> dict[str, Any]:
     data: dict[str, Any] = {
         "id": claim.id,
@@ -40,7 +53,8 @@ def _as_data(claim: Claim, outcome: Outcome | None, error: str) -> dict[str, Any
         "source": claim.source,
         "answerable": claim.formula is not None,
         "shown": shown(claim),
-        "disagreements": [error] if outcome is None else list(outcome.disagreements),
+        "disagreements": _disagreements(outcome, error),
+        "not_run": error if _could_not_run(outcome, error) else "",
     }
     if outcome is not None:
         data["verdict"] = outcome.finding.verdict.value
@@ -54,6 +68,9 @@ def _as_data(claim: Claim, outcome: Outcome | None, error: str) -> dict[str, Any
 def _settled(selected: list[Claim]) -> list[Result]:
     results: list[Result] = []
     for item in selected:
+        if reason := unmet(item):
+            results.append((item, None, f"{_NOT_RUN}: {reason}"))
+            continue
         try:
             results.append((item, run(item.id), ""))
         except Exception as problem:  # a check that breaks is a disagreement, not the end
@@ -82,7 +99,9 @@ def _print_table(results: list[Result]) -> None:
                 right.append(f"\n  {name} = {figure_text(value)}", style="cyan")
         left.append(f"\nchapter {claim.chapter}", style="dim")
         left.append("" if shown(claim) else "\nin no notebook", style="dim")
-        for text in [error] if outcome is None else outcome.disagreements:
+        if _could_not_run(outcome, error):
+            right.append(f"\n  {error}", style="yellow")
+        for text in _disagreements(outcome, error):
             right.append(f"\n  DISAGREES: {text}", style="bold red")
         table.add_row(left, right)
     console = Console()
@@ -150,14 +169,16 @@ def main(which: str | None, ids: tuple[str, ...], as_json: bool, record: bool) -
     """Settle the claims of the course and print them with their figures.
 
     WHICH is a chapter's number, a topic (rigid_body) or a file (rigid_body.flight); default: all.
-    The exit code is 1 if a check fails or disagrees with the record.
+    The exit code is 1 if a check fails or disagrees with the record. A check whose simulator or
+    compiler is not installed is named and not counted as failed.
     """
     start = time.perf_counter()
     selected = select(which, ids)
     results = _settled(selected)
     if record:
         sys.exit(1 if _record(results, whole=not ids) else 0)
-    wrong = sum(outcome is None or not outcome.agrees for _, outcome, _ in results)
+    wrong = sum(bool(_disagreements(outcome, error)) for _, outcome, error in results)
+    skipped = sum(_could_not_run(outcome, error) for _, outcome, error in results)
     if as_json:
         print(json.dumps([_as_data(*result) for result in results], indent=1))
     else:
@@ -165,7 +186,9 @@ def main(which: str | None, ids: tuple[str, ...], as_json: bool, record: bool) -
         seconds = time.perf_counter() - start
         found = [outcome.finding.verdict.value for _, outcome, _ in results if outcome]
         verdicts = ", ".join(f"{found.count(v)} {v.removesuffix(' if')}" for v in _STYLE)
-        print(f"{len(results)} claims ({verdicts}) settled in {seconds:.0f} s; {wrong} disagree")
+        settled = f"{len(results) - skipped} claims ({verdicts}) settled in {seconds:.0f} s"
+        left = f"; {skipped} not run here" if skipped else ""
+        print(f"{settled}{left}; {wrong} disagree")
     sys.exit(1 if wrong else 0)
 
 

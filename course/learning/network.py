@@ -21,10 +21,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, one_of, positive, refused, vector
+from course.libraries import import_error
 
 Array = NDArray[np.float64]
-
-NEEDED = "this needs PyTorch: pip install 'torch>=2.6'"
 
 
 class Diverged(ArithmeticError):
@@ -42,7 +41,7 @@ def pytorch() -> Any:
     try:
         import torch
     except ImportError as error:
-        raise ImportError(NEEDED) from error
+        raise import_error("PyTorch", "pip install 'torch>=2.6'", error) from error
     return torch
 
 

@@ -45,6 +45,9 @@ def torques(
     return np.clip(k * (goal - q) - d * v, -most, most)
 
 
+NO_COMPILER = "this needs a C++ compiler: apt-get install g++"
+
+
 def compiler() -> str | None:
     """The C++ compiler of this machine (CXX, g++ or clang++), or None."""
     names = (os.environ.get("CXX", ""), "g++", "clang++")
@@ -59,7 +62,7 @@ def build(folder: Path) -> Path:
         RuntimeError: it did not compile; the text is the compiler's.
     """
     if (name := compiler()) is None:
-        raise FileNotFoundError("this needs a C++ compiler: g++ or clang++")
+        raise FileNotFoundError(NO_COMPILER)
     made = folder / "drive"
     done = subprocess.run(
         [name, *FLAGS, str(SOURCE), "-o", str(made)], capture_output=True, text=True, timeout=300

@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from course.check import refused
 from course.contact.shapes import Shape, poses
+from course.libraries import import_error
 from course.rigid_body.quaternion import to_matrix
 
 Array = NDArray[np.float64]
@@ -26,7 +27,7 @@ def _coal() -> ModuleType:
     try:
         import coal
     except ImportError as error:
-        raise ImportError("this needs Coal, a part of Pinocchio: pip install 'pin>=4.0'") from error
+        raise import_error("Coal, a part of Pinocchio", "pip install 'pin>=4.0'", error) from error
     return coal
 
 

@@ -23,6 +23,7 @@ from types import ModuleType
 from typing import Any
 
 from course.check import count, one_of
+from course.libraries import import_error
 from course.middleware.qos import QoS
 from course.middleware.transport import PATIENCE, Trip, gone, partner
 
@@ -60,8 +61,7 @@ def library() -> ModuleType:
     try:
         import cyclonedds
     except ImportError as error:
-        text = "this needs Cyclone DDS: pip install 'cyclonedds>=11.0'"
-        raise ImportError(text) from error
+        raise import_error("Cyclone DDS", "pip install 'cyclonedds>=11.0'", error) from error
     return cyclonedds
 
 

@@ -10,13 +10,14 @@ recommended for contact by patches: a half space gives the same motion and a war
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from course.check import positive
+from course.libraries import import_error
 from course.platforms import FAIR, NO_CONTACTS, Change, ContactReport, Engine
 from course.platforms.contract import Array, Run, Settings, State, reported
 from course.platforms.scenes import Scene
@@ -33,12 +34,14 @@ def library() -> ModuleType:
     Raises:
         ImportError: it is not installed; the text says what to install.
     """
-    if missing := Drake().missing():
-        raise ImportError(missing)
-    for part in ("geometry", "math", "multibody.math", "multibody.parsing", "multibody.plant",
-                 "multibody.tree", "systems.analysis", "systems.framework"):  # fmt: skip
-        importlib.import_module(f"pydrake.{part}")
-    return importlib.import_module("pydrake")
+    try:
+        for part in ("geometry", "math", "multibody.math", "multibody.parsing", "multibody.plant",
+                     "multibody.tree", "systems.analysis", "systems.framework"):  # fmt: skip
+            importlib.import_module(f"pydrake.{part}")
+        return importlib.import_module("pydrake")
+    except ImportError as error:
+        install = "make platforms, or pip install 'drake>=1.51'"
+        raise import_error("Drake", install, error) from error
 
 
 class Drake(Engine):
@@ -64,8 +67,11 @@ class Drake(Engine):
     )  # fmt: skip
 
     def missing(self) -> str:
-        found = importlib.util.find_spec("pydrake")
-        return "" if found else "this needs Drake: make platforms, or pip install 'drake>=1.51'"
+        try:
+            library()
+        except ImportError as error:
+            return str(error)
+        return ""
 
     def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> DrakeRun:
         return DrakeRun(self, scene, dt, settings)

@@ -6,6 +6,8 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from course.libraries import import_error
+
 if TYPE_CHECKING:
     from gymnasium import Env
     from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
@@ -16,7 +18,7 @@ def _gymnasium() -> ModuleType:
         import gymnasium
         import gymnasium.vector
     except ImportError as error:
-        raise ImportError("this needs Gymnasium: pip install 'gymnasium>=1.4'") from error
+        raise import_error("Gymnasium", "pip install 'gymnasium>=1.4'", error) from error
     return gymnasium
 
 

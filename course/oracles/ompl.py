@@ -30,6 +30,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, one_of, refused
+from course.libraries import import_error
 from course.planning import World
 from course.planning.worlds import DISC, LAST_SIDE
 
@@ -72,7 +73,7 @@ def _ompl() -> tuple[Any, Any, Any]:
     try:
         from ompl import base, geometric, util
     except ImportError as error:
-        raise ImportError("this needs OMPL: pip install 'ompl>=2.0'") from error
+        raise import_error("OMPL", "pip install 'ompl>=2.0'", error) from error
     util.setLogLevel(
         util.LogLevel.LOG_NONE
     )  # it reports every plan, and every seed after the first

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import refused
+from course.libraries import import_error
 from course.perception.camera import Array, Camera, Ids, Shapes
 from course.rigid_body.quaternion import from_matrix, to_matrix
 
@@ -37,8 +38,8 @@ def library() -> ModuleType:
         ctypes.CDLL(str(libusb_package.get_library_path()), ctypes.RTLD_GLOBAL)
         import open3d
     except (ImportError, OSError) as error:
-        told = "this needs Open3D: pip install 'open3d>=0.19' 'libusb-package>=1.0.26'"
-        raise ImportError(told) from error
+        install = "pip install 'open3d>=0.19' 'libusb-package>=1.0.26'"
+        raise import_error("Open3D", install, error) from error
     finally:
         del os.environ["OMP_NUM_THREADS"]
         if threads is not None:

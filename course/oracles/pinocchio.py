@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from course.check import one_of, refused, vector
 from course.kinematics.chain import Chain
+from course.libraries import import_error
 from course.rigid_body.spatial import DOWNWARDS
 
 Array = NDArray[np.float64]
@@ -24,7 +25,7 @@ def _pinocchio() -> ModuleType:
     try:
         import pinocchio
     except ImportError as error:
-        raise ImportError("this needs Pinocchio: pip install 'pin>=4.0'") from error
+        raise import_error("Pinocchio", "pip install 'pin>=4.0'", error) from error
     return pinocchio
 
 

@@ -8,7 +8,6 @@ goes with each call, and what is printed is caught (`quiet`).
 
 from __future__ import annotations
 
-import importlib.util
 import sys
 import tempfile
 from collections.abc import Iterable
@@ -19,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from course.check import positive, refused
+from course.libraries import import_error
 from course.oracles.quiet import quiet
 from course.platforms import FAIR, NO_CONTACTS, Change, ContactReport, Engine
 from course.platforms.contract import Array, Run, Settings, State, reported
@@ -36,10 +36,17 @@ def library() -> ModuleType:
     Raises:
         ImportError: it is not installed; the text says what to install.
     """
-    if missing := PyBullet().missing():
-        raise ImportError(missing)
-    with quiet():
-        import pybullet
+    try:
+        with quiet():
+            import pybullet
+    except ImportError as error:
+        if isinstance(error, ModuleNotFoundError) and sys.version_info >= (3, 12):
+            raise ModuleNotFoundError(
+                f"this needs PyBullet, which has no wheel for Python 3.{sys.version_info.minor}: "
+                "use Python 3.11, and there pip install 'pybullet>=3.2.7'"
+            ) from error
+        install = "make platforms, or pip install 'pybullet>=3.2.7'"
+        raise import_error("PyBullet", install, error) from error
     return pybullet
 
 
@@ -73,11 +80,11 @@ class PyBullet(Engine):
     )  # fmt: skip
 
     def missing(self) -> str:
-        if importlib.util.find_spec("pybullet"):
-            return ""
-        if sys.version_info >= (3, 12):
-            return f"no wheel for Python 3.{sys.version_info.minor}"
-        return "this needs PyBullet: make platforms, or pip install 'pybullet>=3.2.7'"
+        try:
+            library()
+        except ImportError as error:
+            return str(error)
+        return ""
 
     def build(self, scene: Scene, dt: float, settings: Settings = FAIR) -> PyBulletRun:
         return PyBulletRun(self, scene, dt, settings)

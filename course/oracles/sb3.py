@@ -13,11 +13,10 @@ from numpy.typing import NDArray
 from course.check import one_of, refused
 from course.learning.network import one_thread
 from course.learning.ppo import Settings
+from course.libraries import import_error
 
 if TYPE_CHECKING:
     from stable_baselines3.common.vec_env import VecEnv
-
-NEEDED = "this needs Stable-Baselines3: pip install 'stable-baselines3>=2.9'"
 
 
 def rows(infos: dict[str, Any], count: int) -> list[dict[str, Any]]:
@@ -49,7 +48,8 @@ def vec_env(envs: Any) -> VecEnv:
     try:
         from stable_baselines3.common.vec_env import VecEnv
     except ImportError as error:
-        raise ImportError(NEEDED) from error
+        install = "pip install 'stable-baselines3>=2.9'"
+        raise import_error("Stable-Baselines3", install, error) from error
     mode = envs.metadata["autoreset_mode"].value
     if mode != "SameStep":
         raise refused("autoreset_mode", mode, "'SameStep': a VecEnv shows the next episode's start")

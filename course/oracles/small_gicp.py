@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from course.check import one_of
+from course.libraries import import_error
 from course.oracles.open3d import matrix, pose_of
 from course.perception.camera import Array
 
@@ -29,7 +30,7 @@ def library() -> ModuleType:
     try:
         import small_gicp
     except ImportError as error:
-        raise ImportError("this needs small_gicp: pip install 'small-gicp>=1.0.1'") from error
+        raise import_error("small_gicp", "pip install 'small-gicp>=1.0.1'", error) from error
     return small_gicp
 
 

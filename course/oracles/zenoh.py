@@ -16,6 +16,7 @@ from collections.abc import Iterator
 from types import ModuleType
 from typing import Any
 
+from course.libraries import import_error
 from course.middleware.transport import PATIENCE, Trip, gone, partner
 from course.oracles.cyclonedds import until
 
@@ -29,7 +30,7 @@ def library() -> ModuleType:
     try:
         import zenoh
     except ImportError as error:
-        raise ImportError("this needs zenoh: pip install 'eclipse-zenoh>=1.10'") from error
+        raise import_error("zenoh", "pip install 'eclipse-zenoh>=1.10'", error) from error
     return zenoh
 
 

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from course.check import count, finite, positive, refused, vector
+from course.libraries import import_error
 from course.rigid_body.integrators import STANDARD_GRAVITY
 
 NAMES = ("restitution", "friction", "mass")
@@ -38,8 +39,8 @@ _SHARE_IN_UNKNOWN = 1e-3
 def _torch() -> Any:
     try:
         import torch
-    except ModuleNotFoundError:
-        raise ModuleNotFoundError("this needs PyTorch: pip install 'torch>=2.6'") from None
+    except ImportError as error:
+        raise import_error("PyTorch", "pip install 'torch>=2.6'", error) from error
     return torch
 
 

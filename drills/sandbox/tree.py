@@ -1,20 +1,22 @@
 """The processes below a child: found, measured and ended from outside.
 
-Linux answers through /proc; elsewhere `ps` does. A process that left the group and the session and
-whose parents are gone is found too: while a child runs, the grader adopts orphans
+Linux answers through /proc; elsewhere psutil does. A process that left the group and the session
+and whose parents are gone is found too: while a child runs, the grader adopts orphans
 (PR_SET_CHILD_SUBREAPER), and knows its own by resource limits, which a process can't raise again.
 """
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
+
+import psutil
 
 LINUX = sys.platform.startswith("linux") and os.path.isdir("/proc/self/task")
 PAGE = os.sysconf("SC_PAGE_SIZE")
@@ -101,13 +103,14 @@ class Tree:
         status = _status(root) if procfs else None
         self.started = status[3] if status else 0
         self.seen: dict[int, int] = {}  # descendants by start time
+        self._handles: dict[int, psutil.Process] = {}  # descendants, where there is no /proc
         self._others: set[tuple[int, int]] = set()  # our other children, examined before
         self._processor = 0.0
 
     def descendants(self) -> list[int]:
         """All processes below the root that are alive, the root not among them."""
         if not self.procfs:
-            return self._descendants_by_ps()
+            return self._descendants_by_psutil()
         found: dict[int, int] = {}
         pending = [self.root, *self._orphans(), *self.seen]
         visited = {os.getpid()}
@@ -139,32 +142,50 @@ class Tree:
             elif status[0] not in "ZX":
                 self._others.add((process, status[3]))
 
-    def _descendants_by_ps(self) -> list[int]:
-        answer = subprocess.run(
-            ["ps", "-axEwwo", "pid=,ppid=,pgid=,stat=,command="]
-            if sys.platform == "darwin"
-            else ["ps", "axewwo", "pid=,ppid=,pgid=,stat=,command="],
-            capture_output=True,
-            text=True,
-            errors="replace",
-            check=False,
-        )
+    def _descendants_by_psutil(self) -> list[int]:
+        """Return what `descendants` does, from a listing of all processes.
+
+        A process belongs to the tree if it is in the root's group, has the token in its
+        environment or its command line, was found before, or descends from one that belongs.
+        """
+        processes: dict[int, psutil.Process] = {}
         parents: dict[int, int] = {}
-        ours = {self.root}
-        dead = set()
-        for line in answer.stdout.splitlines():
-            pid, ppid, group, state, command = (*line.split(None, 4), "")[:5]
-            parents[int(pid)] = int(ppid)
-            if int(group) == self.root or self.token in command or int(pid) in self.seen:
-                ours.add(int(pid))
-            if state.startswith("Z"):
-                dead.add(int(pid))
+        ours, dead = {self.root}, set()
+        for pid in psutil.pids():
+            try:
+                process = psutil.Process(pid)
+                parents[pid] = process.ppid()
+                if process.status() == psutil.STATUS_ZOMBIE:
+                    dead.add(pid)
+            except psutil.NoSuchProcess:
+                continue  # it ended meanwhile
+            except psutil.AccessDenied:
+                pass  # another user's: nothing of ours
+            processes[pid] = process
+            # Equality of two handles includes the start time: a reused number is another process.
+            if self._handles.get(pid) == process or self._marked(process):
+                ours.add(pid)
         while new := {p for p, parent in parents.items() if parent in ours} - ours:
             ours |= new
-        ours -= {self.root, os.getpid()}
-        for process in ours - dead:
-            self.seen[process] = 0
-        return [process for process in ours - dead if process in parents]
+        alive = ours - dead - {self.root, os.getpid()}
+        self._handles.update((pid, processes[pid]) for pid in alive if pid in processes)
+        return [pid for pid in alive if pid in processes]
+
+    def _marked(self, process: psutil.Process) -> bool:
+        """Whether a process is in the root's group, or carries the token."""
+        try:
+            if os.getpgid(process.pid) == self.root:
+                return True
+        except OSError:
+            pass  # it ended meanwhile, or the system does not say
+        for read in (lambda: process.environ().values(), process.cmdline):
+            try:
+                texts = read()
+            except (psutil.Error, OSError):
+                continue
+            if any(self.token in text for text in texts):
+                return True
+        return False
 
     def threads(self) -> int:
         """Threads of the root; 1 where that can't be seen."""
@@ -185,11 +206,11 @@ class Tree:
     def resident(self, processes: list[int]) -> int:
         """Memory of the root and the given processes together [bytes]."""
         if not self.procfs:
-            text = ",".join(map(str, [self.root, *processes]))
-            answer = subprocess.run(
-                ["ps", "-o", "rss=", "-p", text], capture_output=True, text=True, check=False
-            )
-            return 1024 * sum(map(int, answer.stdout.split()))
+            total = 0
+            for process in (self.root, *processes):
+                with contextlib.suppress(psutil.Error):  # it ended meanwhile
+                    total += psutil.Process(process).memory_info().rss
+            return total
         pages = 0
         for process in (self.root, *processes):
             fields = _read(f"/proc/{process}/statm").split()
@@ -231,7 +252,10 @@ class Tree:
     def _signal(self, process: int) -> None:
         """Kill one process, surely this one and not a later one of the same number."""
         try:
-            if not self.procfs or not hasattr(os, "pidfd_open"):
+            if not self.procfs:
+                self._handles[process].kill()  # which looks at the start time, too
+                return
+            if not hasattr(os, "pidfd_open"):
                 os.kill(process, signal.SIGKILL)
                 return
             handle = os.pidfd_open(process)
@@ -241,11 +265,11 @@ class Tree:
                     signal.pidfd_send_signal(handle, signal.SIGKILL)
             finally:
                 os.close(handle)
-        except OSError:
+        except (OSError, psutil.Error):
             pass  # it ended by itself
 
     def _reap(self) -> None:
-        for process in list(self.seen):
+        for process in [*self.seen, *self._handles]:
             try:
                 os.waitpid(process, os.WNOHANG)
             except OSError:

@@ -710,7 +710,8 @@ def message(positions, velocities):
 
 
 if controller.compiler() is None:
-    print("not run: this needs a C++ compiler")
+    print(f"not run here, as {controller.NO_COMPILER}")
+    print("the card below shows the figures from the stored record")
 else:
     with tempfile.TemporaryDirectory() as folder:
         program = controller.build(Path(folder))

@@ -1,7 +1,6 @@
 """Every claim is settled again and compared with its record; and the doors to them."""
 
 import json
-import os
 import re
 import subprocess
 import sys
@@ -12,42 +11,47 @@ import pytest
 from click.testing import CliRunner
 
 from course import derivations
-from course.derivations import Verdict, claim, claims, records, run
+from course.derivations import Verdict, claim, claims, records, run, unmet
 from course.derivations.__main__ import main, select, shown
+from course.middleware import controller
+from tests import optional
 
 ALL = claims()
 FILE = "rigid_body.time_step"
 QUICK = "determinant_one_is_stable"
-# What chapter 3 settles without Drake and PyBullet.
-WITHOUT = {
-    "rk4_and_contact", "pyramid_inscribed", "creep_not_friction", "default_of_learning",
-    "python_first", "opened", "fewer_environments", "steps_per_second", "radar_area",
-    "hello_world_winds", "motor_is_torque", "damping_realism", "servo_droops",
-}  # fmt: skip
+SIMULATORS = {"Drake", "PyBullet"}
 
 
-def refuse(missing):
-    raise ImportError(missing)
+def each(items):
+    """The claims as parameters; the check of some needs a library that `make test` leaves out."""
+    return [
+        pytest.param(
+            item, id=item.id, marks=[pytest.mark.optional] if SIMULATORS & {*item.needs} else []
+        )
+        for item in items
+    ]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("item", ALL, ids=lambda item: item.id)
+def outcome_of(item):
+    """What the check finds now; the test is skipped where it cannot run."""
+    if reason := unmet(item):
+        optional.skip(f"the claim {item.id} was NOT checked: {reason}")
+    return run(item.id)
+
+
+@pytest.mark.parametrize("item", each(ALL))
 def test_verdict_and_figures_reproduce(item):
-    try:
-        outcome = run(item.id)
-    except ImportError as missing:
-        if os.environ.get("COURSE_REQUIRE_EXTRAS") == "1":
-            raise
-        pytest.skip(str(missing))
+    outcome = outcome_of(item)
     assert outcome.agrees, "\n".join(outcome.disagreements)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("item", ALL, ids=lambda item: item.id)
+@pytest.mark.parametrize("item", each(ALL))
 def test_texts_are_complete(item):
     assert len(item.claim) > 15 and len(item.corrected) > 15
     assert item.claim.strip().rstrip(".") != item.corrected.strip().rstrip(".")
-    assert run(item.id).finding.statement
+    assert outcome_of(item).finding.statement
 
 
 def test_the_record_holds_the_claims_there_are():
@@ -63,7 +67,7 @@ def test_ids_are_unique_and_chapters_covered():
 
 
 def test_some_claims_fail_and_some_hold():
-    verdicts = [run(item.id).finding.verdict for item in ALL]
+    verdicts = [run(item.id).finding.verdict for item in ALL if not unmet(item)]
     assert all(verdicts.count(v) >= 5 for v in Verdict)
 
 
@@ -97,31 +101,55 @@ def test_figure_and_show():
     assert "0x" not in repr(block)
 
 
+def lacking(monkeypatch):
+    """Hide the simulators and the compiler."""
+    for name in ("pydrake", "pybullet"):
+        for module in [m for m in sys.modules if m.partition(".")[0] == name]:
+            monkeypatch.delitem(sys.modules, module)
+        monkeypatch.setitem(sys.modules, name, None)
+    monkeypatch.setattr(controller, "compiler", lambda: None)
+    monkeypatch.setattr(derivations, "run", run.__wrapped__)
+
+
+@pytest.mark.parametrize("item", [item for item in ALL if item.needs], ids=lambda item: item.id)
+def test_a_card_shows_the_record_whether_or_not_its_needs_are_there(item, monkeypatch):
+    lacking(monkeypatch)
+    assert "this needs" in unmet(item)
+    with pytest.raises((ImportError, FileNotFoundError), match="this needs"):
+        item.check(derivations.Found(item.id))
+    without = derivations.show(item.id)
+    monkeypatch.undo()
+    assert derivations.show(item.id)._repr_markdown_() == without._repr_markdown_()
+    statement = without.outcome.finding.statement
+    assert all(need in statement for need in item.needs) and "stored record" in statement
+    entry = records.load(item.file)[item.id]
+    assert without.outcome.finding.verdict.value == entry["verdict"]
+    assert "{" not in without.outcome.corrected + without.outcome.condition
+    for name, (value, _) in entry["figures"].items():
+        assert derivations.figure(item.id, name) == value
+
+
 @pytest.mark.topic("platforms")
-@pytest.mark.parametrize("item", claims(3), ids=lambda item: item.id)
-def test_without_a_simulator_a_card_shows_the_record_and_says_so(item, monkeypatch):
-    from course.oracles import drake, pybullet
+def test_no_other_claim_of_the_chapter_needs_a_simulator(monkeypatch):
+    """Each needs what it names, as the test before shows; and only those need anything."""
+    lacking(monkeypatch)
+    for item in claims(3):
+        if not item.needs:
+            assert derivations.run(item.id).agrees, item.id
 
-    needed = set()
 
-    def lacks(name):
-        def missing(*_):
-            needed.add(name)
-            return f"this needs {name}: make platforms"
+def test_the_command_names_what_it_could_not_run(monkeypatch):
+    lacking(monkeypatch)
+    result = CliRunner().invoke(main, ["--id", "bullet_on_gpu"])
+    assert result.exit_code == 0 and "NOT RUN: this needs PyBullet" in result.output
+    assert "0 claims" in result.output and "1 not run here; 0 disagree" in result.output
+    (data,) = json.loads(CliRunner().invoke(main, ["--id", "bullet_on_gpu", "--json"]).stdout)
+    assert data["disagreements"] == [] and "this needs PyBullet" in data["not_run"]
 
-        return missing
 
-    for module, engine in ((drake, drake.Drake), (pybullet, pybullet.PyBullet)):
-        missing = lacks(engine.name)
-        monkeypatch.setattr(engine, "missing", missing)
-        monkeypatch.setattr(module, "library", lambda say=missing: refuse(say()))
-    monkeypatch.setattr(derivations, "run", derivations.run.__wrapped__)
-    if item.id not in WITHOUT:
-        block = derivations.show(item.id)
-        assert needed and needed.pop() in block.outcome.finding.statement
-        entry = records.load(item.file)[item.id]
-        assert block.outcome.finding.verdict.value == entry["verdict"]
-        assert "{" not in block.outcome.corrected + block.outcome.condition
+def test_an_unknown_need_is_refused():
+    with pytest.raises(ValueError, match=r"needs must be among Drake, .*, got 'Gazebo'"):
+        replace(ALL[0], needs=("Gazebo",))
 
 
 @pytest.mark.parametrize(

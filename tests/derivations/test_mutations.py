@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from course import derivations
-from course.derivations import Found, claims, honest, records, run, settle
+from course.derivations import Found, claims, honest, records, run, settle, unmet
+from tests import optional
 
 pytestmark = pytest.mark.slow
 
@@ -142,6 +143,8 @@ def test_no_fact_can_be_replaced_by_a_constant(item, tmp_path):
 @pytest.mark.parametrize("item", CONDITIONAL, ids=lambda item: item.id)
 def test_a_condition_swapped_with_its_contrary_fails(item):
     """What came out inside is put outside, and the other way about."""
+    if reason := unmet(item):
+        optional.skip(f"the condition of {item.id} was NOT swapped: {reason}")
     found, swapped = run(item.id).finding, Found(item.id)
     swapped.heard(
         found.holds, only_if="not " + found.condition, inside=found.outside, outside=found.inside,
@@ -153,7 +156,9 @@ def test_a_condition_swapped_with_its_contrary_fails(item):
 @pytest.mark.parametrize("item", ALL, ids=lambda item: item.id)
 def test_no_entry_of_the_record_can_change(item):
     """Every text and every figure of every entry, one at a time."""
-    found, record = run(item.id).finding, records.load(item.file)[item.id]
+    # Where the check cannot run here, the record itself is what is changed and compared.
+    outcome = derivations.show(item.id).outcome if unmet(item) else run(item.id)
+    found, record = outcome.finding, records.load(item.file)[item.id]
     entry = item.entry(found)
     for name in ("verdict", "heard", "corrected", "condition", "formula", "source"):
         changed = record | {name: record.get(name, "") + " not"}

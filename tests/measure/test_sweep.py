@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from course.measure.sweep import JobsFailed, sweep
+from tests import optional
 from tests.budget import examples
 
 JOBS = [{"seed": seed, "size": size} for seed in range(4) for size in (2, 5)]
@@ -114,14 +115,13 @@ def test_a_worker_that_is_killed(tmp_path):
         assert sweep(deadly, jobs, pool, saved=saved) == [s**2 for s in range(8)]
 
 
+@pytest.mark.optional
 def test_a_worker_of_a_cluster_is_killed_and_nobody_notices(tmp_path):
     """Dask gives the jobs of a lost worker to another one."""
     try:
         from distributed import Client, LocalCluster
     except ImportError:
-        if os.environ.get("COURSE_REQUIRE_EXTRAS") == "1":
-            raise
-        pytest.skip("sweeps were NOT tried on a cluster: pip install -e '.[cluster]'")
+        optional.skip("sweeps were NOT tried on a cluster: pip install -e '.[cluster]'")
     jobs = [{"seed": s, "trap": str(tmp_path / "trap")} for s in range(12)]
     with (
         LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster,

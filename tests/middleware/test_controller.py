@@ -1,20 +1,17 @@
 """The controller in C++ beside the same law in Python, and the common form under the sanitizer."""
 
-import os
-
 import numpy as np
 import pytest
 
 from course.middleware import controller, launch
 from course.middleware.qos import QoS
-
-REQUIRED = os.environ.get("COURSE_REQUIRE_EXTRAS") == "1" or os.environ.get("CI") == "true"
+from tests import optional
 
 
 @pytest.fixture(scope="module")
 def program(tmp_path_factory):
-    if controller.compiler() is None and not REQUIRED:
-        pytest.skip("the C++ controller did NOT run: there is no g++ and no clang++")
+    if controller.compiler() is None:
+        optional.skip(f"the C++ controller did NOT run: {controller.NO_COMPILER}")
     return controller.build(tmp_path_factory.mktemp("cpp"))
 
 

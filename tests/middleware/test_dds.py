@@ -8,10 +8,10 @@ import pytest
 
 from course.middleware import QoS, compatible
 from course.oracles import cyclonedds, qos_matrix, slow_reader
+from tests.optional import REQUIRED
 
 pytestmark = pytest.mark.skipif(
-    importlib.util.find_spec("cyclonedds") is None
-    and os.environ.get("COURSE_REQUIRE_EXTRAS") != "1",
+    importlib.util.find_spec("cyclonedds") is None and not REQUIRED,
     reason="nothing was run on Cyclone DDS: pip install -e '.[oracles]'",
 )
 

@@ -3,7 +3,6 @@
 import ast
 import importlib.util
 import math
-import os
 from fractions import Fraction
 from itertools import pairwise, product
 from math import comb
@@ -20,10 +19,10 @@ from course.oracles import cyclonedds
 from drills import cards
 from solutions import middleware as solutions
 from tests.budget import examples
+from tests.optional import REQUIRED
 
 dds = pytest.mark.skipif(
-    importlib.util.find_spec("cyclonedds") is None
-    and os.environ.get("COURSE_REQUIRE_EXTRAS") != "1",
+    importlib.util.find_spec("cyclonedds") is None and not REQUIRED,
     reason="nothing was run on Cyclone DDS: pip install -e '.[oracles]'",
 )
 

@@ -8,14 +8,13 @@ import pytest
 
 from course.middleware import transport
 from course.oracles import cyclonedds, zenoh
-
-EXTRAS = os.environ.get("COURSE_REQUIRE_EXTRAS") == "1"
+from tests.optional import REQUIRED
 
 
 def lacking(name: str) -> pytest.MarkDecorator:
     """Skip where a library is not installed, but not where the extras are required."""
     return pytest.mark.skipif(
-        importlib.util.find_spec(name) is None and not EXTRAS,
+        importlib.util.find_spec(name) is None and not REQUIRED,
         reason=f"nothing went through {name}: pip install -e '.[oracles]'",
     )
 

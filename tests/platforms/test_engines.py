@@ -40,7 +40,8 @@ def test_the_urdf_text_is_the_arm_of_chapter_4() -> None:
 
 
 def test_pinocchio_reads_the_same_arm_from_the_text() -> None:
-    pinocchio = pytest.importorskip("pinocchio")
+    reason = "Pinocchio did NOT read the arm: pip install 'pin>=4.0'"
+    pinocchio = pytest.importorskip("pinocchio", reason=reason)
     rng, scene = np.random.default_rng(0), arm()
     model = pinocchio.buildModelFromXML(scene.urdf)
     q, v, a = rng.normal(size=(3, 7))

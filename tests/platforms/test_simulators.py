@@ -2,6 +2,7 @@
 
 import functools
 import os
+import sys
 from collections import namedtuple
 from types import SimpleNamespace
 
@@ -15,19 +16,19 @@ from course.oracles.pinocchio import Arm
 from course.oracles.pybullet import PyBullet
 from course.oracles.quiet import quiet
 from course.platforms import AS_SHIPPED, FAIR, NO_CONTACTS, measures, prepared, scenes
+from tests import optional
 
 SEMI_IMPLICIT = {"own code": "semi_implicit_euler", "MuJoCo": "Euler", "Drake": "discrete",
                  "PyBullet": "semi-implicit Euler"}  # fmt: skip
 Version = namedtuple("Version", "major minor")
-OTHERS = ("Drake", "PyBullet")
+OTHERS = [pytest.param(name, marks=pytest.mark.optional) for name in ("Drake", "PyBullet")]
 
 
 @functools.cache
 def engine(name):
     found = engines()[name]
     if missing := found.missing():
-        assert os.environ.get("COURSE_REQUIRE_EXTRAS") != "1", missing
-        pytest.skip(missing)
+        optional.skip(f"{name} was NOT tried: {missing}")
     return found
 
 
@@ -42,13 +43,16 @@ def test_all_engines_have_a_name_a_version_and_a_scheme():
 
 @pytest.mark.parametrize("minor", [11, 12, 13])
 def test_what_is_missing_is_said(minor, monkeypatch):
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    for name in ("pydrake", "pybullet"):
+        for module in [m for m in sys.modules if m.partition(".")[0] == name]:
+            monkeypatch.delitem(sys.modules, module)
+        monkeypatch.setitem(sys.modules, name, None)
     monkeypatch.setattr(
         "course.oracles.pybullet.sys", SimpleNamespace(version_info=Version(3, minor))
     )
     assert "make platforms" in Drake().missing()
     said = PyBullet().missing()
-    assert said == f"no wheel for Python 3.{minor}" if minor > 11 else "make platforms" in said
+    assert (f"no wheel for Python 3.{minor}" if minor > 11 else "make platforms") in said
     assert PyBullet().version() == Drake().version() == ""
     with pytest.raises(ImportError, match=r"no wheel|make platforms"):
         PyBullet().build(scenes.tumble(), 1e-3)
@@ -60,6 +64,7 @@ def test_what_is_missing_is_said(minor, monkeypatch):
 SMOOTH = {"tumble": 1.0, "chain": 1.0, "arm": 0.3}
 
 
+@pytest.mark.optional
 @pytest.mark.parametrize(("kind", "duration"), SMOOTH.items())
 def test_the_references_of_drake_and_mujoco_meet_the_truth(kind, duration):
     scene = scenes.SCENES[kind](duration=duration)
@@ -70,8 +75,8 @@ def test_the_references_of_drake_and_mujoco_meet_the_truth(kind, duration):
     assert measures.position_error(engine("Drake"), scene, 0.1, adaptive) < 1e-4
 
 
-def test_inverse_dynamics_are_those_of_pinocchio():
-    """PyBullet's only with the inertias of the file."""
+def inverse_dynamics_by_pinocchio():
+    """The arm at a random state; and by how much other torques than Pinocchio's are off."""
     scene, rng = scenes.arm(), np.random.default_rng(0)
     q, v, a = rng.normal(size=(3, 7))
     assert scene.chain
@@ -80,6 +85,12 @@ def test_inverse_dynamics_are_those_of_pinocchio():
     def off(tau):
         return np.abs(np.array(tau) - truth).max() / np.abs(truth).max()
 
+    return scene, q, v, a, off
+
+
+@pytest.mark.optional
+def test_inverse_dynamics_of_drake_are_those_of_pinocchio():
+    scene, q, v, a, off = inverse_dynamics_by_pinocchio()
     run = engine("Drake").build(scene, 1e-3)
     plant, context = run.plant, run.context
     plant.SetPositions(context, q)
@@ -89,6 +100,12 @@ def test_inverse_dynamics_are_those_of_pinocchio():
     forces = MultibodyForces(plant)
     plant.CalcForceElementsContribution(context, forces)
     assert off(plant.CalcInverseDynamics(context, a, forces)) < 1e-13
+
+
+@pytest.mark.optional
+def test_inverse_dynamics_of_pybullet_need_the_inertias_of_the_file():
+    scene, q, v, a, off = inverse_dynamics_by_pinocchio()
+    engine("PyBullet")
     import pybullet
 
     for settings, low, high in ((FAIR, 0.0, 1e-9), (FAIR.using(but=("inertia",)), 1e-3, 1.0)):
@@ -120,6 +137,7 @@ def test_torques_are_taken_as_they_are(name):
 # --- contact --------------------------------------------------------------------------------------
 
 
+@pytest.mark.optional
 def test_a_stiff_contact_that_has_not_settled_brakes_at_once_with_lagged_and_hops_with_sap():
     """Put down just touching and sent off: the first impacts are hundreds of weights.
 
@@ -179,6 +197,7 @@ def test_a_guided_finger_stays_on_its_rail_and_feels_its_force(name):
     run.close()
 
 
+@pytest.mark.optional
 def test_pybullet_puts_the_load_of_a_face_on_one_corner_and_the_part_turns_about_it():
     """Four points can share a load in any way: its sweeps end where the first one has it all."""
     scene = scenes.grasp(1.3 * 0.2 * scenes.GRAVITY)
@@ -194,10 +213,11 @@ def test_pybullet_puts_the_load_of_a_face_on_one_corner_and_the_part_turns_about
         run.close()
 
 
+@pytest.mark.optional
 def test_pybullet_says_nothing_and_gives_back_its_client(capfd):
+    one = engine("PyBullet")
     import pybullet
 
-    one = engine("PyBullet")
     runs = [one.build(scenes.arm(), 1e-3) for _ in range(2)]
     assert runs[0].client != runs[1].client
     runs[0].run(1)
@@ -212,6 +232,7 @@ def test_pybullet_says_nothing_and_gives_back_its_client(capfd):
     assert said == ["heard"]
 
 
+@pytest.mark.optional
 def test_pybullet_as_shipped_takes_0_04_v_1_plus_v_from_what_is_free():
     """The damping that the hunt leaves in; how engines mix friction is a claim."""
     body = scenes.box("cube", (0.1,) * 3, 1.0, (0.0,) * 3, velocity=(2.0, *(0.0,) * 5))
@@ -224,12 +245,12 @@ def test_pybullet_as_shipped_takes_0_04_v_1_plus_v_from_what_is_free():
     run.close()
 
 
-def test_settings_that_an_engine_lacks_are_refused():
-    for name in OTHERS:
-        with pytest.raises(ValueError, match=r"settings\.options"):
-            engine(name).build(scenes.drop(), 1e-3, FAIR.using(solimp=1))
-        with pytest.raises(ValueError, match="dt is"):
-            engine(name).build(scenes.drop(), 0.0)
+@pytest.mark.parametrize("name", OTHERS)
+def test_settings_that_an_engine_lacks_are_refused(name):
+    with pytest.raises(ValueError, match=r"settings\.options"):
+        engine(name).build(scenes.drop(), 1e-3, FAIR.using(solimp=1))
+    with pytest.raises(ValueError, match="dt is"):
+        engine(name).build(scenes.drop(), 0.0)
 
 
 @pytest.mark.slow

@@ -3,7 +3,6 @@
 Its name puts it last in the folder: a process that has loaded torch pays more for each fork.
 """
 
-import os
 import sys
 from copy import deepcopy
 from typing import Any
@@ -14,6 +13,7 @@ import pytest
 
 from course.oracles import sb3
 from course.vector_env import ArmReach, ArmReachVector, ProcessVectorEnv, VectorizedEnv
+from tests import optional
 from tests.vector_env.test_vector_env import Counter, identical
 from tests.vector_env.test_wrappers import Pixels
 
@@ -23,9 +23,7 @@ def library() -> Any:
     try:
         from stable_baselines3.common import vec_env
     except ImportError:
-        if os.environ.get("COURSE_REQUIRE_EXTRAS") == "1":
-            raise
-        pytest.skip("the adapter was NOT compared with the library: pip install -e '.[sb3]'")
+        optional.skip("the adapter was NOT compared with the library: pip install -e '.[sb3]'")
     return vec_env
 
 
@@ -57,6 +55,7 @@ CASES: dict[str, Any] = {
 }  # fmt: skip
 
 
+@pytest.mark.optional
 @pytest.mark.parametrize("case", CASES)
 def test_the_adapter_is_the_librarys_own_loop(library, case: str) -> None:
     single, batch = CASES[case]
@@ -86,6 +85,7 @@ def test_the_adapter_is_the_librarys_own_loop(library, case: str) -> None:
     ours.close(), truth.close()
 
 
+@pytest.mark.optional
 def test_attributes_methods_and_wrappers(library) -> None:
     ours = sb3.vec_env(VectorizedEnv(counter, 3, autoreset_mode="SameStep"))
     truth = library.DummyVecEnv([counter] * 3)
@@ -106,6 +106,7 @@ def test_attributes_methods_and_wrappers(library) -> None:
     assert arrays.env_is_wrapped(Detached) == [False, False]
 
 
+@pytest.mark.optional
 def test_the_library_trains_on_it(library) -> None:
     from stable_baselines3 import PPO
 
@@ -118,6 +119,7 @@ def test_the_library_trains_on_it(library) -> None:
     assert any((a != b).any() for a, b in zip(after, before, strict=True))
 
 
+@pytest.mark.optional
 @pytest.mark.parametrize("mode", ["NextStep", "Disabled"])
 def test_another_autoreset_mode_is_refused(library, mode: str) -> None:
     with pytest.raises(ValueError, match=f"autoreset_mode is '{mode}', allowed is 'SameStep'"):

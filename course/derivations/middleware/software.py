@@ -153,6 +153,7 @@ def callback_sets_the_rate(found):
     "memory {none:.0f} times in {updates:.0f} updates. Names have to be compared as well: the "
     "order of joints in a message is not promised.",
     source="sensor_msgs/JointState, ROS 2 Jazzy 2024; ros2_control documentation, Jazzy 2024",
+    needs=("a C++ compiler",),
 )
 def any_joint_message(found):
     import tempfile

@@ -177,6 +177,7 @@ def servo_droops(found):
     "By disk PyBullet is the heaviest, {bullet:.0f} MB, {data:.0f} of them example data; Drake "
     "with Mosek, which it asks for, takes {drake:.0f} and MuJoCo {mujoco:.0f}. Unpacked sizes of "
     "these wheels; other versions have others.",
+    needs=("Drake", "PyBullet"),
 )
 def lightest_install(found):
     from importlib.metadata import files
@@ -237,6 +238,7 @@ def read_by(reader, texts):
     "NaN mass among them, Pinocchio {pinocchio:.0f}, MuJoCo {mujoco:.0f}, Drake {drake:.0f}. "
     "Chapter 4's reader refused {refused:.0f}.",
     source="URDF, ROS wiki, XML specification, 2022",
+    needs=("Drake", "PyBullet"),
 )
 def loaded_is_not_sound(found):
     from course.platforms.models import MODELS
@@ -266,6 +268,7 @@ def loaded_is_not_sound(found):
     "and {mujoco} by MuJoCo.",
     source="Isaac Sim issue 841, 2026, on an importer that lost both; Drake 1.51, 2026, URDF "
     "support, joint dynamics",
+    needs=("Drake", "PyBullet"),
 )
 def friction_of_a_urdf(found):
     from course.platforms.models import MODELS
@@ -287,6 +290,7 @@ def friction_of_a_urdf(found):
     "Computed torque, tuned on the course's own arm, brought the tip to within {fair:.3f} mm in "
     "MuJoCo, Drake and PyBullet with fair settings. PyBullet as shipped stopped {shipped:.0f} mm "
     "off: its motors hold the joints.",
+    needs=("Drake", "PyBullet"),
 )
 def controller_moves(found):
     from course.platforms import AS_SHIPPED, FAIR, measures

@@ -39,6 +39,7 @@ def errors(names, scene, dt, **settings):
     "a braking block MuJoCo, Drake and PyBullet differed by {touch:.0%}.",
     source="Erez, Tassa and Todorov, Simulation tools for model-based robotics, 2015, which "
     "compares engines at equal cost",
+    needs=("Drake", "PyBullet"),
 )
 def engines_agree(found):
     from course.platforms import scenes
@@ -65,6 +66,7 @@ def engines_agree(found):
     "with fair settings on a tumbling body, {chain:.0f} on a chain, {arm:.0f} on an arm, by "
     "damping, by motors that hold the joints, and by inertias that it makes from shapes.",
     source="PyBullet Quickstart Guide, 2023: changeDynamics, setJointMotorControl2, loadURDF",
+    needs=("Drake", "PyBullet"),
 )
 def defaults_differ(found):
     from course.platforms import measures, scenes
@@ -88,6 +90,7 @@ def defaults_differ(found):
     "Where nothing touches, half the step halves the error in each engine's default scheme.",
     "Each is of first order, as a scheme and no engine is: the four came to {lowest:.3f} to "
     "{highest:.3f}. MuJoCo's other one, RK4, is of order {rk4:.1f}.",
+    needs=("Drake", "PyBullet"),
 )
 def halving_halves(found):
     from course.platforms import scenes
@@ -139,6 +142,7 @@ def rk4_and_contact(found):
     "Build the world anew, run it again, and every bit of the state is the same.",
     "So it was in all four on one machine, in one process, on one thread, and after a state that "
     "was saved and put back: over {n:.0f} scenes and steps the largest difference was {most:.0f}.",
+    needs=("Drake", "PyBullet"),
 )
 def fresh_worlds_repeat(found):
     from course.platforms import measures, scenes
@@ -160,6 +164,7 @@ def fresh_worlds_repeat(found):
     "contacts that are cached: a block's second run ended {off:.1f} millionths [m, m/s] off. Put "
     "far away in between, where they are dropped, it ran as before, bit by bit.",
     source="PyBullet Quickstart Guide, 2023: resetSimulation, saveState",
+    needs=("Drake", "PyBullet"),
 )
 def reset_world(found):
     from course.oracles.pybullet import library

@@ -44,6 +44,7 @@ def stops(name, headings, dt, settings=None):
              "mu*g*dt/(2*v)": "v dt / 2 is missing of v^2 / (2 mu g).",
              "2*mu*g*dt/v": "Half a step of the first speed is missing, not a whole one.",
              "v*dt": "That is a share of nothing: its unit is metres."}),
+    needs=("Drake", "PyBullet"),
 )  # fmt: skip
 def braking_short(found):
     import sympy
@@ -120,6 +121,7 @@ def pyramid_inscribed(found):
              "D*sqrt(1 + sin(2*phi)^2)": "That is the pyramid inside the cone.",
              "D*cos(phi)": "That would hold if each axis had the whole speed for as long.",
              "D*(cos(phi)^2 + sin(phi)^2)": "The axes are at right angles: add squares."}),
+    needs=("PyBullet",),
 )  # fmt: skip
 def pyramid_box(found):
     import sympy
@@ -214,6 +216,7 @@ def creep_not_friction(found):
              "mu*m*g/2": "More friction needs less force.",
              "2*m*g/mu": "Each of two contacts carries half of the weight.",
              "m*g/2": "A finger carries mu times what it squeezes."}),
+    needs=("PyBullet",),
 )  # fmt: skip
 def grasp_threshold(found):
     import sympy
@@ -255,6 +258,7 @@ def grasp_threshold(found):
     "{pybullet:.2f}, a b. Even of twice {same:.1f} PyBullet makes {twice:.2f}.",
     source="MuJoCo 4.0 manual, 2026, Computation, Contact parameters; Drake 1.51, 2026, "
     "CoulombFriction; PhysX 5 documentation, 2025: the average unless another combine mode is set",
+    needs=("PyBullet",),
 )
 def friction_rules(found):
     from course.oracles import drake, pybullet
@@ -306,6 +310,7 @@ def friction_rules(found):
     "fall back to one point a pair: a tower of two cubes has {point:.0f} contacts and is "
     "{sunk:.0f} mm low after a second, with patches {patch:.2f} mm.",
     source="Drake 1.51, 2026, Hydroelastic Contact User Guide",
+    needs=("Drake",),
 )
 def drake_hydroelastic(found):
     from course.platforms import AS_SHIPPED, FAIR, prepared, scenes
@@ -344,6 +349,7 @@ def _fallen(engine, scene, settings):
     "That takes equal springs. With {n:.0f} cubes it is {mujoco:.2f} times in MuJoCo and "
     "{drake:.2f} in Drake with patches, so n^2: on rigid ground half of the compliance is missing. "
     "PyBullet gives {pybullet:.1f} and follows no power.",
+    needs=("Drake", "PyBullet"),
 )
 def tower_by_engine(found):
     from course.platforms import scenes, theory
@@ -370,6 +376,7 @@ def tower_by_engine(found):
     "a landing fair settings leave the two within a factor of {most:.1f}, and the slide gives "
     "{slide:.2f}; as shipped MuJoCo's tower sinks {tower:.1f} times as far, and PyBullet's block "
     "slides {brake:.0f} mm too far.",
+    needs=("PyBullet",),
 )
 def bullet_less_accurate(found):
     from course.platforms import AS_SHIPPED, FAIR, measures, scenes

@@ -35,6 +35,7 @@ def seconds(call, repeats):
     "engines with the scene's settings ended within {spread:.2%}.",
     source="Documented, not measured here: Isaac Sim on Omniverse, with PhysX or Newton (NVIDIA, "
     "Isaac Sim documentation, 2026); both are backends of Isaac Lab 3.0 (2026)",
+    needs=("Drake", "PyBullet"),
 )
 def built_on(found):
     from course.platforms import AS_SHIPPED, FAIR, measures
@@ -82,6 +83,7 @@ def default_of_learning(found):
     "at costs of {best:.2f} and {worst:.2f} for the same task, each a minimum of its surroundings.",
     source="Gill, Murray and Saunders, SNOPT, 2005, on local minima; Boyd and Vandenberghe, Convex "
     "Optimization, 2004, section 4.2.2",
+    needs=("Drake",),
 )
 def drake_guarantees(found):
     n = int(found.given("n", 5))
@@ -120,6 +122,7 @@ def drake_guarantees(found):
     "predictive; one that is linear stays out of Python.",
     source="Drake 1.51, 2026, pydrake.planning, solvers, systems.controllers; in C++ "
     "systems/controllers/linear_model_predictive_controller.h",
+    needs=("Drake",),
 )
 def drake_planners(found):
     simulators(DRAKE)
@@ -151,6 +154,7 @@ def drake_planners(found):
     "{start:.2f} of that edge is gone.",
     source="Tedrake, Underactuated Robotics, 2024, Lyapunov analysis; Drake 1.51, 2026, "
     "RegionOfAttraction",
+    needs=("Drake",),
 )
 def proof_never_falls(found):
     more, share = found.given("more", 0.1), found.given("start", 0.98)
@@ -195,6 +199,7 @@ def proof_never_falls(found):
     "scene. To save that, take the camera out.",
     source="Documented, not measured here: Isaac Lab, AppLauncher, 2025: --headless opens no "
     "window, --enable_cameras renders without one; since 3.0 (2026) it is --viz none",
+    needs=("PyBullet",),
 )
 def headless_renders(found):
     from course.oracles.pybullet import library
@@ -283,6 +288,7 @@ def opened(found):
     "OpenGL, which draws. An experiment with OpenCL in Bullet's own sources stays there.",
     source="README of bullet3, on experimental OpenCL; PyBullet Quickstart Guide, 2023; Coumans "
     "and Bai, PyBullet, 2016 to 2021",
+    needs=("PyBullet",),
 )
 def bullet_on_gpu(found):
     from course.oracles.pybullet import library

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from course.check import refused
+from course.libraries import install_line
 from course.oracles.mujoco import kit
 from course.perception.camera import KINDS, Camera, Shapes
 
@@ -86,7 +87,9 @@ def opengl(shapes: Shapes, camera: Camera) -> Array:
 
         context = GLContext(camera.width, camera.height)
     except (ImportError, AttributeError, RuntimeError, OSError) as error:
-        raise ImportError("this needs EGL, of the system: libegl1 and a driver") from error
+        raise ImportError(
+            f"this needs EGL: {install_line(['libegl1'])}, and a driver ({error})"
+        ) from error
     try:
         context.make_current()
         model = mujoco.MjModel.from_xml_string(scene(shapes, camera))

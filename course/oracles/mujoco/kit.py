@@ -29,6 +29,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from course.check import POSITIVE, count, finite, one_of, positive, refused, vector
+from course.libraries import import_error
 
 _log = logging.getLogger(__name__)
 
@@ -49,7 +50,7 @@ def library() -> ModuleType:
     try:
         import mujoco
     except ImportError as error:
-        raise ImportError("this needs MuJoCo: pip install 'mujoco>=4.0'") from error
+        raise import_error("MuJoCo", "pip install 'mujoco>=4.0'", error) from error
     # MuJoCo writes the warning of a diverging state into MUJOCO_LOG.TXT in the current folder. Here
     # divergence is a result, which the caller sees in the state, so the text goes to the log.
     if mujoco.get_mju_user_warning() is None:

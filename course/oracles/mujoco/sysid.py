@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from course.check import count, one_of
 from course.kinematics import TwoLink
+from course.libraries import import_error
 from course.oracles.mujoco.kit import ALWAYS_OFF, CONTACT_OFF, library
 from course.sim_to_real.identify import BASE, Log
 
@@ -45,9 +46,14 @@ def toolbox() -> Any:
     # By its name only: the types that this part of MuJoCo has would hide the rest from mypy.
     sysid = importlib.import_module("mujoco.sysid")
     if not hasattr(sysid, "optimize"):
-        raise ImportError(
-            "this needs mujoco.sysid: pip install 'absl-py>=2.3' 'colorama>=0.4.6' 'tabulate>=0.9'"
-        )
+        install = "pip install 'absl-py>=2.3' 'colorama>=0.4.6' 'tabulate>=0.9'"
+        cause: ImportError = ModuleNotFoundError("without them mujoco.sysid is an empty module")
+        try:
+            # The package swallows the error that left it empty; its last module still raises it.
+            importlib.import_module("mujoco.sysid.report.defaults")
+        except ImportError as error:
+            cause = error
+        raise import_error("mujoco.sysid", install, cause) from cause
     return sysid
 
 
