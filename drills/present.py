@@ -50,14 +50,14 @@ def task(card: Card) -> str:
 def examples(card: Card) -> list[tuple[str, str]]:
     """The public examples: the call and what the worked answer gives."""
     from drills import exercise as exercises
-    from drills.values import describe
+    from drills.values import describe, without_rounding
     from drills.verify import example_result
 
     exercise = exercises.of(card.name)
     pairs: list[tuple[str, str]] = []
     for text in exercise.examples:
         result: Any = example_result(card, exercise, text)
-        pairs.append((text, describe(result, _WHOLE)))
+        pairs.append((text, describe(without_rounding(result), _WHOLE)))
     return pairs
 
 

@@ -7,7 +7,7 @@ The order is fixed: type, shape, finite, then the error, and an answer passes on
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,6 +19,8 @@ from drills.reasons import Reason
 from drills.sandbox import Handle
 
 Array = NDArray[np.float64]
+# Of the largest number in an answer: less is a rounding error.
+_ROUNDING = 1e-14
 
 
 class Mismatch(Exception):
@@ -171,6 +173,37 @@ def describe_call(name: str, args: Sequence[Any], kwargs: dict[str, Any] | None 
     inside = [describe(a, 40) for a in args]
     inside += [f"{key}={describe(value, 40)}" for key, value in (kwargs or {}).items()]
     return f"{name}({', '.join(inside)})"
+
+
+def without_rounding(result: Any) -> Any:
+    """Replace the floats of an answer that are nothing but rounding errors by zero.
+
+    They are below `_ROUNDING` of the largest float in the whole answer. A reader takes them for
+    values, and they differ from CPU to CPU.
+    """
+    limit = _ROUNDING * max(_magnitudes(result), default=0.0)
+
+    def cleaned(value: Any) -> Any:
+        if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+            return np.where(np.abs(value) < limit, 0.0, value)
+        if isinstance(value, float):
+            return 0.0 if abs(value) < limit else value
+        if type(value) in (list, tuple):
+            return type(value)(cleaned(each) for each in value)
+        return value
+
+    return cleaned(result)
+
+
+def _magnitudes(value: Any) -> Iterator[float]:
+    """The sizes of the finite floats in a value."""
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+        yield from np.abs(value[np.isfinite(value)]).tolist()
+    elif isinstance(value, float) and math.isfinite(value):
+        yield abs(value)
+    elif isinstance(value, list | tuple):
+        for each in value:
+            yield from _magnitudes(each)
 
 
 def identical(a: Any, b: Any) -> bool:

@@ -2,7 +2,8 @@
 
 `python -m course.site.wasm` compiles every live simulation whose sources have changed, and writes
 `course/simulations/<name>.wasm` beside the `.py`; with names (`rigid_body.bouncing_box`) just
-those; each in a process of its own, so that the same sources give the same bytes.
+those; each in a process of its own, so that the same sources give the same bytes on machines whose
+CPUs compute the same constants.
 
 For a host. A module exports `memory`, `__heap_base` and those of `initial, advance, frame, drag,
 grab, press` that the model has. It imports functions of "env" that take and return f64, named as in
@@ -50,6 +51,10 @@ from course.simulations.model import Model
 from course.site import compiler
 
 SIMULATIONS = Path(__file__).parents[1] / "simulations"
+
+# A constant that is computed while a module is imported differs in its last digits from CPU to CPU.
+# So many digits of it belong to the fingerprint.
+DIGITS = 12
 
 # A simulation whose module, packed with gzip, has more bytes is refused.
 LARGEST = 60_000
@@ -113,8 +118,10 @@ def fingerprint(model: Model) -> str:
             for each in value:
                 visit(each)
         elif isinstance(value, np.ndarray | np.generic):
-            state.update(f"{value.dtype}{value.shape}".encode() + value.tobytes())
-        elif isinstance(value, int | float | str):
+            state.update(f"{value.dtype}{value.shape}".encode() + _rounded(value).tobytes())
+        elif isinstance(value, float):
+            state.update(repr(_rounded(np.float64(value)).item()).encode())
+        elif isinstance(value, int | str):
             state.update(repr(value).encode())
 
     def note(name: str, value: Any) -> None:
@@ -131,6 +138,14 @@ def fingerprint(model: Model) -> str:
 
 # What a compiled function may find outside itself.
 _COUNTS = python.FunctionType | tuple | list | np.ndarray | np.generic | int | float | str
+
+
+def _rounded(value: np.ndarray | np.generic) -> np.ndarray:
+    """Return floats rounded to `DIGITS` significant digits, and anything else unchanged."""
+    if value.dtype.kind != "f":
+        return np.asarray(value)
+    texts = [f"{number:.{DIGITS - 1}e}" for number in np.ravel(value).tolist()]
+    return np.array(texts, dtype=float).astype(value.dtype).reshape(value.shape)
 
 
 def _inner(code: python.CodeType) -> Iterator[python.CodeType]:

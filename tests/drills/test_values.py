@@ -11,7 +11,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drills.reasons import Reason
-from drills.values import Mismatch, as_float64, close, describe, identical, worst
+from drills.values import (
+    Mismatch,
+    as_float64,
+    close,
+    describe,
+    identical,
+    without_rounding,
+    worst,
+)
 
 pytestmark = pytest.mark.smoke
 
@@ -105,3 +113,13 @@ def test_signed_zero_counts_as_equal_and_nan_as_itself() -> None:
     assert identical([0.0], [-0.0])
     assert identical(math.nan, math.nan)
     assert not identical(np.array([0.0]), np.array([0.0], dtype=np.float32))
+
+
+def test_rounding_errors_of_an_example_are_shown_as_zero() -> None:
+    R = np.array([[1.0, 2e-16], [-3e-17, 1.0]])
+    assert describe(without_rounding((R, [0.0, -1e-16]))) == "([[1, 0], [0, 1]], [0, 0])"
+    # A small answer is an answer, as long as nothing large stands beside it.
+    for kept in (2e-16, [1e-300, 3e-300], (np.array([1.0, 1e-13]), 5), np.nan, "text", None, True):
+        assert identical(without_rounding(kept), kept)
+    assert describe(without_rounding([np.inf, 1e-3])) == "[inf, 0.001]"
+    assert without_rounding([1.0, 7, 1e-20]) == [1.0, 7, 0.0]

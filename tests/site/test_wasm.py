@@ -15,6 +15,7 @@ from hypothesis import given
 
 from course.simulations import pen as draw
 from course.simulations.model import Experiment
+from course.simulations.rigid_body import spring
 from course.site import compiler, wasm
 from tests.budget import PROVE, ROOT, examples
 from tests.site.host import Hosted, array
@@ -44,6 +45,25 @@ def test_a_module_is_made_from_the_sources_as_they_are(name: str) -> None:
     assert hosted(name).exports.keys() == has
     assert wasm.told(module).keys() == {"fingerprint", "numba", "llvmlite", "linker"}
     assert b".py" not in module  # no place on the machine that made it
+
+
+def test_no_module_is_stale_on_another_cpu() -> None:
+    """Constants that are computed on import differ in their last digits there."""
+    code = "from course.site import wasm; print([name for name in wasm.live() if wasm.stale(name)])"
+    command = [sys.executable, "-m", "tools.cpus", "farthest", "--", sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "[]\n"
+
+
+@pytest.mark.parametrize(("change", "counts"), [(1e-15, False), (-1e-15, False), (1e-10, True)])
+def test_the_last_digits_of_a_constant_do_not_count(
+    change: float, counts: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = wasm.model("rigid_body.spring")
+    before, limits = wasm.fingerprint(model), spring._LIMITS
+    monkeypatch.setattr(spring, "_LIMITS", limits * (1.0 + change))
+    assert (wasm.fingerprint(model) != before) is counts
 
 
 def test_a_recorded_simulation_has_no_module() -> None:
