@@ -85,17 +85,19 @@ prove: setup sphinx extras warm ## the long proofs: many seeds, the hostile suit
 CPUS ?= farthest
 cpus: setup sphinx ## the claims, the notebooks and what learns, computed as on another CPU
 	@set -e; for cpu in $(CPUS); do \
+		$(BIN)/python -m tools.cpus $$cpu -- $(BIN)/python -m tools.warm; \
 		$(BIN)/python -m tools.cpus $$cpu -- $(PYTEST) -q tests/learning \
 			tests/derivations/test_derivations.py -n 2 --dist worksteal; \
 		$(BIN)/python -m tools.cpus $$cpu -- $(NBVAL) notebooks/; \
 	done
 
-lint: setup ## ruff: rules and layout
+lint: setup ## ruff: rules and layout; codespell
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
+	$(BIN)/codespell
 
 types: setup ## mypy
-	$(BIN)/mypy
+	$(BIN)/mypy -n 2
 
 pytest: warm ## the tests without the notebooks
 	$(PYTEST) $(OF_TOPIC) -n 2 --dist worksteal

@@ -31,6 +31,7 @@ STATEMENTS = {
     "absl-py": "import absl.logging",
     "array-api-compat": "import array_api_compat",
     "build": "import build",
+    "codespell": "import codespell_lib",
     "cyclonedds": "import cyclonedds.domain",
     "drake": "import pydrake.all",
     "eclipse-zenoh": "import zenoh",
