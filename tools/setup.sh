@@ -40,7 +40,12 @@ version_of() {
 install() {
     start=$(date +%s)
     if [ -t 1 ]; then
-        "$BIN/python" -m pip install --log "$LOG" -c constraints.txt -e ".[$1]" || fail installing
+        status=0
+        "$BIN/python" -m pip install --log "$LOG.full" -c constraints.txt -e ".[$1]" || status=$?
+        # pip logs every file that an index offers: 30 MB that say nothing about what was installed.
+        grep -v -e ' Found link ' -e ' Skipping link: ' "$LOG.full" >>"$LOG" || :
+        rm -f "$LOG.full"
+        [ "$status" -eq 0 ] || fail installing
     else
         "$BIN/python" -m pip install -c constraints.txt -e ".[$1]" >>"$LOG" 2>&1 ||
             fail_with_log installing
