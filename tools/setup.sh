@@ -51,7 +51,9 @@ install() {
             fail_with_log installing
     fi
     count=$(sed -n 's/.*Successfully installed //p' "$LOG" | tail -n 1 | wc -w)
-    echo "installed $((count)) packages in $(elapsed "$start")"
+    noun=packages
+    [ "$count" -ne 1 ] || noun=package
+    echo "installed $((count)) $noun in $(elapsed "$start")"
 }
 
 # Stop if PYTHON can't make the environment. What is there stays as it is.
@@ -124,7 +126,10 @@ set_up() {
     "$BIN/python" -c 'import course, jsonschema, nbformat' >>"$LOG" 2>&1 ||
         fail_with_log "importing the packages"
     { echo "$place"; version_of "$BIN/python"; echo "$fingerprint"; } >"$UNCHECKED"
-    "$BIN/python" -m tools.libraries
+    "$BIN/python" -m tools.libraries || {
+        echo "$VENV is not ready" >&2
+        exit 1
+    }
     echo "checked the packages in $(elapsed "$start")"
     mv "$UNCHECKED" "$STAMP"
     echo "$VENV is ready after $(elapsed "$begun")"
