@@ -61,3 +61,13 @@ def test_in_the_background_it_is_silent_detached_and_gentle(monkeypatch) -> None
         cwd=ROOT, env=PLAIN, capture_output=True, text=True, timeout=120,
     )  # fmt: skip
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+@pytest.mark.parametrize("module", ["tools.warm", "tools.lab"])
+def test_what_make_lab_runs_before_the_server_imports_nothing_heavy(module: str) -> None:
+    heavy = "numba scipy matplotlib sympy torch mujoco jupyterlab nbformat"
+    program = f"import sys, {module}; print(*[n for n in {heavy!r}.split() if n in sys.modules])"
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, timeout=120
+    )
+    assert (done.returncode, done.stdout.split()) == (0, []), done.stderr

@@ -40,13 +40,20 @@ version_of() {
 install() {
     start=$(date +%s)
     if [ -t 1 ]; then
-        "$BIN/python" -m pip install --log "$LOG" -c constraints.txt -e ".[$1]" || fail installing
+        status=0
+        "$BIN/python" -m pip install --log "$LOG.full" -c constraints.txt -e ".[$1]" || status=$?
+        # pip logs every file that an index offers: 30 MB that say nothing about what was installed.
+        grep -v -e ' Found link ' -e ' Skipping link: ' "$LOG.full" >>"$LOG" || :
+        rm -f "$LOG.full"
+        [ "$status" -eq 0 ] || fail installing
     else
         "$BIN/python" -m pip install -c constraints.txt -e ".[$1]" >>"$LOG" 2>&1 ||
             fail_with_log installing
     fi
     count=$(sed -n 's/.*Successfully installed //p' "$LOG" | tail -n 1 | wc -w)
-    echo "installed $((count)) packages in $(elapsed "$start")"
+    noun=packages
+    [ "$count" -ne 1 ] || noun=package
+    echo "installed $((count)) $noun in $(elapsed "$start")"
 }
 
 # Stop if PYTHON can't make the environment. What is there stays as it is.
@@ -119,7 +126,10 @@ set_up() {
     "$BIN/python" -c 'import course, jsonschema, nbformat' >>"$LOG" 2>&1 ||
         fail_with_log "importing the packages"
     { echo "$place"; version_of "$BIN/python"; echo "$fingerprint"; } >"$UNCHECKED"
-    "$BIN/python" -m tools.libraries
+    "$BIN/python" -m tools.libraries || {
+        echo "$VENV is not ready" >&2
+        exit 1
+    }
     echo "checked the packages in $(elapsed "$start")"
     mv "$UNCHECKED" "$STAMP"
     echo "$VENV is ready after $(elapsed "$begun")"
