@@ -266,7 +266,11 @@ case "$*" in
     "--version") echo "Python ${FAKE_VERSION:-3.11.9}" ;;
     *"import venv"*) [ -z "$FAKE_NO_VENV" ] ;;
     "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python" ;;
-    "-m tools."*) echo "$*" >> runs ;;
+    "-m tools."*)
+        echo "$*" >> runs
+        case "$*$FAKE_LACKS" in
+            *libraries*.so*) echo "$FAKE_LACKS is missing" >&2; exit 1 ;;
+        esac ;;
     "-m pip install "*)
         echo "$*" >> installs
         echo "Collecting numpy, and a hundred lines more"
@@ -362,11 +366,18 @@ def test_a_step_is_a_line_and_the_first_says_what_it_costs(tree: Tree) -> None:
     assert "on disk" not in tree.make("setup").stdout
 
 
+def test_a_library_that_the_system_lacks_fails_the_set_up(tree: Tree) -> None:
+    done = tree.make("setup", FAKE_LACKS="libgomp.so.1")
+    assert done.returncode != 0 and "libgomp.so.1 is missing" in done.stderr
+    assert ".venv is ready" not in done.stdout and not (tree.folder / ".venv/installed").exists()
+    assert tree.make("setup").returncode == 0
+
+
 def test_lab_compiles_in_the_background_and_then_opens(tree: Tree) -> None:
     done = tree.make("lab")
     assert done.returncode == 0, done.stderr
     runs = (tree.folder / "runs").read_text().splitlines()
-    assert runs == ["-m tools.warm --background", "-m tools.lab"]
+    assert runs == ["-m tools.libraries", "-m tools.warm --background", "-m tools.lab"]
     assert done.stderr == ""
     assert done.stdout.splitlines()[-1] == "compiling the chapters in the background"
 
