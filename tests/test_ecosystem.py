@@ -229,13 +229,6 @@ def packages(text: str) -> set[str]:
     return {word for line in lines for word in line.split() if not word.startswith("-")}
 
 
-def packages_of_the_readme() -> set[str]:
-    """Return what the README's line installs, and what it names for the tests in a browser."""
-    text = text_of("README.md")
-    (browser,) = re.findall(r"on Debian, the packages ((?:`[\w.+-]+`(?:, | and )?)+)", text)
-    return packages(text) | set(re.findall(r"`([^`]+)`", browser))
-
-
 @pytest.mark.parametrize("name", [TESTS, SITE])
 def test_a_workflow_runs_make_targets_and_installs_system_packages_only(name: str) -> None:
     targets = set(re.findall(r"^(\w+):.*## ", text_of("Makefile"), re.M))
@@ -276,7 +269,7 @@ def test_superseded_test_runs_are_cancelled_and_deployments_are_completed() -> N
 
 
 def test_the_system_packages_are_those_of_the_readme() -> None:
-    named = packages_of_the_readme()
+    named = packages(text_of("README.md"))
     assert {"chromium", "make"} < named
     # The runner brings Chrome and a compiler, and Ubuntu has Chromium as a snap only.
     for name in (TESTS, SITE):
