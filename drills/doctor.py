@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import importlib.util
+import importlib
 import os
 import platform
 import sys
@@ -10,6 +10,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+from course.libraries import import_error
 from drills import progress, workspace
 
 # What the drills are compared with: import name, name of the distribution, who needs it.
@@ -95,8 +96,12 @@ def _progress(file: Path | None) -> Row:
 
 
 def _library(module: str, distribution: str, use: str) -> Row:
-    if importlib.util.find_spec(module) is None:
+    try:
+        importlib.import_module(module)
+    except ModuleNotFoundError:
         return _row(module, False, f"not installed; needed for {use}: {workspace.set_up()}")
+    except ImportError as error:
+        return _row(module, False, str(import_error(module, workspace.set_up(), error)))
     try:
         version = metadata.version(distribution)
     except metadata.PackageNotFoundError:

@@ -17,6 +17,7 @@ from typing import Any
 import click
 
 from course.kept import Problem
+from course.libraries import import_error, missing_shared_library
 from drills import progress, workspace
 from drills.cards import UnknownExercise
 from drills.terminal import SCHEMA, OutputLost, Terminal, listed
@@ -256,6 +257,8 @@ def _failure(error: Exception, session: Session | None) -> str:
             f"The package {error.name} is not installed, and this command needs it. "
             f"Set everything up with: {workspace.set_up()}"
         )
+    if isinstance(error, ImportError) and missing_shared_library(error.__cause__ or error):
+        return str(error if error.__cause__ else import_error("A library", "", error))
     again = "drills " + " ".join(sys.argv[1:]) if len(sys.argv) > 1 else "drills"
     on = ""
     if session and session.drill:

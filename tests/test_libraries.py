@@ -24,6 +24,7 @@ from course.oracles import (
 )
 from course.oracles.mujoco import kit
 from course.rigid_body import differentiable
+from drills import doctor
 from tools import libraries as tool
 
 ROOT = Path(__file__).parents[1]
@@ -89,6 +90,13 @@ def test_an_adapter_says_what_pip_installs(name, monkeypatch):
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(ModuleNotFoundError, match=r"^this needs .*pip install '[\w.-]+>=[\d.]+"):
         ADAPTERS[name]()
+
+
+def test_drills_doctor_imports_what_it_reports(fake):
+    fake("pinocchio", f"raise ImportError({GOMP!r})")
+    row = doctor._library("pinocchio", "pin", "the comparison of fk3")
+    assert not row["ok"] and "the system library libgomp.so.1 is missing" in row["detail"]
+    assert doctor._library("numpy", "numpy", "everything")["ok"]
 
 
 def test_another_cause_is_reported_as_it_is(fake):

@@ -518,11 +518,11 @@ def show(id: str) -> Block:
     item = _get(id)
     if item.needs:
         how = " and ".join(dict.fromkeys(f"`{NEEDS[need][0]}`" for need in item.needs))
-        return Block(_recorded(
-            item,
-            f"These figures are from the stored record: the check needs {' and '.join(item.needs)} "
-            f"({how}). `python -m course.derivations --id {id}` runs it.",
-        ))  # fmt: skip
+        source = (
+            f"{_stated(item.check)} These figures are from the stored record: the check needs "
+            f"{' and '.join(item.needs)} ({how}). `python -m course.derivations --id {id}` runs it."
+        )
+        return Block(_recorded(item, source))
     try:
         return Block(run(id))
     except ImportError as missing:
@@ -607,6 +607,17 @@ def _given(check: Check) -> dict[str, float | str]:
                     found = eval(ast.unparse(value), dict(check.__globals__))
                     inputs[name] = found if isinstance(found, str) else float(found)
     return inputs
+
+
+def _stated(check: Check) -> str:
+    """Return what a check says was computed or measured, as far as its source says it in words."""
+    for node in ast.walk(ast.parse(textwrap.dedent(inspect.getsource(check)))):
+        match node:
+            case ast.Assign(
+                targets=[ast.Attribute(attr="statement")], value=ast.Constant(str(text))
+            ):
+                return text
+    return ""
 
 
 def answer(id: str, text: str) -> Answer:

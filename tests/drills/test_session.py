@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from course.libraries import import_error
 from drills import cards as catalogue
 from drills import terminal
 from drills.cli import cli
@@ -256,6 +257,22 @@ def test_a_missing_library_says_what_to_install(broken: list[Exception]) -> None
     done = CliRunner().invoke(cli, ["check", "verlet"])
     assert done.exit_code == 3 and "ompl is not installed" in done.stderr
     assert "make setup" in done.stderr
+
+
+@pytest.mark.parametrize("by_adapter", [True, False])
+def test_a_missing_shared_library_is_named(broken: list[Exception], by_adapter: bool) -> None:
+    error = ImportError("libgomp.so.1: cannot open shared object file: No such file or directory")
+    if by_adapter:
+        said = import_error("Pinocchio", "pip install 'pin>=4.0'", error)
+        said.__cause__ = error
+        broken.append(said)
+    else:
+        broken.append(error)
+    done = CliRunner().invoke(cli, ["check", "verlet"])
+    told = " ".join(done.stderr.split())
+    assert done.exit_code == 3 and "the system library libgomp.so.1 is missing" in told
+    assert "apt-get install --no-install-recommends" in told and "libgomp1" in told
+    assert "our fault" not in told and ("Pinocchio" in told) == by_adapter
 
 
 def test_with_debug_the_traceback_is_there(
