@@ -390,3 +390,22 @@ def test_a_figure_that_agrees_keeps_the_digits_on_record():
     assert records.merged(old, record)["figures"] == {"of_three": [9.0000001, 1e-6]}
     old = record | {"figures": {"of_three": [9.1, 1e-6]}}
     assert records.merged(old, record)["figures"] == {"of_three": [9.0, 1e-6]}
+
+
+def test_a_figure_that_agrees_is_shown_with_the_digits_on_record():
+    """So a card reads the same on every CPU, as long as the check agrees with the record there."""
+    item, record = _on_record(only(odd_sum, corrected="They add up to n^2: {of_three:.2f}."))
+    near = settle(item, record | {"figures": {"of_three": [9.04, 1e-6]}})
+    assert near.changes and near.corrected == "They add up to n^2: 9.00."
+    assert "of_three = 9\n" in f"{derivations.Block(near)!r}\n"
+
+    def wide(found):
+        odd_sum(found)
+        found.tolerances["of_three"] = 0.01
+
+    item = only(wide, corrected="They add up to n^2: {of_three:.2f}.")
+    record = item.entry(settle(item, {}).finding) | {"figures": {"of_three": [9.04, 0.01]}}
+    outcome = settle(item, record)
+    assert not outcome.changes and outcome.corrected == "They add up to n^2: 9.04."
+    assert "of_three = 9.04\n" in f"{derivations.Block(outcome)!r}\n"
+    assert outcome.finding.figures == {"of_three": 9.0}
