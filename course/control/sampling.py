@@ -76,7 +76,7 @@ def cem(
     for _ in range(count("rounds", rounds, 1)):
         tries = _tries(mean, wide, limit, rng, samples)
         cost = _costs(rollout, tries)
-        chosen = np.argsort(cost)[:elites]
+        chosen = np.argsort(cost, kind="stable")[:elites]
         chosen = chosen[cost[chosen] < np.inf]
         if not chosen.size:
             break

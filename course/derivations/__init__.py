@@ -217,14 +217,17 @@ class Claim:
             },
         }
 
-    def filled(self, template: str, found: Found) -> str:
-        """A text with what was found in place of its fields.
+    def filled(
+        self, template: str, found: Found, figures: Mapping[str, float | str] | None = None
+    ) -> str:
+        """A text with what was found in place of its fields, or with these figures of it.
 
         Raises:
             KeyError: for a field that is neither a figure nor an input.
         """
         formula = {"formula": self.formula.expression} if self.formula else {}
-        return template.format(**found.inputs, **found.figures, **formula)
+        shown = found.figures if figures is None else figures
+        return template.format(**found.inputs, **shown, **formula)
 
 
 @dataclass(frozen=True)
@@ -236,12 +239,19 @@ class Outcome:
         finding: what the check found.
         faults: what is wrong whatever is on record, one sentence each; empty if all is well.
         changes: where the finding and the record disagree, one sentence each.
+        shown: the figures as texts and cards print them, see `settle`; default: those found.
     """
 
     claim: Claim
     finding: Found
     faults: tuple[str, ...]
     changes: tuple[str, ...]
+    shown: Mapping[str, float | str] = field(default_factory=dict)
+
+    @property
+    def figures(self) -> dict[str, float | str]:
+        """The figures as texts and cards print them."""
+        return {**self.finding.figures, **self.shown}
 
     @property
     def disagreements(self) -> tuple[str, ...]:
@@ -265,7 +275,7 @@ class Outcome:
 
     def _text(self, template: str) -> str:
         try:
-            return self.claim.filled(template, self.finding)
+            return self.claim.filled(template, self.finding, self.figures)
         except (LookupError, ValueError):
             return template  # among the faults
 
@@ -396,6 +406,10 @@ def _faults(item: Claim, found: Found) -> list[str]:
 def settle(claim: Claim, record: Mapping[str, Any] | None = None) -> Outcome:
     """Run the check of a claim and compare what it found with the record.
 
+    A figure that agrees with the record within its tolerance is shown with the digits on record.
+    Its last digits differ from CPU to CPU, and a page must not. One that disagrees is shown as
+    found, and named among the changes.
+
     Args:
         claim: the claim.
         record: its entry on record; default: the one in the file.
@@ -406,10 +420,10 @@ def settle(claim: Claim, record: Mapping[str, Any] | None = None) -> Outcome:
     found = Found(claim.id)
     recorded = records.load(claim.file).get(claim.id) if record is None else record
     claim.check(found)
-    changes = tuple(records.differences(recorded, claim.entry(found)))
-    if recorded and not changes:
-        found.figures |= {name: recorded["figures"][name][0] for name in found.quoted}
-    return Outcome(claim, found, tuple(_faults(claim, found)), changes)
+    entry = claim.entry(found)
+    changes = records.differences(recorded, entry)
+    shown = {name: value for name, (value, _) in records.merged(recorded, entry)["figures"].items()}
+    return Outcome(claim, found, tuple(_faults(claim, found)), tuple(changes), shown)
 
 
 @functools.cache
@@ -440,7 +454,7 @@ def figure(id: str, name: str) -> float | str:
     """
     item = _get(id)
     outcome = _recorded(item, "") if item.needs else run(id)
-    figures = outcome.finding.figures
+    figures = outcome.figures
     if name not in figures:
         raise ValueError(f"name is {name!r}; figures of {id} are {', '.join(figures)}")
     return figures[name]
@@ -466,7 +480,7 @@ class Block:
         return "It is true." if verdict is Verdict.HOLDS else "It is false."
 
     def _figures(self) -> list[str]:
-        shown = [f"{k} = {figure_text(v)}" for k, v in self.outcome.finding.figures.items()]
+        shown = [f"{k} = {figure_text(v)}" for k, v in self.outcome.figures.items()]
         return shown[:_FIGURES]
 
     def _disagreements(self) -> list[str]:

@@ -40,7 +40,6 @@ class Found:
         condition: what must be true for it to hold, or "".
         inside, outside: how the claim fared at draws inside and just outside its condition.
         facts: what settles the corrected statement.
-        quoted: names of the figures that are shown as on record, see `as_recorded`.
     """
 
     def __init__(self, id: str) -> None:
@@ -55,7 +54,6 @@ class Found:
         self.inside: list[bool] = []
         self.outside: list[bool] = []
         self.facts: list[bool] = []
-        self.quoted: set[str] = set()
         self._wrong: list[str] = []
 
     @functools.cached_property
@@ -95,20 +93,6 @@ class Found:
         self.figures[name] = value if text else float(value)
         self.tolerances[name] = 0.0 if text else tolerance
         return value
-
-    def as_recorded(self, *names: str) -> None:
-        """Show figures as they are on record wherever the run agrees with the record.
-
-        For figures of trained networks: training amplifies rounding, so that their digits differ
-        from CPU to CPU within the tolerance, and a page would be another one on each.
-
-        Args:
-            names: of figures that came out before; all of them if none is named.
-        """
-        for name in names:
-            if name not in self.figures:
-                raise ValueError(f"name is {name!r}, allowed is one of {', '.join(self.figures)}")
-        self.quoted |= set(names or self.figures)
 
     def _name(self, name: str) -> None:
         if not name.isidentifier() or name == "formula":

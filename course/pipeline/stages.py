@@ -193,7 +193,9 @@ def plan_path(
     postures = two_link_ik(scenario.arm.lengths, goal).q
     postures = (postures + math.pi) % (2.0 * math.pi) - math.pi
     here = clearance(world, start)
-    for side in np.argsort(np.linalg.norm(postures - start[:, None], axis=0)).tolist():
+    for side in np.argsort(
+        np.linalg.norm(postures - start[:, None], axis=0), kind="stable"
+    ).tolist():
         there = postures[:, side]
         room = 0.5 * min(here, clearance(world, there))
         if room <= 0.0:

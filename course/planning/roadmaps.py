@@ -454,7 +454,7 @@ def with_paths(roadmap: Roadmap, paths: Sequence[ArrayLike], neighbours: int = 5
     near = [
         (int(j), i)
         for i in range(m, len(nodes))
-        for j in np.argsort(np.sum((nodes[:i] - nodes[i]) ** 2, axis=1))[:neighbours]
+        for j in np.argsort(np.sum((nodes[:i] - nodes[i]) ** 2, axis=1), kind="stable")[:neighbours]
     ]
     pairs = np.vstack((roadmap.pairs, steps, np.array(near, dtype=np.int64).reshape(-1, 2)))
     known = (roadmap.status, np.full(len(steps), FREE), np.full(len(near), UNKNOWN))

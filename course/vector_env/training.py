@@ -67,7 +67,7 @@ def train(
     for k in range(generations):
         drawn = mean + spread * rng.normal(size=(policies, 2, 6))
         scores, _ = play(drawn, int(rng.integers(10**5)), targets)
-        elite = drawn[np.argsort(scores)[-best:]]
+        elite = drawn[np.argsort(scores, kind="stable")[-best:]]
         fading = NOISE / 3.0 * max(0.0, 1.0 - 2.0 * k / generations)
         mean, spread = elite.mean(axis=0), np.sqrt(elite.var(axis=0) + fading**2)
         steps = (k + 1.0) * policies * targets * MAX_STEPS

@@ -82,6 +82,18 @@ def test_no_try_and_no_plan_leaves_the_limits(method):
     assert np.abs(tried[0][:, :, 1]).max() == 2.0
 
 
+def test_cem_takes_the_first_of_equal_tries():
+    """Counts of successes tie often. An unstable sort picks other elites on another CPU."""
+    seen = []
+
+    def rollout(tries):
+        seen.append(tries.copy())
+        return np.arange(len(tries)) % 4 / 4.0
+
+    found = cem(rollout, np.zeros((3, 2)), np.random.default_rng(1), samples=64, rounds=1, elites=8)
+    assert np.array_equal(found.plan, seen[0][:32:4].mean(axis=0))
+
+
 def test_cem_finds_the_lowest_point_and_predictive_never_gets_worse():
     goal = np.random.default_rng(0).normal(size=(3, 2))
 

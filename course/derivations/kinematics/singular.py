@@ -445,7 +445,7 @@ def euler_jacobian_locks(found):
 @claim(
     "An IK loop that has converged has found joint angles for the arm.",
     "For the pose, not for the arm: the usual loop, a tenth of each pseudo-inverse step and no "
-    "limits, converges from random starts on {there_percent:.1f} % of {poses:g} reachable poses "
+    "limits, converges from random starts on {there_percent:.0f} % of {poses:g} reachable poses "
     "of the 7-R arm and ends within the limits on {within_percent:.0f} %. Hold the limits in every "
     "step, and start again where that gets stuck: then {ours_percent:.1f} % are solved.",
 )

@@ -77,7 +77,6 @@ def cloning_averages(found):
     error = p * (x - w) ** 2 + (1 - p) * (x + w) ** 2
     found.formula = sympy.factor(sympy.solve(sympy.diff(error, x), x)[0])
     mean, *others = (found.figure(n, between(n), 0.1) for n in ("mean", "mixture", "nearest"))
-    found.as_recorded()
     found.statement = "2,000 first chunks of 8 steps each, from policies of 100 demonstrations."
     averages = [mean > 0.5, *(share > 0.5 for share in others)]
     found.heard(all(averages), only_if="it is fitted by squared error", inside=averages[:1],
@@ -116,7 +115,6 @@ def held_out_error(found):
     mean, mixture = (found.figure(n, passed(Commit(policy(n), 8)), 0.5 if n == "mean" else 0.05)
                      for n in ("mean", "mixture"))  # fmt: skip
     ratio = found.figure("ratio", (high / low) ** 2, 0.1)
-    found.as_recorded()
     found.statement = "1,000 held-out demonstrations at their start, where the ways part [m]."
     found.heard((low < high) == (mean > mixture))
     found.corrected(low < high, mean < 0.1, mixture > 0.8, abs(ratio - 2.0) < 0.2)
@@ -138,7 +136,6 @@ def diffusion_between(found):
     mixture = found.figure("mixture", between("mixture"))
     left = found.figure("left", np.mean(aside("diffusion", steps=most) > 0.0), 0.05)
     shown = found.figure("shown", np.mean(TwoWays().demonstrate(100, 0).states[:, 8, 1] > 0.0))
-    found.as_recorded()
     found.statement = "2,000 first chunks by DDIM, weights on record, 64 wide."
     found.heard(fifty == 0.0)
     found.corrected(ten > fifty, fifty > mixture, abs(left - shown) < 0.1)
@@ -187,7 +184,6 @@ def one_euler_step(found):
     found.statement = "20 drawn mixtures with exact fields, two modes of width 0.1, a flow net."
     net = found.figure("net", between("flow", steps=1), 0.15)
     mean = found.figure("mean", between("mean"), 0.15)
-    found.as_recorded("net", "mean")
     found.heard(net > 0.9, only_if="the field is the exact one", cases=True,
                 inside=[worst < 1e-9], outside=[net > 0.9])  # fmt: skip
     found.corrected(np.allclose(half, first), two > 2.0 * exact, ten < 0.9 * exact,
@@ -286,7 +282,6 @@ def ensembling_averages(found):
     acts = {"mixture": Ensemble(policy("mixture")), "alone": Commit(policy("mixture"), 1),
             "coin": Ensemble(coin, 0.0), "whole": Commit(coin, 16)}  # fmt: skip
     mixture, _, tossed, whole = (found.figure(n, passed(a), 0.2) for n, a in acts.items())
-    found.as_recorded()
     found.statement = "400 runs each of two ways, no noise."
     kept = [passed(Ensemble(policy(n))) > 0.7 for n in ("flow", "diffusion", "mixture")]
     found.heard(mixture < 0.2, only_if="the chunks don't follow what was begun",
@@ -321,7 +316,6 @@ def react_less(found):
     for name, each in steps.items():
         found.figure(f"quiet_{name}", passed(Commit(policy("mixture"), each)), 0.05)
     found.figure("each", passed(Commit(policy("mixture"), 1), size), 0.15)
-    found.as_recorded()
     heads = ("mixture", "flow", "diffusion", "nearest")
     less = [
         np.mean([passed(Commit(policy(n), 8), size, x) for x in (3, 4)])
@@ -428,7 +422,6 @@ def code_of_zero(found):
     )
     same = policy("zero")(np.zeros((100, 2)), np.random.default_rng(0))
     free = policy("autoencoder")(np.zeros((100, 2)), np.random.default_rng(0))
-    found.as_recorded()
     found.statement = "The recorded autoencoder, a code of one number."
     found.heard(same.std(axis=0).max() < 1e-9)
     found.corrected(same.std(axis=0).max() < 1e-9, free.std(axis=0).max() > 1e-3, zero > drawn)

@@ -225,7 +225,6 @@ def dagger_needs_room(found):
         found.figure(f"{name}_dagger", np.median(some[:, 1]), 0.4)
     lower = [bool(last < first) for first, last in ends]
     worse = found.figure("worse", np.sum(ends[2:, 1] > ends[2:, 0]), 0.4)
-    found.as_recorded()
     found.statement = "20 laps of 40 steps a round, 32 units a layer, medians of all seeds."
     found.heard(all(lower), only_if="it is trained long enough to fit the new states",
                 inside=lower[:2], outside=lower[2:], cases=True)  # fmt: skip
@@ -257,7 +256,6 @@ def diffusion_mends_drift(found):
     size = found.given("size", 1.0)
     plain, taught = found.figure("lost", lost(0.0), 0.1), found.figure("taught", lost(size), 0.03)
     little = found.figure("little", lost(0.1 * size), 0.3)
-    found.as_recorded()
     found.statement = "Trained on 100 runs of 40 steps, driven for 100 steps without noise."
     found.heard(plain < 0.1)
     law = law_of(0, task, rounds=0, injected=0.1 * size)
