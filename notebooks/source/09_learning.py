@@ -506,11 +506,12 @@ said("details_that_matter", "left out", "where")
 
 # %% [markdown]
 # Four changes break the learner on the usual task: lambda 0 and a discount of 0.9, which take credit from early steps;
-# one epoch; and four hidden units. Without normalised observations it reaches a sixth less of the optimum, and the low end
-# of its band is near half of it. No other detail costs a tenth. Each of those has a task on which it does matter: observations
-# far from zero, large steps, large prizes, and a reward for staying near the goal. In that last task a learner that
-# counts the time limit as an end overrates the prize. Normalisation has a trap when each environment has its own
-# statistics:
+# one epoch; and four hidden units. Without normalised observations it reaches a sixth less of the optimum, and the low
+# end of its band is near half of it. No other detail costs a tenth.
+#
+# Each of those has a task on which it does matter: observations far from zero, large steps, large prizes, and a reward
+# for staying near the goal. In that last task a learner that counts the time limit as an end overrates the prize.
+# Normalisation has a trap when each environment has its own statistics:
 
 # %%
 show("own_normaliser")
@@ -544,9 +545,10 @@ for job, worth in zip(jobs, sweep(one, jobs), strict=True):
 #
 # The usual listing of "a PPO training loop" has a network with two layers and a Gaussian head, a clipped loss for some
 # epochs, and a reward. Its clipped surrogate is right. As listed, it stops in the second epoch with "Trying to backward
-# through the graph a second time": the old log-probabilities still carry their graph. Call `detach()` on them. Even then
-# the listing is an update and not a loop: nothing acts, nothing computes advantages, there is no critic, and the reward
-# of 10 inside the disc is paid at every step. Those missing parts are the ones that people get wrong. Ours:
+# through the graph a second time": the old log-probabilities still carry their graph. Call `detach()` on them.
+#
+# Even then the listing is an update and not a loop: nothing acts, nothing computes advantages, there is no critic, and
+# the reward of 10 inside the disc is paid at every step. Those missing parts are the ones that people get wrong. Ours:
 
 # %%
 source(learning.gae, learning.objective)
