@@ -1,5 +1,5 @@
-# Everything needs Python 3.11 or newer and make; the rest is installed into .venv.
-# `make PYTHON=python3.12 lab` picks another Python.
+# Everything needs Python 3.11 to 3.13 and make; the rest is installed into .venv.
+# `make PYTHON=python3.13 lab` picks another Python.
 
 .DEFAULT_GOAL := help
 SHELL := /bin/sh

@@ -267,7 +267,7 @@ def test_an_allowed_import_is_not_found(module: str, source: str) -> None:
 FAKE_PYTHON = """#!/bin/sh
 case "$*" in
     *"version_info[:3]"*) echo "${FAKE_VERSION:-3.11.9}" ;;
-    *"version_info <"*) [ -z "$FAKE_OLD" ] ;;
+    *"version_info < (3, 14)"*) [ -z "$FAKE_OLD" ] ;;
     "--version") echo "Python ${FAKE_VERSION:-3.11.9}" ;;
     *"import venv"*) [ -z "$FAKE_NO_VENV" ] ;;
     "-m venv "*) mkdir -p "$3/bin" && cp "$0" "$3/bin/python" ;;

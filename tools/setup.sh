@@ -58,12 +58,12 @@ install() {
 
 # Stop if PYTHON can't make the environment. What is there stays as it is.
 require_python() {
-    hint="The course needs Python 3.11 or newer; name one with: make PYTHON=python3.12 $GOAL"
+    hint="The course needs Python 3.11 to 3.13; name one with: make PYTHON=python3.13 $GOAL"
     if ! command -v "$PYTHON" >/dev/null; then
         echo "'$PYTHON' was not found. $hint" >&2
         exit 1
     fi
-    if ! "$PYTHON" -c 'import sys; sys.exit(sys.version_info < (3, 11))'; then
+    if ! "$PYTHON" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))'; then
         echo "'$PYTHON' is $("$PYTHON" --version 2>&1). $hint" >&2
         exit 1
     fi
