@@ -28,10 +28,9 @@ simulation()
 # stands.) A number in the text comes from the cell above it, or from a check that `python -m course.derivations 3` runs
 # again.
 #
-# MuJoCo and our own code run here. All figures of Drake and PyBullet on this page come from a stored record, so the
-# page is the same whether or not they are installed. `make platforms` installs them (PyBullet: on Python 3.11); then
-# `python -m course.derivations 3` runs their checks and `make charts` measures their charts again. Section 8 has these
-# exercises:
+# MuJoCo and our own code run here. Every figure of Drake and PyBullet comes from a stored record, whether or not they
+# are installed. `make platforms` installs them (PyBullet: on Python 3.11), `make charts` measures again. Section 8 has
+# these exercises:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
