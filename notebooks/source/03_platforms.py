@@ -28,8 +28,8 @@ simulation()
 # stands.) A number in the text comes from the cell above it, or from a check that `python -m course.derivations 3` runs
 # again.
 #
-# MuJoCo and our own code run here. The figures of Drake and PyBullet come from a stored record, so the page is the same
-# without them. `make platforms` installs them (PyBullet: on Python 3.11), `make charts` measures again. Section 8 has these
+# MuJoCo and our own code run here. The figures of Drake and PyBullet come from a stored record, whether or not they are
+# installed. `make platforms` installs them (PyBullet: on Python 3.11), `make charts` measures again. Section 8 has these
 # exercises:
 
 # %% tags=["nbval-ignore-output"]
