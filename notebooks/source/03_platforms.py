@@ -29,8 +29,8 @@ simulation()
 # again.
 #
 # MuJoCo and our own code run here. The figures of Drake and PyBullet come from a stored record, whether or not they are
-# installed. `make platforms` installs them (PyBullet: on Python 3.11), `make charts` measures again. Section 8 has these
-# exercises:
+# installed. `make platforms` installs them (PyBullet: on Python 3.11), `make charts` measures again. Section 8 has
+# these exercises:
 
 # %% tags=["nbval-ignore-output"]
 from drills.notebook import answer, badges, card, check, checkpoint
