@@ -62,6 +62,24 @@ def count(name: str, value: Any, least: int = 0, most: int | None = None) -> int
     return int(value)
 
 
+def _real_array(name: str, value: Any) -> NDArray[np.float64]:
+    """Return the value as an array of floats.
+
+    NumPy would drop an imaginary part with a warning only, so a complex array is rejected, even
+    where every imaginary part is 0: a derivative by a complex step would silently be 0.
+
+    Raises:
+        ValueError: if the value is complex or not numeric; it names the argument.
+    """
+    try:
+        array = np.asarray(value)
+        if not np.iscomplexobj(array):
+            return np.asarray(array, dtype=float)
+    except (TypeError, ValueError):
+        pass
+    raise refused(name, value, "an array of real numbers") from None
+
+
 def vector(
     name: str,
     value: Any,
@@ -85,10 +103,7 @@ def vector(
     Raises:
         ValueError: otherwise; it names the first number that is wrong.
     """
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise refused(name, value, "an array of real numbers") from None
+    array = _real_array(name, value)
     if shapes and not any(_fits(array.shape, shape) for shape in shapes):
         shown = (", ".join("N" if n is None else str(n) for n in shape) for shape in shapes)
         texts = (f"({text},)" if "," not in text and text else f"({text})" for text in shown)
@@ -111,8 +126,8 @@ def bounds(name: str, value: Any, size: int) -> NDArray[np.float64]:
         ValueError: for another shape, NaN, or what is no number.
     """
     try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+        array = _real_array(name, value)
+    except ValueError:
         array = np.array(np.nan)
     if array.shape not in ((), (size,)):
         raise refused(f"{name}.shape", array.shape, f"() or ({size},)")

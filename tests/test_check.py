@@ -39,6 +39,8 @@ POSITIVE = "a positive finite number"
         (check.count, (4, 1, 3), " is 4", "a whole number from 1 to 3"),
         (check.one_of, ("mass", ("time", "count")), " is 'mass'", "one of 'time', 'count'"),
         (check.vector, ("north",), " is 'north'", "an array of real numbers"),
+        (check.vector, ([1.0 + 1e-20j],), " is [(1+1e-20j)]", "an array of real numbers"),
+        (check.bounds, (1.0 + 0.0j, 3), " is (1+0j)", "an array of numbers, which may be infinite"),
         (check.vector, ([1.0, 2.0], (3,)), ".shape is (2,)", "(3,)"),
         (check.vector, (1.0, (4,), (4, None)), ".shape is ()", "(4,) or (4, N)"),
         (check.vector, ([1.0], ()), ".shape is (1,)", "()"),
