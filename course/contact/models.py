@@ -31,7 +31,7 @@ from typing import Any
 import numba
 import numpy as np
 from numba.extending import register_jitable
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from course.check import count, finite, one_of, positive, refused, vector
 from course.compiled import MATRIX, VECTOR, compiled
@@ -203,6 +203,39 @@ def gauss_seidel(
     return int(compiled(sweep_until, _PGS)(A, b, g, d, associated, sweeps, tolerance))
 
 
+def _movable(problem: Problem) -> NDArray[np.bool_]:
+    """Return which contacts can be moved by an impulse, shape (n,).
+
+    A contact between two fixed bodies has rows of zeros. No impulse changes its velocity, and the
+    scaled solvers would divide by its response, which is 0.
+    """
+    return np.any(problem.jacobian, axis=(1, 2))
+
+
+def _solve_movable(
+    solve_rest: Callable[[Problem, Array | None], Solution],
+    name: str,
+    problem: Problem,
+    start: ArrayLike | None,
+) -> Solution:
+    """Solve without the contacts between fixed bodies, and give those an impulse of zero."""
+    n, d, _ = problem.jacobian.shape
+    movable = _movable(problem)
+    impulses = np.zeros((n, d))
+    if not movable.any():
+        return Solution(name, impulses, problem.after(impulses), 0, 0.0, True)
+    rest = replace(
+        problem,
+        jacobian=problem.jacobian[movable],
+        gap=problem.gap[movable],
+        friction=problem.friction[movable],
+    )
+    first = None if start is None else vector("start", start, (n, d))[movable]
+    solution = solve_rest(rest, first)
+    impulses[movable] = solution.impulses
+    return replace(solution, impulses=impulses)
+
+
 def pgs(
     problem: Problem,
     *,
@@ -222,6 +255,11 @@ def pgs(
     count("sweeps", sweeps, 1)
     positive("tolerance", tolerance, unit="m/s")
     associated = one_of("law", law, LAWS) == "convex"
+    if not _movable(problem).all():
+        options: dict[str, Any] = {"sweeps": sweeps, "tolerance": tolerance, "law": law}
+        return _solve_movable(
+            lambda rest, first: pgs(rest, start=first, **options), "pgs", problem, start
+        )
     g = in_scaled_rows(problem, start)
     taken = gauss_seidel(
         problem.scaled, problem.offset, g, problem.jacobian.shape[1],
@@ -389,6 +427,13 @@ def _round_cone(
     """Sweeps to come near, Newton's method to arrive; again while it does not."""
     count("rounds", rounds, 1)
     positive("tolerance", tolerance, unit="m/s")
+    if not _movable(problem).all():
+        return _solve_movable(
+            lambda rest, first: _round_cone(name, rest, rounds, tolerance, first),
+            name,
+            problem,
+            start,
+        )
     A, b, d = problem.scaled, problem.offset, problem.jacobian.shape[1]
     associated = name == "convex"
     g = in_scaled_rows(problem, start)
@@ -431,6 +476,13 @@ def convex(
         tolerance: of the residual [m/s], and of the duality gap by the sum of normal impulses.
         start: impulses (n, d) to start from.
     """
+    if not _movable(problem).all():
+        return _solve_movable(
+            lambda rest, first: convex(rest, rounds=rounds, tolerance=tolerance, start=first),
+            "convex",
+            problem,
+            start,
+        )
     found = _round_cone("convex", problem, rounds, tolerance, start)
     gap, outside = duality_gap(problem, found.impulses)
     small = max(abs(gap) / max(float(np.sum(found.impulses[:, 0])), 1e-12), outside) <= tolerance

@@ -338,3 +338,30 @@ def test_friction_below_zero_and_asymmetric_masses_are_refused() -> None:
         solve("bullet", ball_drop().problem(0.01))
     with pytest.raises(ValueError, match="edges"):
         solve("lcp", block().problem(0.01), edges=5)
+
+
+@pytest.mark.parametrize("model", SOLVED)
+@given(seed=SEEDS, rows=st.sampled_from([1, 3]))
+@examples(5)
+def test_a_contact_between_fixed_bodies_changes_nothing(model: str, seed: int, rows: int) -> None:
+    """Its rows are zero: the others get the impulses that they have without it."""
+    alone = drawn(seed, 2, rows)
+    both = replace(
+        alone,
+        jacobian=np.insert(alone.jacobian, 1, 0.0, axis=0),
+        gap=np.insert(alone.gap, 1, 0.0),
+        friction=np.insert(alone.friction, 1, 0.5, axis=0),
+    )
+    expected, solution = solve(model, alone), solve(model, both)
+    assert np.isfinite(solution.residual)
+    assert solution.converged == expected.converged
+    assert np.allclose(solution.impulses[[0, 2]], expected.impulses, atol=1e-9)
+    assert not solution.impulses[1].any()
+
+
+@pytest.mark.parametrize("model", SOLVED)
+def test_only_contacts_between_fixed_bodies_are_solved_by_nothing(model: str) -> None:
+    problem = replace(block().problem(0.01), jacobian=np.zeros((1, 3, 3)), gap=np.zeros(1))
+    problem = replace(problem, friction=np.full((1, 2), 0.5))
+    solution = solve(model, problem)
+    assert solution.converged and not solution.impulses.any()
