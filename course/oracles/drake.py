@@ -184,7 +184,7 @@ class DrakeRun(Run):
 
     # --- running ------------------------------------------------------------------------------
 
-    def run(self, steps: int) -> None:
+    def advance(self, steps: int) -> None:
         self._steps += steps
         self.simulator.AdvanceTo(self._steps * self.dt)
 

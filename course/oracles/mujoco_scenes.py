@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from course.check import count, positive, vector
+from course.check import positive, vector
 from course.oracles.mujoco.kit import ALWAYS_OFF, CONTACT_OFF, MUJOCO_INTEGRATORS, library
 from course.platforms import FAIR, NO_CONTACTS, Change, ContactReport, Engine
 from course.platforms.contract import Array, Run, Settings, State, reported
@@ -141,10 +141,9 @@ class _Run(Run):
             bit = getattr(self.lib.mjtDisableBit, f"mjDSBL_{flag.upper()}")
             self.model.opt.disableflags |= int(bit)
 
-    def run(self, steps: int) -> None:
-        if count("steps", steps):
-            self.lib.mj_step(self.model, self.data, steps)
-            self.taken += steps
+    def advance(self, steps: int) -> None:
+        self.lib.mj_step(self.model, self.data, steps)
+        self.taken += steps
 
     def _columns(self) -> list[tuple[slice, slice]]:
         """Places of each body's numbers in qpos and qvel."""

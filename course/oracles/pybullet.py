@@ -186,7 +186,7 @@ class PyBulletRun(Run):
 
     # --- running ------------------------------------------------------------------------------
 
-    def run(self, steps: int) -> None:
+    def advance(self, steps: int) -> None:
         step, client, lib = self._lib.stepSimulation, self.client, self._lib
         turn, mode, turning = lib.setJointMotorControlArray, lib.TORQUE_CONTROL, self._torque.any()
         for _ in range(steps):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from numbers import Real
 
 from course.check import one_of, refused
 
@@ -50,7 +51,12 @@ class Need:
 
     def __post_init__(self) -> None:
         one_of("sense", self.sense, SENSES)
-        if isinstance(self.limit, bool) != (self.sense == "is") or math.isnan(self.limit):
+        if self.sense == "is":
+            right = isinstance(self.limit, bool)
+        else:
+            number = isinstance(self.limit, Real) and not isinstance(self.limit, bool)
+            right = number and not math.isnan(self.limit)
+        if not right:
             raise refused("limit", self.limit, "true or false for 'is', else a number")
 
     def met(self, fact: Fact) -> bool:
@@ -123,17 +129,23 @@ def choose(table: Table, needs: Sequence[Need], by: str) -> Choice:
     """Rank the engines of a table for a job.
 
     Args:
-        table: what is known; a missing row is unknown.
+        table: what is known; a row that an engine lacks, and another has, is unknown of it. Write
+            `UNKNOWN` for a row of which nothing is known of any engine.
         needs: at most one for each row and sense.
         by: the row to rank by, smallest first; an engine of which it is unknown is out.
 
     Raises:
-        ValueError: for two needs of the same row and sense.
+        ValueError: for two needs of the same row and sense, and for a row that no engine has: that
+            is a typing mistake.
     """
     keys = [(need.row, need.sense) for need in needs]
     for key in keys:
         if keys.count(key) > 1:
             raise refused("needs", key, "each row and sense once")
+    rows = list(dict.fromkeys(row for facts in table.values() for row in facts))
+    for need in needs:
+        one_of("row of a need", need.row, rows)
+    one_of("by", by, rows)
     ranking, out = _ranked(table, needs, by)
     pick = ranking[0].engine if ranking else None
     decisive = [row for one in out for row in (*one.failed, *one.unknown)]

@@ -29,7 +29,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from course.check import one_of, refused
+from course.check import count, one_of, refused
 from course.rigid_body import quaternion
 
 if TYPE_CHECKING:
@@ -198,12 +198,23 @@ class Run(ABC):
     scene: Scene
     dt: float
 
-    @abstractmethod
     def run(self, steps: int) -> None:
-        """Go on by so many steps, in the engine's own compiled loop where it has one.
+        """Advance by a number of steps, in the engine's own compiled loop where it has one.
 
         This alone is timed. A state that is no longer finite is a result and raises nothing.
+
+        Args:
+            steps: a non-negative integer; 0 changes nothing.
+
+        Raises:
+            ValueError: for any other number of steps, with every engine.
         """
+        if count("steps", steps):
+            self.advance(int(steps))
+
+    @abstractmethod
+    def advance(self, steps: int) -> None:
+        """Take one step or more; `run` has checked the number."""
 
     @abstractmethod
     def state(self) -> State:

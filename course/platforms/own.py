@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from course import contact, kinematics, rigid_body
-from course.check import count, one_of, positive, refused, vector
+from course.check import one_of, positive, refused, vector
 from course.platforms.bodies import free_velocity, freedom, step_of
 from course.platforms.contract import (
     FAIR,
@@ -79,11 +79,10 @@ class Smooth(Run):
         start = self.scene.start
         self.restore((0.0, start.q.reshape(len(start.q)), start.v.reshape(len(start.v))))
 
-    def run(self, steps: int) -> None:
-        if count("steps", steps):
-            system = System(self.scene.name, self.loop, self.params, self.q, self.v)
-            end = rigid_body.simulate(system, self.scheme, self.dt, steps)
-            self.q, self.v, self.time = end.q[-1], end.v[-1], self.time + steps * self.dt
+    def advance(self, steps: int) -> None:
+        system = System(self.scene.name, self.loop, self.params, self.q, self.v)
+        end = rigid_body.simulate(system, self.scheme, self.dt, steps)
+        self.q, self.v, self.time = end.q[-1], end.v[-1], self.time + steps * self.dt
 
     def state(self) -> State:
         shape = (len(self.q),) if self.scene.chain else (len(self.q), 1)
@@ -127,8 +126,8 @@ class Touching(Run):
         start = self.scene.start
         self.restore((0.0, start.q, start.v, NO_CONTACTS, {}))
 
-    def run(self, steps: int) -> None:
-        for _ in range(count("steps", steps)):
+    def advance(self, steps: int) -> None:
+        for _ in range(steps):
             self._step()
         self.time += steps * self.dt
 

@@ -1,6 +1,7 @@
 """A pick of `choose` meets every need, the unknown meets none, the turning tolerance turns."""
 
 import math
+from typing import Any
 from dataclasses import replace
 
 import pytest
@@ -23,6 +24,9 @@ tables = st.fixed_dictionaries(
         )
         for engine in ENGINES
     }
+).map(
+    # A row that no engine has is a typing mistake; one of which nothing is known is there.
+    lambda found: {**found, "one": {**dict.fromkeys((*ROWS, "gpu"), UNKNOWN), **found["one"]}}
 )
 limits = st.floats(1e-6, 1e3)
 jobs = st.fixed_dictionaries({"error": limits, "step": limits, "gpu": st.booleans()}).map(
@@ -121,11 +125,19 @@ def test_the_answer_says_what_decides() -> None:
     assert "error 0.02 would make it quick" in str(found)
     loose = choose(table, [Need("error", 0.1, "at most")], "cost")
     assert (loose.pick, loose.deciding) == ("quick", ("error", "cost"))
-    assert choose(table, [Need("gpu")], "cost").pick is None
+    asked = {**table, "praised": {**table["praised"], "gpu": UNKNOWN}}
+    assert choose(asked, [Need("gpu")], "cost").pick is None
 
 
 def test_needs_that_say_nothing_are_refused() -> None:
-    for limit, sense in ((0.1, "is"), (True, "at most"), (math.nan, "at most")):
+    wrong: list[tuple[Any, str]] = [
+        (0.1, "is"),
+        (True, "at most"),
+        (math.nan, "at most"),
+        ("1e-3", "at most"),
+    ]
+    wrong += [(None, "at least"), ([1.0], "at most"), ("yes", "is")]
+    for limit, sense in wrong:
         with pytest.raises(ValueError, match="limit is"):
             Need("error", limit, sense)
     with pytest.raises(ValueError, match="sense is 'below'"):
@@ -133,3 +145,14 @@ def test_needs_that_say_nothing_are_refused() -> None:
     twice = [Need("error", 0.1, "at most"), Need("error", 0.2, "at most")]
     with pytest.raises(ValueError, match="each row and sense once"):
         choose({}, twice, "cost")
+
+
+def test_a_row_that_no_engine_has_is_a_typing_mistake() -> None:
+    table = {"one": {"error": Fact(0.1), "cost": Fact(1.0)}, "two": {"cost": Fact(2.0)}}
+    with pytest.raises(ValueError, match="row of a need is 'eror', allowed is one of 'error'"):
+        choose(table, [Need("eror", 0.1, "at most")], "cost")
+    with pytest.raises(ValueError, match="by is 'csot', allowed is one of 'error', 'cost'"):
+        choose(table, [Need("error", 0.1, "at most")], "csot")
+    # What one engine has, or what is said to be unknown, is a row.
+    found = choose(table, [Need("error", 0.1, "at most")], "cost")
+    assert (found.pick, found.out[0].unknown) == ("one", ("error",))

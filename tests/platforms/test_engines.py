@@ -303,6 +303,21 @@ def test_unknown_names_are_refused(engine) -> None:
         Settings("best")
 
 
+@pytest.mark.parametrize("name", ["tumble", "brake"])
+@BOTH
+def test_only_a_number_of_steps_is_run(engine, name: str) -> None:
+    run = engine.build(SCENES[name](), 1e-3)
+    run.run(3)
+    before = run.state()
+    for steps in (-1, 2.5, 1.0, True, None, math.nan):
+        with pytest.raises(ValueError, match=r"steps is .*, allowed is a whole number from 0 on"):
+            run.run(steps)  # type: ignore[arg-type]
+    run.run(0)
+    assert run.state().same(before) and run.state().time == before.time
+    run.run(np.int64(2))
+    assert run.state().time == pytest.approx(5e-3)
+
+
 def test_own_code_says_what_it_cannot_do() -> None:
     with pytest.raises(ValueError, match=r"settings\.scheme is 'rk4'"):
         OWN.build(brake(), 1e-3, FAIR.using("rk4"))

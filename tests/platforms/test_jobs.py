@@ -77,7 +77,7 @@ def test_where_nothing_was_measured_no_table_makes_a_pick(job) -> None:
         pick, why = jobs.told(job, rows)
         assert pick == "not measured here" and why.startswith(f"{row}: unknown of all four.")
     assert cited in why and any(f"20{year}" in why for year in range(23, 27))
-    assert not any(row in mine for mine in jobs.facts().values())
+    assert not any(mine[row].known for mine in jobs.facts().values())
     rest = [need for need in jobs.JOBS[job][0] if need.row != row]
     assert choose(jobs.facts(), rest, jobs.JOBS[job][1]).pick == "MuJoCo"
 

@@ -24,7 +24,7 @@ class Told(Run):
     def __init__(self, scene, dt, path) -> None:
         self.scene, self.dt, self.path, self.steps, self.resets = scene, dt, path, 0, 0
 
-    def run(self, steps):
+    def advance(self, steps):
         self.steps += steps
 
     def state(self):

@@ -4,14 +4,15 @@ from collections.abc import Mapping
 
 from course.charts.platforms.record import READER
 from course.charts.platforms.table import ENGINES, TABLE, Rows, costs, errors, stored_rows
-from course.platforms.choose import Fact, Need, choose
+from course.platforms.choose import UNKNOWN, Fact, Need, choose
 from course.platforms.models import honesty
 
 
 def facts(rows: Rows | None = None) -> dict[str, dict[str, Fact]]:
     """What was measured of each engine with fair settings at 1 ms: error and cost of every scene.
 
-    Beside them stand the share of faulty models that it tells of, and whether `make lab` brings it.
+    Beside them are the share of faulty models that it rejects or warns about, whether `make lab`
+    installs it, and the rows that some job needs and nobody measured here.
 
     Args:
         rows: of `platforms_table`; None for the stored ones.
@@ -27,10 +28,13 @@ def facts(rows: Rows | None = None) -> dict[str, dict[str, Fact]]:
         verdicts = {row[1]: row[3] for row in read if row[0] == READER.get(name, name)}
         mine["faults told"] = Fact(honesty(verdicts))
         mine["comes with make lab"] = Fact(name in ENGINES[:2], source="this course")
+        mine.update(dict.fromkeys(UNMEASURED, UNKNOWN))
     return found
 
 
 WORLDS, CAMERAS = Need("thousands of worlds on a GPU"), Need("photorealistic cameras")
+CERTIFICATE, ELEMENTS = Need("certificate of the contact model"), Need("finite elements")
+UNMEASURED = tuple(need.row for need in (WORLDS, CAMERAS, CERTIFICATE, ELEMENTS))
 HELD = [Need("grasp error", 1e-3, "at most")]
 TOUCHING = [*HELD, Need("brake error", 1e-2, "at most"), Need("tower error", 1e-3, "at most")]
 JOBS: Mapping[str, tuple[list[Need], str]] = {
@@ -38,16 +42,16 @@ JOBS: Mapping[str, tuple[list[Need], str]] = {
     "RL training, from images": ([*HELD, CAMERAS], "cost of grasp"),
     "Manipulation research": (TOUCHING, "cost of tower"),
     "Visual perception": ([CAMERAS], "cost of tower"),
-    "Control that is proved safe": ([Need("certificate of the contact model")], "cost of tower"),
+    "Control that is proved safe": ([CERTIFICATE], "cost of tower"),
     "A quick prototype": (
         [Need("comes with make lab"), Need("faults told", 0.75, "at least")], "cost of tower",
     ),
-    "Soft, deformable objects": ([Need("finite elements")], "cost of grasp"),
+    "Soft, deformable objects": ([ELEMENTS], "cost of grasp"),
 }  # fmt: skip
 DOCUMENTED = {
     CAMERAS.row: "Isaac Sim path-traces on an RTX card (its manual, 2026)",
-    "certificate of the contact model": "Drake certifies states of a *model* (its manual, 2026)",
-    "finite elements": "SOFA (its README, 2024); PhysX has soft bodies (Isaac Lab's manual, 2026)",
+    CERTIFICATE.row: "Drake certifies states of a *model* (its manual, 2026)",
+    ELEMENTS.row: "SOFA (its README, 2024); PhysX has soft bodies (Isaac Lab's manual, 2026)",
 }
 
 
