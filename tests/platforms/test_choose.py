@@ -1,8 +1,8 @@
 """A pick of `choose` meets every need, the unknown meets none, the turning tolerance turns."""
 
 import math
-from typing import Any
 from dataclasses import replace
+from typing import Any
 
 import pytest
 from hypothesis import given
