@@ -638,7 +638,7 @@ def test_every_file_counts_for_one_topic(path: str, topic: str) -> None:
     assert budget.topic_of(path) == topic
 
 
-@pytest.mark.slow
+@pytest.mark.prove
 def test_the_quick_tests_have_something_of_every_topic() -> None:
     command = [sys.executable, "-m", "pytest", "--collect-only", "-q", "-p", "no:cacheprovider"]
     done = subprocess.run(

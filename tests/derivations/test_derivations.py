@@ -32,7 +32,6 @@ def each(items):
     ]
 
 
-@pytest.mark.slow
 def outcome_of(item):
     """What the check finds now; the test is skipped where it cannot run."""
     if reason := unmet(item):
@@ -40,6 +39,7 @@ def outcome_of(item):
     return run(item.id)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("item", each(ALL))
 def test_verdict_and_figures_reproduce(item):
     outcome = outcome_of(item)

@@ -86,6 +86,7 @@ def exercise_of(entry: str) -> str:
     return next(card.name for card in catalogue.cards() if card.entry == entry)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("label", WRONG)
 def test_a_wrong_answer_that_once_passed_fails_and_is_not_named_as_another(label: str) -> None:
     entry, *edits = cast(tuple[Any, ...], WRONG[label])
@@ -157,6 +158,7 @@ def test_indices_and_numbers_beyond_all_bounds_make_no_noise(recwarn):
     assert not recwarn.list
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("name", catalogue.names())
 def test_the_first_and_the_last_seed_are_fair(name):
     for seed in (0, 2**32 - 1):

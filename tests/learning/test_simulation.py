@@ -66,6 +66,7 @@ def test_the_first_to_finish_read_more_than_is_true():
     assert np.median(excess) > 0.1 and np.quantile(excess, 0.25) > 0.08 and excess.min() > 0.0
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("preset", point.PRESETS)
 def test_a_run_ends_among_those_on_record(preset):
     """Another CPU ends elsewhere, within what ten seeds span and some more."""

@@ -74,6 +74,7 @@ def test_every_control_at_both_ends_and_every_preset(model):
                     model.controls.new(**{name: wrong})
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("model", MODELS)
 def test_a_preset_is_encoded_for_both_painters(model):
     for name, preset in model.presets.items():
@@ -181,6 +182,7 @@ def test_models_need_no_widget_and_no_plot():
     assert result.stdout.strip() == "set()", result.stderr
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("model", MODELS)
 def test_no_word_is_cut(model: Any) -> None:
     """Words in the picture stay in it, and the name of a number stays in its column below."""

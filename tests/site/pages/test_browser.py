@@ -157,6 +157,7 @@ class Reader:
         self.context.close()
 
 
+@pytest.mark.prove
 def test_every_page_opens_alone_and_fits(
     browser: "Browser", site: Path, addresses: list[str]
 ) -> None:

@@ -163,6 +163,7 @@ def step(page: Any, experiment: Experiment, times: int = 1) -> None:
         experiment.advance(STEP)
 
 
+@pytest.mark.prove
 @pytest.mark.parametrize("name", LIVE)
 def test_a_simulation_starts_where_the_notebook_does(open_page: Any, name: str) -> None:
     page, experiment = open_page(name), Experiment(told.model(name))
