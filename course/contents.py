@@ -73,9 +73,12 @@ def moving() -> str:
 
     names = declaration.names()
     recorded = [name for name in names if name in declaration.RECORDED]
-    lines = [f"Of {len(names)} simulations {len(names) - len(recorded)} are *live* there: they are "
-             "computed in the page, as you move them.",
-             "The others are *recorded*, each of their presets as a small film:", ""]  # fmt: skip
+    lines = [
+        f"Of {len(names)} simulations {len(names) - len(recorded)} are *live* there: they are "
+        "computed in the page, as you move them.",
+        "The others are *recorded*, each of their presets as a small film:",
+        "",
+    ]
     for name in recorded:
         lines.append(f"- {declaration.model(name).title}: {declaration.RECORDED[name]}.")
     return "\n".join(lines)

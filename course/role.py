@@ -60,8 +60,11 @@ class Stage:
         least, most = (math.ceil(x / period - 1e-9) for x in (longest - 2 * self.jitter, longest))
         if rule == "skip" and least == most and not early:
             return period * most
-        raise refused(f"execution of {self.name}", longest, f"up to its period of {period:g} s, "
-                      "or more with a rule for overload")  # fmt: skip
+        raise refused(
+            f"execution of {self.name}",
+            longest,
+            f"up to its period of {period:g} s, or more with a rule for overload",
+        )
 
 
 @dataclass(frozen=True)
@@ -317,8 +320,11 @@ STACK = (
     Edge("learning", "simulation", "ranges of parameters", 0.01, 20 * 8, 1, "none"),
     Edge("learning", "control", "weights of a policy", 0.001, 50_000 * 4, 1, "none"),
 )
-CHAIN = (Stage("perception", 0.045, 1.0 / 30.0, overload="pipelined"),
-         Stage("planning", 0.060, 0.1), Stage("control", 0.0002, 0.001))  # fmt: skip
+CHAIN = (
+    Stage("perception", 0.045, 1.0 / 30.0, overload="pipelined"),
+    Stage("planning", 0.060, 0.1),
+    Stage("control", 0.0002, 0.001),
+)
 
 
 def around(box: str, edges: Sequence[Edge] = STACK) -> tuple[list[Edge], list[Edge]]:
@@ -331,9 +337,14 @@ def missed(stages: Sequence[Stage], edges: Sequence[Edge] = STACK) -> list[str]:
     """What flows from these stages with a hard deadline and may be lost, or come later than a
     period of its edge after the one before, or after its start."""
     chain = zip(stages, _links(stages), strict=True)
-    return [e.flow for s, (T, kept, *_) in chain for e in edges
-            if e.source == s.name and e.deadline == "hard"
-            and (kept < 1.0 or max(T, s.execution + s.jitter) * e.rate > 1.0 + 1e-9)]  # fmt: skip
+    return [
+        e.flow
+        for s, (T, kept, *_) in chain
+        for e in edges
+        if e.source == s.name
+        and e.deadline == "hard"
+        and (kept < 1.0 or max(T, s.execution + s.jitter) * e.rate > 1.0 + 1e-9)
+    ]
 
 
 def check_stack(edges: Sequence[Edge]) -> None:

@@ -102,13 +102,21 @@ def coarse_slips(entry: str, shown: str) -> tuple[Slip, ...]:
         shown: what the digits that are gone would have shown, a sentence.
     """
     return (
-        _changed("single_precision", entry, "np.asarray(p, dtype=np.float32) for p in parts",
+        _changed(
+            "single_precision",
+            entry,
+            "np.asarray(p, dtype=np.float32) for p in parts",
             "The answer is right to single precision only: somewhere it became float32, of seven "
-            f"digits. {shown} Keep float64."),
-        _changed("rounded", entry, "np.round(p, 6) for p in parts",
+            f"digits. {shown} Keep float64.",
+        ),
+        _changed(
+            "rounded",
+            entry,
+            "np.round(p, 6) for p in parts",
             "The answer is rounded to a few decimals. Round when you print, never what you "
-            "return: the next computation needs the digits."),
-    )  # fmt: skip
+            "return: the next computation needs the digits.",
+        ),
+    )
 
 
 def value_slips(
@@ -123,22 +131,39 @@ def value_slips(
         whole: whether one of its cases is of whole numbers.
     """
     found = [
-        _changed("whole_numbers", entry,
+        _changed(
+            "whole_numbers",
+            entry,
             "np.asarray(p).astype(np.asarray(args[0]).dtype) for p in parts",
             "Whole numbers lose the digits behind the point: an array of integers takes no "
             "fractions and says nothing. np.array and np.zeros_like keep the type of what they are "
-            "given; write dtype=float."),
-        _changed("results_swapped", entry, "parts[i] for i in (1, 0, *range(2, len(parts)))",
-            "The values are right and come back in another order than the task's."),
-        _changed("one_part_right", entry, "p + 1e-3 * (i > 0) for i, p in enumerate(parts)"
+            "given; write dtype=float.",
+        ),
+        _changed(
+            "results_swapped",
+            entry,
+            "parts[i] for i in (1, 0, *range(2, len(parts)))",
+            "The values are right and come back in another order than the task's.",
+        ),
+        _changed(
+            "one_part_right",
+            entry,
+            "p + 1e-3 * (i > 0) for i, p in enumerate(parts)"
             ") if len(parts) > 1 else (np.concatenate((parts[0][:-1], parts[0][-1:] + 1e-3)),",
             "One part of the answer is right in every case and another is not: look for the "
-            "mistake where only the latter is computed."),
-    ]  # fmt: skip
+            "mistake where only the latter is computed.",
+        ),
+    ]
     if not in_part:
-        found.append(_changed("constant_factor", entry, "0.9 * p for p in parts",
-            "Every value is the same multiple of the right one: a factor is missing or one too "
-            "many."))  # fmt: skip
+        found.append(
+            _changed(
+                "constant_factor",
+                entry,
+                "0.9 * p for p in parts",
+                "Every value is the same multiple of the right one: a factor is missing or one too "
+                "many.",
+            )
+        )
     return tuple(itertools.compress(found, (whole, swapped, in_part, True)))
 
 

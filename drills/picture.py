@@ -68,8 +68,12 @@ def bodies(figure: Figure, start: Any, got: Any, right: Any) -> None:
     styles = ({"color": "0.8", "lw": 1.0, "label": "start"}, YOURS, RIGHT)
     for q, style in zip((start, got, right), styles, strict=True):
         for i, (name, tip) in enumerate(zip("xyz", _axes_of(q), strict=True)):
-            axes.plot(*np.column_stack((np.zeros(3), tip)), **style if i == 0 else {
-                key: value for key, value in style.items() if key != "label"})  # fmt: skip
+            axes.plot(
+                *np.column_stack((np.zeros(3), tip)),
+                **style
+                if i == 0
+                else {key: value for key, value in style.items() if key != "label"},
+            )
             axes.text(*(1.1 * tip), name, color=style["color"], fontsize=8)
     axes.set(xlim=(-1, 1), ylim=(-1, 1), zlim=(-1, 1), xlabel="x", ylabel="y", zlabel="z")
     axes.set(xticks=(-1, 0, 1), yticks=(-1, 0, 1), zticks=(-1, 0, 1))

@@ -43,9 +43,14 @@ def success_interval(
 
 
 def stopping_distance(
-    speeds: ArrayLike, reaction: float, braking: float, slope: float, person: float,
-    unsure: float, sight: float,
-) -> tuple[np.ndarray, np.ndarray, float]:  # fmt: skip
+    speeds: ArrayLike,
+    reaction: float,
+    braking: float,
+    slope: float,
+    person: float,
+    unsure: float,
+    sight: float,
+) -> tuple[np.ndarray, np.ndarray, float]:
     """What a mobile robot needs to stop before a person who walks on towards it.
 
     Args:
@@ -74,9 +79,13 @@ def stopping_distance(
 
 
 def latency_budget(
-    edges: ArrayLike, runs: ArrayLike, periods: ArrayLike, sensor: int, actuator: int,
+    edges: ArrayLike,
+    runs: ArrayLike,
+    periods: ArrayLike,
+    sensor: int,
+    actuator: int,
     allowed: float,
-) -> tuple[float, np.ndarray]:  # fmt: skip
+) -> tuple[float, np.ndarray]:
     """The worst latency of a graph of stages, and how much longer each of them may take.
 
     Args:
@@ -104,9 +113,15 @@ def latency_budget(
 
 
 def truncated_advantages(
-    reward: ArrayLike, value: ArrayLike, starts: ArrayLike, ended: ArrayLike, final: ArrayLike,
-    last: float, gamma: float, lam: float,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    reward: ArrayLike,
+    value: ArrayLike,
+    starts: ArrayLike,
+    ended: ArrayLike,
+    final: ArrayLike,
+    last: float,
+    gamma: float,
+    lam: float,
+) -> tuple[np.ndarray, np.ndarray]:
     """Generalised advantages of a buffer of episodes, some of which a time limit has cut off.
 
     Args:
@@ -169,9 +184,12 @@ def catch_the_slip(
 
 
 def silent_gate(
-    seeds: ArrayLike, outcomes: ArrayLike, old_seeds: ArrayLike, old_outcomes: ArrayLike,
+    seeds: ArrayLike,
+    outcomes: ArrayLike,
+    old_seeds: ArrayLike,
+    old_outcomes: ArrayLike,
     gate: float,
-) -> tuple[float, np.ndarray, int]:  # fmt: skip
+) -> tuple[float, np.ndarray, int]:
     """What a nightly run says of a new version, beside the night before.
 
     Args:

@@ -27,9 +27,14 @@ def backprop(
 
 
 def gae(
-    reward: ArrayLike, value: ArrayLike, following: ArrayLike, terminated: ArrayLike,
-    truncated: ArrayLike, gamma: float, lam: float,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    reward: ArrayLike,
+    value: ArrayLike,
+    following: ArrayLike,
+    terminated: ArrayLike,
+    truncated: ArrayLike,
+    gamma: float,
+    lam: float,
+) -> tuple[np.ndarray, np.ndarray]:
     """Generalised advantage estimates of T steps in N environments, and the critic's targets.
 
     Args:
@@ -72,9 +77,14 @@ def ppo_objective(
 
 
 def dagger_round(
-    A: ArrayLike, B: ArrayLike, expert: Callable[[np.ndarray], np.ndarray], states: ArrayLike,
-    labels: ArrayLike, start: ArrayLike, steps: int,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    A: ArrayLike,
+    B: ArrayLike,
+    expert: Callable[[np.ndarray], np.ndarray],
+    states: ArrayLike,
+    labels: ArrayLike,
+    start: ArrayLike,
+    steps: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """One round of DAgger, with a linear learner u = K x fitted by least squares.
 
     Args:
@@ -168,9 +178,12 @@ def reach_reward(
 
 
 def training_round(
-    weights: ArrayLike, statistics: ArrayLike, starts: ArrayLike, noise: ArrayLike,
+    weights: ArrayLike,
+    statistics: ArrayLike,
+    starts: ArrayLike,
+    noise: ArrayLike,
     tested: ArrayLike,
-) -> tuple[np.ndarray, np.ndarray, float]:  # fmt: skip
+) -> tuple[np.ndarray, np.ndarray, float]:
     """One round of training a carriage to go to 0, and the point of its learning curve.
 
     Args:

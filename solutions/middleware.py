@@ -138,9 +138,15 @@ def wake_ups(
 
 
 def follow_part(
-    frames: ArrayLike, saves: ArrayLike, work: float, late: ArrayLike, period: float,
-    deadline: float, drift: float, ticks: ArrayLike,
-) -> np.ndarray:  # fmt: skip
+    frames: ArrayLike,
+    saves: ArrayLike,
+    work: float,
+    late: ArrayLike,
+    period: float,
+    deadline: float,
+    drift: float,
+    ticks: ArrayLike,
+) -> np.ndarray:
     """What a drive is told by two nodes that follow a part by camera.
 
     Args:

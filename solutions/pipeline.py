@@ -33,9 +33,13 @@ def error_budget(errors: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def to_the_present(
-    states: ArrayLike, covariances: ArrayLike, captured: ArrayLike, arrived: ArrayLike,
-    now: float, noise: float,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
+    states: ArrayLike,
+    covariances: ArrayLike,
+    captured: ArrayLike,
+    arrived: ArrayLike,
+    now: float,
+    noise: float,
+) -> tuple[np.ndarray, np.ndarray]:
     """The newest estimate of a moving target, carried forward to now.
 
     Args:
@@ -158,9 +162,13 @@ def rescale_step(
 
 
 def reach_target(
-    frames: ArrayLike, noise: float, calibration: ArrayLike, drift: ArrayLike, start: ArrayLike,
+    frames: ArrayLike,
+    noise: float,
+    calibration: ArrayLike,
+    drift: ArrayLike,
+    start: ArrayLike,
     ticks: ArrayLike,
-) -> np.ndarray:  # fmt: skip
+) -> np.ndarray:
     """Where the tip is told to be, for a target on a belt that a camera sees late.
 
     Args:

@@ -60,9 +60,15 @@ def energy_drift(times: ArrayLike, energy: ArrayLike, period: float) -> tuple[fl
 
 
 def audit_model(
-    ids: ArrayLike, masses: ArrayLike, inertias: ArrayLike, loaded_ids: ArrayLike,
-    loaded_masses: ArrayLike, moments: ArrayLike, turns: ArrayLike, tolerance: float,
-) -> np.ndarray:  # fmt: skip
+    ids: ArrayLike,
+    masses: ArrayLike,
+    inertias: ArrayLike,
+    loaded_ids: ArrayLike,
+    loaded_masses: ArrayLike,
+    moments: ArrayLike,
+    turns: ArrayLike,
+    tolerance: float,
+) -> np.ndarray:
     """Which links of a file are not what the simulator has loaded.
 
     Args:

@@ -5,9 +5,14 @@ from numpy.typing import ArrayLike
 
 
 def shaped_reward(
-    state: ArrayLike, following: ArrayLike, reward: ArrayLike, terminated: ArrayLike,
-    truncated: ArrayLike, phi: ArrayLike, gamma: float,
-) -> np.ndarray:  # fmt: skip
+    state: ArrayLike,
+    following: ArrayLike,
+    reward: ArrayLike,
+    terminated: ArrayLike,
+    truncated: ArrayLike,
+    phi: ArrayLike,
+    gamma: float,
+) -> np.ndarray:
     """Rewards of logged steps with a potential's difference added.
 
     Args:
@@ -161,9 +166,12 @@ def tune_randomised(
 
 
 def boundary_update(
-    bounds: ArrayLike, centre: ArrayLike, outcomes: ArrayLike, thresholds: ArrayLike,
+    bounds: ArrayLike,
+    centre: ArrayLike,
+    outcomes: ArrayLike,
+    thresholds: ArrayLike,
     step: ArrayLike,
-) -> np.ndarray:  # fmt: skip
+) -> np.ndarray:
     """Both ends of each range after their buffers are full.
 
     Args:

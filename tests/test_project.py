@@ -84,9 +84,17 @@ def test_importing_is_light_and_silent(module: str) -> None:
 # The oracles. An adapter asks one of them for a chapter; a claim may be about one of them; the
 # drill on randomisation, in course.drills, is about a MuJoCo model.
 BIG = {
-    "mujoco", "pinocchio", "ompl", "gymnasium", "open3d", "small_gicp", "pydrake", "pybullet",
-    "cyclonedds", "zenoh",
-}  # fmt: skip
+    "mujoco",
+    "pinocchio",
+    "ompl",
+    "gymnasium",
+    "open3d",
+    "small_gicp",
+    "pydrake",
+    "pybullet",
+    "cyclonedds",
+    "zenoh",
+}
 VIEWS = {"matplotlib", "ipywidgets", "anywidget", "IPython", "traitlets"}
 NUMERIC = {"numpy", "numba"}
 # Chapter 3 sets the course's own code beside the simulators, that of arms, chapter 4, among it.

@@ -58,8 +58,12 @@ def test_in_the_background_it_is_silent_detached_and_gentle(monkeypatch) -> None
     assert done.stdout.split() == ["19"]
     done = subprocess.run(
         [sys.executable, "-m", "tools.warm", "--background", "vector_env"],
-        cwd=ROOT, env=PLAIN, capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
+        cwd=ROOT,
+        env=PLAIN,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 

@@ -27,10 +27,14 @@ def lattice(count: int, dimensions: int) -> Array:
 
 def sampled(phases: Array) -> float:
     """Mean age at one moment of as many runs of the chain [s]; rows hold phases and a moment."""
-    return float(np.mean([
-        simulate(CHAIN, row[:3], seconds=0.6).age(np.array([0.4 + 0.1 * row[3]]))[0]
-        for row in phases
-    ]))  # fmt: skip
+    return float(
+        np.mean(
+            [
+                simulate(CHAIN, row[:3], seconds=0.6).age(np.array([0.4 + 0.1 * row[3]]))[0]
+                for row in phases
+            ]
+        )
+    )
 
 
 @chart
@@ -40,24 +44,42 @@ def age_precision(
     """The mean age of the chapter's chain: error against processor time."""
     truth, rng = sampled(lattice(reference, 4)), np.random.default_rng(0)
     predicted = age(CHAIN)
-    panel = Panel("Mean age of the chapter's chain: closed form and events", "processor time [s]",
-                  "error [s]", scale="log",
-                  lines=[("y", 1e-3, "0.3 mm at 0.3 m/s")])  # fmt: skip
+    panel = Panel(
+        "Mean age of the chapter's chain: closed form and events",
+        "processor time [s]",
+        "error [s]",
+        scale="log",
+        lines=[("y", 1e-3, "0.3 mm at 0.3 m/s")],
+    )
     asked: list[Callable[[], object]] = [functools.partial(age, CHAIN)]
     draws = {n: [rng.random((n, 4)) for _ in range(repeats)] for n in runs}
     asked += [functools.partial(sampled, draws[n][0]) for n in runs]
     timed = interleaved([calls(f, clock=time.process_time) for f in asked], repeats=3)
     errors = np.array([[abs(sampled(d) - truth) for d in draws[n]] for n in runs])
-    panel.series.append(Series(
-        "random phases", [t.median for t in timed[1:]], np.median(errors, axis=1), "events",
-        low=np.quantile(errors, 0.25, axis=1), high=np.quantile(errors, 0.75, axis=1),
-        note=f"{runs[-1]} random phases: {timed[-1].median:.2g} s, error "
-        f"{np.median(errors[-1]):.1e} s; spread of one age {predicted.std:.4f} s"))  # fmt: skip
+    panel.series.append(
+        Series(
+            "random phases",
+            [t.median for t in timed[1:]],
+            np.median(errors, axis=1),
+            "events",
+            low=np.quantile(errors, 0.25, axis=1),
+            high=np.quantile(errors, 0.75, axis=1),
+            note=f"{runs[-1]} random phases: {timed[-1].median:.2g} s, error "
+            f"{np.median(errors[-1]):.1e} s; spread of one age {predicted.std:.4f} s",
+        )
+    )
     own = abs(predicted.mean - truth)
-    panel.series.append(Series(
-        "closed form", [timed[0].median], [own], "closed form", "",
-        note=f"closed form: {timed[0].median:.1e} s, within {own:.1e} s of {reference} even phases",
-    ))  # fmt: skip
+    panel.series.append(
+        Series(
+            "closed form",
+            [timed[0].median],
+            [own],
+            "closed form",
+            "",
+            note=f"closed form: {timed[0].median:.1e} s, "
+            f"within {own:.1e} s of {reference} even phases",
+        )
+    )
     panel.notes.append(
         f"mean {1e3 * predicted.mean:.2f} ms predicted, {1e3 * truth:.2f} by even phases; least "
         f"{1e3 * predicted.least:.2f}, bound {1e3 * predicted.greatest:.2f}"
@@ -68,42 +90,75 @@ def age_precision(
 
 def at_read(reader: float, phase: float, seconds: float, depth: int = 1) -> tuple[Array, Array]:
     """When a reader reads a quick camera, and how old what it gets is [s]."""
-    run = simulate([Stage("camera", 1e-6, CAMERA), Stage("reader", 1e-6, reader, depth)],
-                   [0.0, phase], seconds=seconds)  # fmt: skip
+    run = simulate(
+        [Stage("camera", 1e-6, CAMERA), Stage("reader", 1e-6, reader, depth)],
+        [0.0, phase],
+        seconds=seconds,
+    )
     return run.published, run.published - run.captured
 
 
 @chart
 def age_limits(phases: int = 41, seconds: float = 30.0, beats: float = 2.5) -> Iterator[Panel]:
     """Where the mean is wrong: locked clocks, drifting clocks, deep queues, overload."""
-    panel = Panel("Locked clocks: the start decides, for ever", "start phase of the reader",
-                  "mean age at reading [s]", lines=[("y", CAMERA / 2, "T / 2")])  # fmt: skip
+    panel = Panel(
+        "Locked clocks: the start decides, for ever",
+        "start phase of the reader",
+        "mean age at reading [s]",
+        lines=[("y", CAMERA / 2, "T / 2")],
+    )
     starts = np.linspace(0.01, 0.99, phases)
     for label, rate, key in (("10 Hz, one clock", 10.0, "locked"), ("9.73 Hz", 9.73, "events")):
         ages = [at_read(1 / rate, p, seconds)[1][3:].mean() for p in starts]
-        panel.series.append(Series(
-            label, starts, ages, key,
-            theory=(lambda p: (0.1 * p) % CAMERA + 1e-6) if rate == 10.0 else None,
-            note=f"{label:<18} from {min(ages):.4f} to {max(ages):.4f} s"))  # fmt: skip
+        panel.series.append(
+            Series(
+                label,
+                starts,
+                ages,
+                key,
+                theory=(lambda p: (0.1 * p) % CAMERA + 1e-6) if rate == 10.0 else None,
+                note=f"{label:<18} from {min(ages):.4f} to {max(ages):.4f} s",
+            )
+        )
     yield panel
 
     panel = Panel("100 ppm apart: a tooth of one period in 333 s", "time [s]", "age at reading [s]")
     times, tooth = at_read(CAMERA * (1 + 1e-4), 0.3, beats * CAMERA / 1e-4)
     few = slice(0, None, max(times.size // 400, 1))
-    panel.series.append(Series("30 Hz and 29.997 Hz", times[few], tooth[few], "events", "",
-        theory=lambda t: (0.3 * CAMERA + 1e-4 * t) % CAMERA,
-        note=f"drift of 1e-4: age from {tooth.min():.4f} to {tooth.max():.4f} s"))  # fmt: skip
+    panel.series.append(
+        Series(
+            "30 Hz and 29.997 Hz",
+            times[few],
+            tooth[few],
+            "events",
+            "",
+            theory=lambda t: (0.3 * CAMERA + 1e-4 * t) % CAMERA,
+            note=f"drift of 1e-4: age from {tooth.min():.4f} to {tooth.max():.4f} s",
+        )
+    )
     yield panel
 
     depths = np.arange(1, 11)
-    panel = Panel("A queue of depth d adds (d - 1) T if its reader is slower", "depth",
-                  "mean age at reading [s]")  # fmt: skip
-    for label, reader, full, key in (("reader at 9.7 Hz", 1 / 9.7, 1.0, "queue"),
-                                     ("reader at 33 Hz", 1 / 33.0, 0.0, "events")):  # fmt: skip
+    panel = Panel(
+        "A queue of depth d adds (d - 1) T if its reader is slower",
+        "depth",
+        "mean age at reading [s]",
+    )
+    for label, reader, full, key in (
+        ("reader at 9.7 Hz", 1 / 9.7, 1.0, "queue"),
+        ("reader at 33 Hz", 1 / 33.0, 0.0, "events"),
+    ):
         ages = [at_read(reader, 0.3, seconds, int(d))[1][60:].mean() for d in depths]
-        panel.series.append(Series(label, depths, ages, key,
-            theory=functools.partial(lambda d, f: CAMERA / 2 + f * (d - 1) * CAMERA, f=full),
-            note=f"{label:<18} depth 1 {ages[0]:.3f} s, depth 10 {ages[-1]:.3f} s"))  # fmt: skip
+        panel.series.append(
+            Series(
+                label,
+                depths,
+                ages,
+                key,
+                theory=functools.partial(lambda d, f: CAMERA / 2 + f * (d - 1) * CAMERA, f=full),
+                note=f"{label:<18} depth 1 {ages[0]:.3f} s, depth 10 {ages[-1]:.3f} s",
+            )
+        )
     yield panel
 
     loads = np.concatenate([np.linspace(0.5, 0.99, 6), np.linspace(1.01, 2.0, 10)])
@@ -112,9 +167,21 @@ def age_limits(phases: int = 41, seconds: float = 30.0, beats: float = 2.5) -> I
         late = Stage("slow", load * CAMERA, None, 100_000, "queue")
         run = simulate([Stage("camera", 1e-6, CAMERA), late], [0.0, 0.0], seconds=seconds)
         slopes.append(np.polyfit(run.published[9:], (run.published - run.captured)[9:], 1)[0])
-    panel = Panel("Overload: in an endless queue the age grows", "execution over period, C / T",
-                  "growth of the age [s/s]", lines=[("x", 1.0, "full")])  # fmt: skip
-    panel.series.append(Series("endless queue", loads, slopes, "queue", "",
-        theory=lambda x: max(1 - 1 / x, 0.0),
-        note=f"overload of {loads[-1]:g}: the age grows by {slopes[-1]:.3f} s/s"))  # fmt: skip
+    panel = Panel(
+        "Overload: in an endless queue the age grows",
+        "execution over period, C / T",
+        "growth of the age [s/s]",
+        lines=[("x", 1.0, "full")],
+    )
+    panel.series.append(
+        Series(
+            "endless queue",
+            loads,
+            slopes,
+            "queue",
+            "",
+            theory=lambda x: max(1 - 1 / x, 0.0),
+            note=f"overload of {loads[-1]:g}: the age grows by {slopes[-1]:.3f} s/s",
+        )
+    )
     yield panel

@@ -256,9 +256,11 @@ def vector_env(
     """
     rates = measure_rates(CONTENDERS, sizes, repeats)
     left = Panel(
-        "Reaching task, one step of 20 ms", "number of environments N",
-        "environment steps per second", scale="log",
-    )  # fmt: skip
+        "Reaching task, one step of 20 ms",
+        "number of environments N",
+        "environment steps per second",
+        scale="log",
+    )
     disturbed = max(found.busy for row in rates.values() for found in row.values())
     left.footer = machine(disturbed)
     left.notes.append(f"{'env steps/s at N =':<38}" + "".join(f"{n:>10}" for n in sizes))
@@ -298,33 +300,45 @@ def vector_env(
     }
     times = measure_rates({f"{name}|{s}": c for (name, s), c in turned.items()}, (at,), repeats)
     middle = Panel(
-        f"Accuracy beside speed, N = {at}; numbers: substeps", "environment steps per second",
-        "largest error of the tip over 2 s [m]", scale="log",
-        lines=[("y", TOLERANCE, f"tolerance {TOLERANCE * 1e3:g} mm")], ylim=(1e-12, None),
-    )  # fmt: skip
+        f"Accuracy beside speed, N = {at}; numbers: substeps",
+        "environment steps per second",
+        "largest error of the tip over 2 s [m]",
+        scale="log",
+        lines=[("y", TOLERANCE, f"tolerance {TOLERANCE * 1e3:g} mm")],
+        ylim=(1e-12, None),
+    )
     middle.notes.append(
         f"{'largest error of the tip over 2 s [m]':<38}"
-        + "".join(f"{s:>10}" for s in substeps) + "  substeps"
-    )  # fmt: skip
+        + "".join(f"{s:>10}" for s in substeps)
+        + "  substeps"
+    )
     for name, (key, _) in ACCURACY.items():
         errors = [tip_error(turned[name, s].make) for s in substeps]
         speed = [at / times[f"{name}|{s}"][at].median for s in substeps]
         middle.series.append(
-            Series(name, speed, errors, key, "--" if "mujoco" in name else "-",
-                   tags=[str(s) for s in substeps],
-                   note=f"{name:<38}" + "".join(f"{error:>10.1e}" for error in errors))
-        )  # fmt: skip
+            Series(
+                name,
+                speed,
+                errors,
+                key,
+                "--" if "mujoco" in name else "-",
+                tags=[str(s) for s in substeps],
+                note=f"{name:<38}" + "".join(f"{error:>10.1e}" for error in errors),
+            )
+        )
     yield middle
 
     data = cost_of_processes(busy, CROSSING_ENVS, repeats)
     predicted = predicted_by_size(data, CROSSING_ENVS, WORKERS) * 1e6
     measured = crossing(data["cost"], data["loop"], data["processes"])
     right = Panel(
-        f"When processes pay, N = {CROSSING_ENVS}", "cost of one environment's step [µs]",
-        "time of a step of all N [µs]", scale="log",
+        f"When processes pay, N = {CROSSING_ENVS}",
+        "cost of one environment's step [µs]",
+        "time of a step of all N [µs]",
+        scale="log",
         lines=[("x", predicted[0], "processes pay from here,\nby waking idle workers")],
         spans=[("x", predicted.min(), predicted.max(), "the same, by waking busy ones")],
-    )  # fmt: skip
+    )
     for name, key, label in (
         ("loop", "loop", "VectorizedEnv (a loop)"),
         ("processes", "processes", f"ProcessVectorEnv, {WORKERS} workers"),
@@ -339,9 +353,12 @@ def vector_env(
         f"{predicted[0]:.0f} us a step on, if waking always takes the {waking:.0f} us that it "
         f"takes where there is nothing to compute. With what it took at the other costs: from "
         f"{predicted.min():.0f} to {predicted.max():.0f} us, and "
-        + ("they did not meet: the workers waited for a free core."
-           if measured is None else f"{measured * 1e6:.0f} us measured.")
-    )  # fmt: skip
+        + (
+            "they did not meet: the workers waited for a free core."
+            if measured is None
+            else f"{measured * 1e6:.0f} us measured."
+        )
+    )
     yield right
 
 
@@ -371,9 +388,16 @@ def learning_curve_reach(seeds: int = 8, generations: int = 30) -> Iterator[Pane
         panel = Panel(title, "environment steps", unit)
         panel.lines = [("y", by_hand[k - 1], "written by hand")]
         panel.series.append(
-            Series(f"learned: median and range of {seeds} runs", steps, middle, "closed form",
-                   marker="", low=low, high=high)
-        )  # fmt: skip
+            Series(
+                f"learned: median and range of {seeds} runs",
+                steps,
+                middle,
+                "closed form",
+                marker="",
+                low=low,
+                high=high,
+            )
+        )
         panel.notes.append(
             f"{title}: {middle[0]:{form}} untrained; after {steps[-1]:.3g} steps "
             f"{middle[-1]:{form}} (from {low[-1]:{form}} to {high[-1]:{form}} over {seeds} runs); "
@@ -413,9 +437,13 @@ class Arm:
 
 @chart(columns=2)
 def arm_learned(
-    number: int = 100, rounds: int = 2, seeds: int = 3, judged: int = 500, fit: int = 2000,
+    number: int = 100,
+    rounds: int = 2,
+    seeds: int = 3,
+    judged: int = 500,
+    fit: int = 2000,
     steps: int = 500_000,
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """The hard end: torques of an arm, copied from a written law, and learned from reward.
 
     Args:
@@ -432,22 +460,30 @@ def arm_learned(
         "cloned, a better fit": [(most, 0, {"width": 128, "steps": 2 * fit})],
     }
     by_hand = arm.reached(arm.expert, judged)
-    panel = Panel("Copied, at equal labels", "runs of 2 s that were labelled", "targets reached",
-                  lines=[("y", by_hand, "the law itself")], ylim=(0.0, 1.0))  # fmt: skip
+    panel = Panel(
+        "Copied, at equal labels",
+        "runs of 2 s that were labelled",
+        "targets reached",
+        lines=[("y", by_hand, "the law itself")],
+        ylim=(0.0, 1.0),
+    )
     for label, kinds in ways.items():
         x, rows = [], []
         for first, more, how in kinds:
             each = []
             for seed in range(seeds):
                 taught, rng = partial(learn, seed=seed, **how), np.random.default_rng(seed)
-                told = dagger(arm, arm.expert, taught, arm.starts, MAX_STEPS, rng, number=first,
-                              rounds=more)  # fmt: skip
+                told = dagger(
+                    arm, arm.expert, taught, arm.starts, MAX_STEPS, rng, number=first, rounds=more
+                )
                 each.append([arm.reached(one.policy, judged) for one in told])
             x += [first * (k + 1) for k in range(1 + more)]
             rows += list(zip(*each, strict=True))
         found = np.array(rows)
-        said = ", ".join(f"{k} runs {r.mean():.2f} ({r.min():.2f} to {r.max():.2f})"
-                         for k, r in zip(x, found, strict=True))  # fmt: skip
+        said = ", ".join(
+            f"{k} runs {r.mean():.2f} ({r.min():.2f} to {r.max():.2f})"
+            for k, r in zip(x, found, strict=True)
+        )
         note = f"{label}: {said}; the law itself {by_hand:.2f}"
         low, high = found.min(axis=1), found.max(axis=1)
         panel.series.append(Series(label, x, found.mean(axis=1), low=low, high=high, note=note))
@@ -464,11 +500,22 @@ def arm_learned(
         curves.append(curve)
     at, share = np.moveaxis(np.array(curves), 2, 0)
     middle = share.mean(axis=0)
-    panel = Panel("From reward: torques of PPO", "environment steps", "targets reached",
-                  lines=[("y", by_hand, "the law itself")], ylim=(0.0, 1.0))  # fmt: skip
-    panel.series.append(Series(
-        "PPO, 64 wide", at[0], middle, low=share.min(axis=0), high=share.max(axis=0),
-        note=f"PPO, 64 wide: {middle[-1]:.2f} ({share[:, -1].min():.2f} to "
-             f"{share[:, -1].max():.2f}) after {at[0, -1]:,.0f} steps, {seeds} seeds",
-    ))  # fmt: skip
+    panel = Panel(
+        "From reward: torques of PPO",
+        "environment steps",
+        "targets reached",
+        lines=[("y", by_hand, "the law itself")],
+        ylim=(0.0, 1.0),
+    )
+    panel.series.append(
+        Series(
+            "PPO, 64 wide",
+            at[0],
+            middle,
+            low=share.min(axis=0),
+            high=share.max(axis=0),
+            note=f"PPO, 64 wide: {middle[-1]:.2f} ({share[:, -1].min():.2f} to "
+            f"{share[:, -1].max():.2f}) after {at[0, -1]:,.0f} steps, {seeds} seeds",
+        )
+    )
     yield panel

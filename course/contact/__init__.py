@@ -22,11 +22,34 @@ from course.contact.shapes import Shape, bounds, box, capsule, plane, points, sp
 from course.contact.sweep import Impact, spheres_time_of_impact, time_of_impact
 
 __all__ = [
-    "MODELS", "Contacts", "Distance", "Impact", "Problem", "Residuals", "Shape", "Solution",
-    "SweepAndPrune", "bounds", "box", "brute_force", "capsule", "contacts", "distance",
-    "enumerated", "overlapping_pairs", "plane", "points", "residuals", "separating_axes", "solve",
-    "sphere", "spheres_time_of_impact", "time_of_impact", "uniform_grid", "warm",
-]  # fmt: skip
+    "MODELS",
+    "Contacts",
+    "Distance",
+    "Impact",
+    "Problem",
+    "Residuals",
+    "Shape",
+    "Solution",
+    "SweepAndPrune",
+    "bounds",
+    "box",
+    "brute_force",
+    "capsule",
+    "contacts",
+    "distance",
+    "enumerated",
+    "overlapping_pairs",
+    "plane",
+    "points",
+    "residuals",
+    "separating_axes",
+    "solve",
+    "sphere",
+    "spheres_time_of_impact",
+    "time_of_impact",
+    "uniform_grid",
+    "warm",
+]
 
 
 def warm() -> None:

@@ -262,9 +262,14 @@ def pgs(
         )
     g = in_scaled_rows(problem, start)
     taken = gauss_seidel(
-        problem.scaled, problem.offset, g, problem.jacobian.shape[1],
-        associated=associated, sweeps=sweeps, tolerance=0.1 * tolerance,
-    )  # fmt: skip
+        problem.scaled,
+        problem.offset,
+        g,
+        problem.jacobian.shape[1],
+        associated=associated,
+        sweeps=sweeps,
+        tolerance=0.1 * tolerance,
+    )
     return answer("pgs", problem, g, taken, _missed(problem, g, associated), tolerance)
 
 

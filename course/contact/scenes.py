@@ -51,9 +51,15 @@ class Scene:
     @functools.cached_property
     def _first(self) -> Problem:
         return Problem(
-            self.mass, self.jacobian, self.v, self.v, self.distance, self.friction, 1.0,
+            self.mass,
+            self.jacobian,
+            self.v,
+            self.v,
+            self.distance,
+            self.friction,
+            1.0,
             self.restitution,
-        )  # fmt: skip
+        )
 
     @functools.cached_property
     def _acceleration(self) -> Array:
@@ -127,9 +133,19 @@ def march(
     q, v = scene.q.copy(), scene.v.copy()
     bounds = np.array([dt, scene.restitution, first.recovery, tolerance])
     taken = compiled(_march, _MARCH)(
-        first.scaled, first.scale, first.rows, np.ascontiguousarray(first.response),
-        scene.distance, scene._acceleration, q, v, first.jacobian.shape[1], steps, sweeps, bounds,
-    )  # fmt: skip
+        first.scaled,
+        first.scale,
+        first.rows,
+        np.ascontiguousarray(first.response),
+        scene.distance,
+        scene._acceleration,
+        q,
+        v,
+        first.jacobian.shape[1],
+        steps,
+        sweeps,
+        bounds,
+    )
     return q, v, int(taken)
 
 
@@ -161,9 +177,19 @@ def _march(A, scale, rows, response, distance, acceleration, q, v, d, steps, swe
 
 
 _MARCH = numba.int64(
-    MATRIX, VECTOR, MATRIX, MATRIX, VECTOR, VECTOR, VECTOR, VECTOR,
-    numba.int64, numba.int64, numba.int64, VECTOR,
-)  # fmt: skip
+    MATRIX,
+    VECTOR,
+    MATRIX,
+    MATRIX,
+    VECTOR,
+    VECTOR,
+    VECTOR,
+    VECTOR,
+    numba.int64,
+    numba.int64,
+    numba.int64,
+    VECTOR,
+)
 
 
 # --- the scenes -----------------------------------------------------------------------------------
@@ -174,9 +200,15 @@ def ball_drop(height: float = 0.1, mass: float = 1.0, restitution: float = 0.0) 
     finite("height", height)
     positive("mass", mass, unit="kg")
     return Scene(
-        np.array([[mass]]), np.ones((1, 1, 1)), np.zeros(1), np.array([-mass * GRAVITY]),
-        np.zeros((1, 0)), np.array([height]), np.zeros(1), restitution,
-    )  # fmt: skip
+        np.array([[mass]]),
+        np.ones((1, 1, 1)),
+        np.zeros(1),
+        np.array([-mass * GRAVITY]),
+        np.zeros((1, 0)),
+        np.array([height]),
+        np.zeros(1),
+        restitution,
+    )
 
 
 def block(
@@ -196,9 +228,14 @@ def block(
     rows = np.array([[[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]])
     force = mass * GRAVITY * np.array([math.sin(angle), 0.0, -math.cos(angle)])
     return Scene(
-        mass * np.eye(3), rows, np.zeros(1), force, np.full((1, 2), friction),
-        np.zeros(3), np.array([vx, vy, 0.0]),
-    )  # fmt: skip
+        mass * np.eye(3),
+        rows,
+        np.zeros(1),
+        force,
+        np.full((1, 2), friction),
+        np.zeros(3),
+        np.array([vx, vy, 0.0]),
+    )
 
 
 def spinning_disc(spin: float = 10.0, friction: float = 0.5, torsion: float = 0.01) -> Scene:
@@ -211,10 +248,14 @@ def spinning_disc(spin: float = 10.0, friction: float = 0.5, torsion: float = 0.
     rows[0, :3, :3] = base.jacobian[0]
     rows[0, 3, 3] = 1.0
     return Scene(
-        np.diag([1.0, 1.0, 1.0, 0.005]), rows, np.zeros(1), np.append(base.force, 0.0),
-        np.array([[friction, friction, finite("torsion", torsion, 0.0)]]), np.zeros(4),
+        np.diag([1.0, 1.0, 1.0, 0.005]),
+        rows,
+        np.zeros(1),
+        np.append(base.force, 0.0),
+        np.array([[friction, friction, finite("torsion", torsion, 0.0)]]),
+        np.zeros(4),
         np.array([0.0, 0.0, 0.0, finite("spin", spin, unit="rad/s")]),
-    )  # fmt: skip
+    )
 
 
 def tower(masses: Sequence[float]) -> Scene:
@@ -223,9 +264,14 @@ def tower(masses: Sequence[float]) -> Scene:
     n = count("len(masses)", len(weights), 1)
     rows = (np.eye(n) - np.eye(n, k=-1))[:, None]
     return Scene(
-        np.diag(weights), rows, np.zeros(n), -GRAVITY * weights, np.zeros((n, 0)),
-        np.zeros(n), np.zeros(n),
-    )  # fmt: skip
+        np.diag(weights),
+        rows,
+        np.zeros(n),
+        -GRAVITY * weights,
+        np.zeros((n, 0)),
+        np.zeros(n),
+        np.zeros(n),
+    )
 
 
 def table(load: Sequence[float] = (0.0, 0.0), side: float = 1.0, mass: float = 10.0) -> Scene:
@@ -247,9 +293,14 @@ def table(load: Sequence[float] = (0.0, 0.0), side: float = 1.0, mass: float = 1
     moment = mass * side**2 / 6.0
     weight = mass * GRAVITY
     return Scene(
-        np.diag([mass, moment, moment]), rows, np.zeros(4),
-        np.array([-weight, -weight * y, weight * x]), np.zeros((4, 0)), np.zeros(3), np.zeros(3),
-    )  # fmt: skip
+        np.diag([mass, moment, moment]),
+        rows,
+        np.zeros(4),
+        np.array([-weight, -weight * y, weight * x]),
+        np.zeros((4, 0)),
+        np.zeros(3),
+        np.zeros(3),
+    )
 
 
 def pinch(squeeze: float = 5.0, friction: float = 0.5, mass: float = 0.2) -> Scene:
@@ -263,10 +314,14 @@ def pinch(squeeze: float = 5.0, friction: float = 0.5, mass: float = 0.2) -> Sce
     left = [[-1.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
     right = [[0.0, 1.0, -1.0, 0.0], [0.0, 0.0, 0.0, 1.0]]
     return Scene(
-        np.diag([0.05, 0.05, mass, mass]), np.array([left, right]), np.zeros(2),
-        np.array([squeeze, -squeeze, 0.0, -mass * GRAVITY]), np.full((2, 1), friction),
-        np.zeros(4), np.zeros(4),
-    )  # fmt: skip
+        np.diag([0.05, 0.05, mass, mass]),
+        np.array([left, right]),
+        np.zeros(2),
+        np.array([squeeze, -squeeze, 0.0, -mass * GRAVITY]),
+        np.full((2, 1), friction),
+        np.zeros(4),
+        np.zeros(4),
+    )
 
 
 def rod(angle: float, friction: float, speed: float = 1.0, spin: float = 0.0) -> Scene:
@@ -289,9 +344,14 @@ def rod(angle: float, friction: float, speed: float = 1.0, spin: float = 0.0) ->
     # A turning rod moves its end along an arc: that acceleration, spin^2 (-c, s), acts too.
     force = np.array([-c * spin**2, -GRAVITY + s * spin**2, 0.0])
     return Scene(
-        np.diag([1.0, 1.0, 1.0 / 3.0]), rows, np.zeros(1), force,
-        np.full((1, 1), finite("friction", friction, 0.0)), np.zeros(3), v,
-    )  # fmt: skip
+        np.diag([1.0, 1.0, 1.0 / 3.0]),
+        rows,
+        np.zeros(1),
+        force,
+        np.full((1, 1), finite("friction", friction, 0.0)),
+        np.zeros(3),
+        v,
+    )
 
 
 def warm() -> None:

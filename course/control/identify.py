@@ -106,9 +106,9 @@ class _Windows:
         still = sliding_window_view(resting, n + 1)[starts] @ bump
         starts = starts[still <= max(0.01 * bump.sum(), np.quantile(still, 0.4))]
         self.count = len(starts)
-        rows = [sliding_window_view(x, n + 1)[starts] for x in (
-            log.q, np.sign(moved), np.cos(log.q)
-        )]  # fmt: skip
+        rows = [
+            sliding_window_view(x, n + 1)[starts] for x in (log.q, np.sign(moved), np.cos(log.q))
+        ]
         self.columns = np.column_stack(
             [rows[0] @ bend, -rows[0] @ slope, rows[1] @ bump, rows[2] @ bump]
         )

@@ -271,9 +271,19 @@ def _run(joint, drive, numbers, start, setpoint, extra, blocked, noise, out):
                 u = command + (u - command) * math.exp(-c * length) if c < math.inf else command
             else:
                 q, v, u = _advance(
-                    q, v, u, joint[0], a, load, joint[3], joint[4], c, command, length,
+                    q,
+                    v,
+                    u,
+                    joint[0],
+                    a,
+                    load,
+                    joint[3],
+                    joint[4],
+                    c,
+                    command,
+                    length,
                     early if half == 0 else late,
-                )  # fmt: skip
+                )
 
 
 _FLAGS = numba.types.Array(numba.boolean, 1, "C")

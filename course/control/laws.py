@@ -52,9 +52,16 @@ def pd(
 
 
 def pd_gravity(
-    chain: Arm, q: ArrayLike, v: ArrayLike, q_ref: ArrayLike, v_ref: ArrayLike, kp: ArrayLike,
-    kd: ArrayLike, *, gravity: ArrayLike = DOWNWARDS,
-) -> Array:  # fmt: skip
+    chain: Arm,
+    q: ArrayLike,
+    v: ArrayLike,
+    q_ref: ArrayLike,
+    v_ref: ArrayLike,
+    kp: ArrayLike,
+    kd: ArrayLike,
+    *,
+    gravity: ArrayLike = DOWNWARDS,
+) -> Array:
     """`pd`, and what holds the arm up where it is. At a still target it has no steady error."""
     here = np.asarray(q, dtype=float)
     zero = np.zeros(here.shape)
@@ -62,9 +69,17 @@ def pd_gravity(
 
 
 def feedforward(
-    chain: Arm, q: ArrayLike, v: ArrayLike, q_ref: ArrayLike, v_ref: ArrayLike, a_ref: ArrayLike,
-    kp: ArrayLike, kd: ArrayLike, *, gravity: ArrayLike = DOWNWARDS,
-) -> Array:  # fmt: skip
+    chain: Arm,
+    q: ArrayLike,
+    v: ArrayLike,
+    q_ref: ArrayLike,
+    v_ref: ArrayLike,
+    a_ref: ArrayLike,
+    kp: ArrayLike,
+    kd: ArrayLike,
+    *,
+    gravity: ArrayLike = DOWNWARDS,
+) -> Array:
     """`pd`, and the torques of the reference motion, which can be computed beforehand."""
     here = np.asarray(q, dtype=float)
     place, rate = like("q_ref", q_ref, here), like("v_ref", v_ref, here)
@@ -73,9 +88,18 @@ def feedforward(
 
 
 def computed_torque(
-    chain: Arm, q: ArrayLike, v: ArrayLike, q_ref: ArrayLike, v_ref: ArrayLike, a_ref: ArrayLike,
-    kp: ArrayLike, kd: ArrayLike, dt: float = 0.0, *, gravity: ArrayLike = DOWNWARDS,
-) -> Array:  # fmt: skip
+    chain: Arm,
+    q: ArrayLike,
+    v: ArrayLike,
+    q_ref: ArrayLike,
+    v_ref: ArrayLike,
+    a_ref: ArrayLike,
+    kp: ArrayLike,
+    kd: ArrayLike,
+    dt: float = 0.0,
+    *,
+    gravity: ArrayLike = DOWNWARDS,
+) -> Array:
     """M (a_ref + kd e' + kp e) + bias: with the right model and no hold, e'' + kd e' + kp e = 0.
 
     A command that is held for a sample is right at its beginning only, which costs an error of
@@ -130,9 +154,14 @@ class Adaptive:
     """
 
     def __init__(
-    self, arm: TwoLink, slope: float, damping: ArrayLike, rate: ArrayLike, dt: float,
-    estimate: ArrayLike | None = None,
-) -> None:  # fmt: skip
+        self,
+        arm: TwoLink,
+        slope: float,
+        damping: ArrayLike,
+        rate: ArrayLike,
+        dt: float,
+        estimate: ArrayLike | None = None,
+    ) -> None:
         """A law that knows nothing yet, or starts from an estimate.
 
         Args:
@@ -176,10 +205,17 @@ class Adaptive:
 
 
 def impedance(
-    chain: Chain, q: ArrayLike, v: ArrayLike, target: ArrayLike, stiffness: ArrayLike,
-    damping: ArrayLike, rate: ArrayLike = 0.0, *, rows: Sequence[int] = (0, 1, 2),
+    chain: Chain,
+    q: ArrayLike,
+    v: ArrayLike,
+    target: ArrayLike,
+    stiffness: ArrayLike,
+    damping: ArrayLike,
+    rate: ArrayLike = 0.0,
+    *,
+    rows: Sequence[int] = (0, 1, 2),
     gravity: ArrayLike = DOWNWARDS,
-) -> Array:  # fmt: skip
+) -> Array:
     """A spring and a damper from the tip to a target, and what holds the arm up (Hogan, 1985).
 
     The arm keeps its own inertia, so no force has to be measured.
@@ -203,9 +239,14 @@ def impedance(
 
 
 def admittance(
-    x: ArrayLike, v: ArrayLike, force: ArrayLike, mass: float, damping: float, stiffness: float,
+    x: ArrayLike,
+    v: ArrayLike,
+    force: ArrayLike,
+    mass: float,
+    damping: float,
+    stiffness: float,
     dt: float,
-) -> tuple[Array, Array]:  # fmt: skip
+) -> tuple[Array, Array]:
     """One sample of the virtual body mass x'' + damping x' + stiffness x = force.
 
     What comes out is the reference of a stiff position loop inside, counted from the set-point.
@@ -229,10 +270,19 @@ def admittance(
 
 
 def operational_space(
-    chain: Chain, q: ArrayLike, v: ArrayLike, target: ArrayLike, rate: ArrayLike,
-    acceleration: ArrayLike, kp: ArrayLike, kd: ArrayLike, null: ArrayLike = 0.0, *,
-    rows: Sequence[int] = (0, 1, 2), gravity: ArrayLike = DOWNWARDS,
-) -> Array:  # fmt: skip
+    chain: Chain,
+    q: ArrayLike,
+    v: ArrayLike,
+    target: ArrayLike,
+    rate: ArrayLike,
+    acceleration: ArrayLike,
+    kp: ArrayLike,
+    kd: ArrayLike,
+    null: ArrayLike = 0.0,
+    *,
+    rows: Sequence[int] = (0, 1, 2),
+    gravity: ArrayLike = DOWNWARDS,
+) -> Array:
     """The tip obeys e'' + kd e' + kp e = 0; what `null` asks of the joints it does not feel.
 
     Torques are J^T L (a - J' v) + bias + (I - J^T L J M^-1) null with the task inertia
@@ -250,17 +300,44 @@ def operational_space(
             is more than a million times that in another.
     """
     return hybrid(
-        chain, q, v, target, rate, acceleration, kp, kd, 0.0, 0.0,
-        np.eye(len(rows)), np.zeros(len(rows), dtype=bool), null, rows=rows, gravity=gravity,
-    )  # fmt: skip
+        chain,
+        q,
+        v,
+        target,
+        rate,
+        acceleration,
+        kp,
+        kd,
+        0.0,
+        0.0,
+        np.eye(len(rows)),
+        np.zeros(len(rows), dtype=bool),
+        null,
+        rows=rows,
+        gravity=gravity,
+    )
 
 
 def hybrid(
-    chain: Chain, q: ArrayLike, v: ArrayLike, target: ArrayLike, rate: ArrayLike,
-    acceleration: ArrayLike, kp: ArrayLike, kd: ArrayLike, force: ArrayLike, measured: ArrayLike,
-    frame: ArrayLike, forced: ArrayLike, null: ArrayLike = 0.0, *, force_gain: float = 0.0,
-    force_damping: float = 0.0, rows: Sequence[int] = (0, 1, 2), gravity: ArrayLike = DOWNWARDS,
-) -> Array:  # fmt: skip
+    chain: Chain,
+    q: ArrayLike,
+    v: ArrayLike,
+    target: ArrayLike,
+    rate: ArrayLike,
+    acceleration: ArrayLike,
+    kp: ArrayLike,
+    kd: ArrayLike,
+    force: ArrayLike,
+    measured: ArrayLike,
+    frame: ArrayLike,
+    forced: ArrayLike,
+    null: ArrayLike = 0.0,
+    *,
+    force_gain: float = 0.0,
+    force_damping: float = 0.0,
+    rows: Sequence[int] = (0, 1, 2),
+    gravity: ArrayLike = DOWNWARDS,
+) -> Array:
     """Motion along some axes of a frame, force along the others (Raibert and Craig, 1981).
 
     The choice is made in the frame of the surface: chosen among the world's axes it pushes along

@@ -67,11 +67,24 @@ class Gains:
 
     def numbers(self, dt: float) -> Array:
         """What `update` takes, shape (13,), for a sample time [s]."""
-        return np.array([
-            self.kp, self.ki, self.kd, positive("dt", dt, unit="s"), self.u_min, self.u_max,
-            self.tau, self.slew, self.weight, self.rate_weight, RATES.index(self.rate),
-            WINDUP.index(self.windup), self.tracking,
-        ], dtype=float)  # fmt: skip
+        return np.array(
+            [
+                self.kp,
+                self.ki,
+                self.kd,
+                positive("dt", dt, unit="s"),
+                self.u_min,
+                self.u_max,
+                self.tau,
+                self.slew,
+                self.weight,
+                self.rate_weight,
+                RATES.index(self.rate),
+                WINDUP.index(self.windup),
+                self.tracking,
+            ],
+            dtype=float,
+        )
 
     def law(self, dt: float) -> Law:
         """The same without its limits, as a linear law."""

@@ -72,9 +72,14 @@ def lacking(model: Arm, log: Record) -> tuple[Array, Array]:
 
 
 def fit(
-    x: ArrayLike, torque: ArrayLike, rng: np.random.Generator, *, features: int = 200,
-    width: float = 0.15, ridge: float = 1e-6,
-) -> Features:  # fmt: skip
+    x: ArrayLike,
+    torque: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    features: int = 200,
+    width: float = 0.15,
+    ridge: float = 1e-6,
+) -> Features:
     """Weights of random waves by least squares.
 
     Args:
@@ -100,9 +105,12 @@ def fit(
 
 
 def learn(
-    law: Learned, collect: Callable[[Learned], Record], rng: np.random.Generator,
-    rounds: int = 5, **settings: Any,
-) -> list[Learned]:  # fmt: skip
+    law: Learned,
+    collect: Callable[[Learned], Record],
+    rng: np.random.Generator,
+    rounds: int = 5,
+    **settings: Any,
+) -> list[Learned]:
     """The laws after each round, the first the one that was handed in.
 
     A round runs the last law by `collect`, as with `track`, and fits to all runs so far; `rng` and

@@ -178,7 +178,7 @@ def pid_law(
         rate: "filtered", the backward difference behind a low-pass (a plain one with tau = 0);
             "observer", see `observer_gains`; "exact", v itself.
         tau: time constant of the low-pass or the observer [s].
-    """  # fmt: skip
+    """
     one_of("rate", rate, RATES)
     finite("tau", tau, 0.0, unit="s")
     positive("dt", dt, unit="s")
@@ -449,8 +449,10 @@ def ultimate_gain(A: ArrayLike, B: ArrayLike, dt: float, delay: float = 0.0) -> 
     """
     plant = held(A, B, dt, delay)
     _, _, flat, reals = _crossed(*_parts(plant, pid_law(1.0, dt=dt)))
-    gain, w = min(((-1.0 / x, f / dt) for x, f in zip(reals, flat, strict=True) if x < 0.0),
-                  default=(0.0, 1.0))  # fmt: skip
+    gain, w = min(
+        ((-1.0 / x, f / dt) for x, f in zip(reals, flat, strict=True) if x < 0.0),
+        default=(0.0, 1.0),
+    )
     if not gain or growth(loop_matrix(plant, pid_law(0.99 * gain, dt=dt))) > STABLE:
         system = np.asarray(A).tolist(), np.asarray(B).tolist()
         raise refused("(A, B)", system, "a plant that P holds up to some gain")

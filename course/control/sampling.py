@@ -32,9 +32,15 @@ class Sampled(NamedTuple):
 
 
 def mppi(
-    rollout: Rollout, plan: ArrayLike, rng: np.random.Generator, *, samples: int = 64,
-    spread: ArrayLike = 1.0, temperature: float = 1.0, limit: ArrayLike = np.inf,
-) -> Sampled:  # fmt: skip
+    rollout: Rollout,
+    plan: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    samples: int = 64,
+    spread: ArrayLike = 1.0,
+    temperature: float = 1.0,
+    limit: ArrayLike = np.inf,
+) -> Sampled:
     """Model predictive path integral control (Williams, Aldrich and Theodorou, 2017).
 
     The new plan is the mean of normal tries about the old one with weights exp(-cost /
@@ -63,9 +69,16 @@ def mppi(
 
 
 def cem(
-    rollout: Rollout, plan: ArrayLike, rng: np.random.Generator, *, samples: int = 64,
-    elites: int = 8, rounds: int = 3, spread: ArrayLike = 1.0, limit: ArrayLike = np.inf,
-) -> Sampled:  # fmt: skip
+    rollout: Rollout,
+    plan: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    samples: int = 64,
+    elites: int = 8,
+    rounds: int = 3,
+    spread: ArrayLike = 1.0,
+    limit: ArrayLike = np.inf,
+) -> Sampled:
     """The cross-entropy method (Rubinstein, 1999): mean and spread of the best tries, in rounds.
 
     Arguments as for `mppi`; `elites` of the tries count, in each of `rounds`.
@@ -86,9 +99,14 @@ def cem(
 
 
 def predictive(
-    rollout: Rollout, plan: ArrayLike, rng: np.random.Generator, *, samples: int = 64,
-    spread: ArrayLike = 1.0, limit: ArrayLike = np.inf,
-) -> Sampled:  # fmt: skip
+    rollout: Rollout,
+    plan: ArrayLike,
+    rng: np.random.Generator,
+    *,
+    samples: int = 64,
+    spread: ArrayLike = 1.0,
+    limit: ArrayLike = np.inf,
+) -> Sampled:
     """Predictive sampling (Howell and others, 2022): the best try, the old plan being one of them.
 
     So no plan is worse than the one before. Arguments as for `mppi`.

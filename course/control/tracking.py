@@ -135,10 +135,20 @@ def _track(kind, model, arm, gains, half, references, dt, substeps, limit, q, v,
 _track_loop = loop(
     _track,
     numba.void(
-        numba.int64, MATRIX, MATRIX, MATRIX, numba.float64, CUBE, numba.float64, numba.int64,
-        VECTOR, CUBE, CUBE, CUBE,
+        numba.int64,
+        MATRIX,
+        MATRIX,
+        MATRIX,
+        numba.float64,
+        CUBE,
+        numba.float64,
+        numba.int64,
+        VECTOR,
+        CUBE,
+        CUBE,
+        CUBE,
     ),
-)  # fmt: skip
+)
 
 _rollouts_loop = loop(_rollouts, numba.void(MATRIX, CUBE, numba.float64, numba.int64, CUBE, CUBE))
 
@@ -170,10 +180,17 @@ def rollouts(
 
 
 def track(
-    chain: Arm, law: Callable[..., Array], reference: Any, dt: float, seconds: float,
-    substeps: int = 1, state: tuple[ArrayLike, ArrayLike] | None = None, *,
-    limit: ArrayLike = np.inf, gravity: ArrayLike = DOWNWARDS,
-) -> Record:  # fmt: skip
+    chain: Arm,
+    law: Callable[..., Array],
+    reference: Any,
+    dt: float,
+    seconds: float,
+    substeps: int = 1,
+    state: tuple[ArrayLike, ArrayLike] | None = None,
+    *,
+    limit: ArrayLike = np.inf,
+    gravity: ArrayLike = DOWNWARDS,
+) -> Record:
     """An arm under a sampled law: measure, command, hold; Runge-Kutta of fourth order in between.
 
     Two links under a `JointLaw` with a two-link model run compiled; everything else calls the law
@@ -243,9 +260,13 @@ def track(
                 continue
             with np.errstate(over="ignore", invalid="ignore"):  # NaN says that it diverged
                 q[k + 1], v[k + 1] = _runge_kutta(
-                    partial(forward_dynamics, chain, gravity=gravity), q[k], v[k], tau[k],
-                    dt / substeps, substeps,
-                )  # fmt: skip
+                    partial(forward_dynamics, chain, gravity=gravity),
+                    q[k],
+                    v[k],
+                    tau[k],
+                    dt / substeps,
+                    substeps,
+                )
     whole = [np.moveaxis(x[:, :, 0] if single else x, 0, -1) for x in (q, v, tau)]
     torque = np.concatenate([whole[2], whole[2][..., -1:]], axis=-1)
     return Record(times, whole[0], whole[1], torque, whole[2], whole[0][..., :-1], now[0])

@@ -332,9 +332,16 @@ def claim(
         if id in target:
             raise ValueError(f"id is {id!r}, which is taken; ids must be unique")
         target[id] = Claim(
-            id, file, chapter, _one_line(heard), _one_line(corrected), _one_line(source), check,
-            formula, needs,
-        )  # fmt: skip
+            id,
+            file,
+            chapter,
+            _one_line(heard),
+            _one_line(corrected),
+            _one_line(source),
+            check,
+            formula,
+            needs,
+        )
         return check
 
     return register
@@ -504,8 +511,10 @@ class Block:
         if outcome.finding.verdict is Verdict.CONDITIONAL:  # so it is false without the condition
             said[Verdict.FALSE] = "Right, as it stands."
         labels = {
-            "True": Verdict.HOLDS, "True only if ...": Verdict.CONDITIONAL, "False": Verdict.FALSE
-        }  # fmt: skip
+            "True": Verdict.HOLDS,
+            "True only if ...": Verdict.CONDITIONAL,
+            "False": Verdict.FALSE,
+        }
         options = [(k, f"**{said[found]} {verdict}** {corrected}") for k, found in labels.items()]
         settled = [cards.tex(outcome.finding.statement), *(f"`{x}`" for x in self._figures())]
         if outcome.claim.source:

@@ -173,7 +173,8 @@ class Found:
         if not self.statement:
             wrong.append("there is no statement of what was computed or measured")
         wrong += [
-            f"{k} is {v}, not a number" for k, v in self.figures.items()
+            f"{k} is {v}, not a number"
+            for k, v in self.figures.items()
             if isinstance(v, float) and math.isnan(v)
-        ]  # fmt: skip
+        ]
         return wrong

@@ -34,14 +34,19 @@ SYMBOLS = {
     "What is at {worse:.2f} passes with probability {lucky:.2f}, and what is at the gate itself "
     "with {fair:.2f}. After {passed:.0f} of {n:.0f} Wilson's interval at two standard deviations "
     "is {low:.2f} to {high:.2f}. A half width d at two standard deviations takes {formula} trials.",
-    ask=("A success rate is near p. How many trials for an interval of half width d, at two "
-         "standard deviations?", "n = 4*p*(1 - p)/d^2", {
-             "p*(1 - p)/d^2": "That is one standard deviation.",
-             "2*p*(1 - p)/d^2": "Two standard deviations are squared.",
-             "4*p/d^2": "The variance of a trial is p (1 - p).",
-             "4*p*(1 - p)/d": "The width falls with the root of n."}),
+    ask=(
+        "A success rate is near p. How many trials for an interval of half width d, at two "
+        "standard deviations?",
+        "n = 4*p*(1 - p)/d^2",
+        {
+            "p*(1 - p)/d^2": "That is one standard deviation.",
+            "2*p*(1 - p)/d^2": "Two standard deviations are squared.",
+            "4*p/d^2": "The variance of a trial is p (1 - p).",
+            "4*p*(1 - p)/d": "The width falls with the root of n.",
+        },
+    ),
     source="E. Wilson, Probable inference, the law of succession, 1927",
-)  # fmt: skip
+)
 def hundred_trials(found):
     import sympy
     from scipy.stats import binom
@@ -64,8 +69,9 @@ def hundred_trials(found):
     inside = np.mean(np.abs(draws - gate) < 0.05)
     found.statement = "Binomial sums, and 40,000 draws of a hundred trials."
     found.heard(lucky < 0.025)
-    found.corrected(abs(seen - lucky) < 0.01, 0.5 < fair < 0.6, low < worse < high,
-                    0.94 < inside < 0.97)  # fmt: skip
+    found.corrected(
+        abs(seen - lucky) < 0.01, 0.5 < fair < 0.6, low < worse < high, 0.94 < inside < 0.97
+    )
 
 
 @claim(
@@ -74,13 +80,18 @@ def hundred_trials(found):
     "reads {rest:.2f} m/s^2 upward, in free fall nothing. And in a place that is integrated from "
     "it a constant bias b outgrows white noise: it becomes {formula}, {drift:.1f} m after "
     "{seconds:.0f} s at {bias:g} m/s^2.",
-    ask=("An accelerometer at rest has a constant bias b. How far is the place off that is "
-         "integrated from it, after t?", "b*t^2/2", {
-             "b*t": "That is the speed.",
-             "b*t^2": "Integrated twice: a half comes with it.",
-             "b*t^2/4": "The mean speed is half of the last."}),
+    ask=(
+        "An accelerometer at rest has a constant bias b. How far is the place off that is "
+        "integrated from it, after t?",
+        "b*t^2/2",
+        {
+            "b*t": "That is the speed.",
+            "b*t^2": "Integrated twice: a half comes with it.",
+            "b*t^2/4": "The mean speed is half of the last.",
+        },
+    ),
     source="D. Titterton and J. Weston, Strapdown Inertial Navigation Technology, 2004, ch. 2",
-)  # fmt: skip
+)
 def imu_reads_acceleration(found):
     import mujoco
     import sympy
@@ -124,14 +135,18 @@ def imu_reads_acceleration(found):
     "stiffness k presses with {formula} if nobody brakes: {free:.0f} N at {speed:g} m/s, {mass:g} "
     "kg and {stiff:.0f} N/m. Braked with {brake:.0f} N from there on, {late_ms:.0f} ms later, it "
     "is {braked:.0f} N. To stay at {felt:.0f} N it may come with {slow:.3f} m/s.",
-    ask=("A mass m meets a spring k at speed v, with no other force. The largest force?",
-         "F = v*sqrt(k*m)", {
-             "v*sqrt(k/m)": "That is an acceleration.",
-             "k*v": "It is no damper.",
-             "m*v^2/2": "That is the energy.",
-             "v*k*m": "The energies are equal: k x^2 is m v^2."}),
+    ask=(
+        "A mass m meets a spring k at speed v, with no other force. The largest force?",
+        "F = v*sqrt(k*m)",
+        {
+            "v*sqrt(k/m)": "That is an acceleration.",
+            "k*v": "It is no damper.",
+            "m*v^2/2": "That is the energy.",
+            "v*k*m": "The energies are equal: k x^2 is m v^2.",
+        },
+    ),
     source="S. Haddadin and others, Robot collisions, IEEE Transactions on Robotics, 2017",
-)  # fmt: skip
+)
 def stop_at_ten_newtons(found):
     import sympy
 
@@ -167,13 +182,17 @@ def stop_at_ten_newtons(found):
     "An impedance of 2000 N/m is position control.",
     "It is a spring: a payload of mass m draws it down by {formula}, {sag:.1f} mm for {mass:g} kg. "
     "Position control removes what stays, by an integral: {left:.0e} mm after {seconds:.0f} s.",
-    ask=("A spring of stiffness k holds a hand. By how much does a payload of mass m draw it "
-         "down?", "m*g/k", {
-             "m/k": "A mass is no force.",
-             "m*g/(2*k)": "A half belongs to the energy.",
-             "k/(m*g)": "Upside down: it gives way less where it is stiff."}),
+    ask=(
+        "A spring of stiffness k holds a hand. By how much does a payload of mass m draw it down?",
+        "m*g/k",
+        {
+            "m/k": "A mass is no force.",
+            "m*g/(2*k)": "A half belongs to the energy.",
+            "k/(m*g)": "Upside down: it gives way less where it is stiff.",
+        },
+    ),
     source="N. Hogan, Impedance control, 1985",
-)  # fmt: skip
+)
 def stiff_is_position(found):
     import sympy
 
@@ -195,8 +214,10 @@ def stiff_is_position(found):
     removed = found.figure("left", left(8000.0), 0.2)
     found.statement = "A hand under a payload, with and without an integral."
     found.heard(sag < 1)
-    found.corrected(abs(sag / float(found.formula.subs({m: mass, g: 9.81, k: stiff})) / 1000 - 1)
-                    < 1e-3, removed < 1e-3 * sag)  # fmt: skip
+    found.corrected(
+        abs(sag / float(found.formula.subs({m: mass, g: 9.81, k: stiff})) / 1000 - 1) < 1e-3,
+        removed < 1e-3 * sag,
+    )
 
 
 @claim(
@@ -204,14 +225,18 @@ def stiff_is_position(found):
     "Where samples are noisy: the difference of two of them carries {formula}. A filter that moves "
     "by {alpha:.2f} of what is new leaves {quiet:.2f} of it, and is late: a loop without noise "
     "settles in {soft:.0f} ms in place of {sharp:.0f}.",
-    ask=("Samples h apart carry white noise of deviation s. The deviation of (y[i] - y[i-1])/h?",
-         "sqrt(2)*s/h", {
-             "s/h": "Two samples are noisy.",
-             "2*s/h": "Variances add up, not deviations.",
-             "sqrt(2)*s*h": "A difference is divided by h.",
-             "sqrt(2)*s": "Mind the unit: it is a rate."}),
+    ask=(
+        "Samples h apart carry white noise of deviation s. The deviation of (y[i] - y[i-1])/h?",
+        "sqrt(2)*s/h",
+        {
+            "s/h": "Two samples are noisy.",
+            "2*s/h": "Variances add up, not deviations.",
+            "sqrt(2)*s*h": "A difference is divided by h.",
+            "sqrt(2)*s": "Mind the unit: it is a rate.",
+        },
+    ),
     source="K. Astrom and T. Hagglund, Advanced PID Control, 2006, sec. 3.3",
-)  # fmt: skip
+)
 def derivative_is_filtered(found):
     import sympy
 
@@ -242,8 +267,11 @@ def derivative_is_filtered(found):
     sharp, soft = found.figure("sharp", settled(1.0)), found.figure("soft", settled(alpha))
     found.statement = "200,000 noisy samples, and a step of a loop that has no noise."
     found.heard(soft < sharp)
-    found.corrected(abs(rates.std() / told - 1) < 0.01, soft > 1.1 * sharp,
-                    abs(quiet / (alpha / np.sqrt(2 - alpha)) - 1) < 0.05)  # fmt: skip
+    found.corrected(
+        abs(rates.std() / told - 1) < 0.01,
+        soft > 1.1 * sharp,
+        abs(quiet / (alpha / np.sqrt(2 - alpha)) - 1) < 0.05,
+    )
 
 
 @claim(
@@ -297,9 +325,12 @@ def growing_energy(found):
         outside=[told(verlet, d, 4e-3) for d in found.rng.uniform(-1, -0.1, 8)],
         cases=True,
     )
-    found.corrected(abs(whole / half - 2) < 0.05, abs(fed / fed_half - 1) < 0.05,
-                    abs(fed - 0.4) < 0.02,
-                    0 < 4 * growth(heun, 2e-3, 0.0) < growth(heun, 4e-3, 0.0))  # fmt: skip
+    found.corrected(
+        abs(whole / half - 2) < 0.05,
+        abs(fed / fed_half - 1) < 0.05,
+        abs(fed - 0.4) < 0.02,
+        0 < 4 * growth(heun, 2e-3, 0.0) < growth(heun, 4e-3, 0.0),
+    )
 
 
 @claim(
@@ -357,13 +388,18 @@ def error_by_its_shape(found):
     "a straight gap along it of {narrow:g} m was open for {open_narrow:.0%} of the grid's places "
     "and one of {wide:g} m for {open_wide:.0%}. It is open wherever the grid lies from "
     "{formula} on.",
-    ask=("Cells of side c count as free only as a whole. The least width of a gap, along the "
-         "grid, that is open wherever the grid lies?", "2*c", {
-             "c": "Its two sides may both cut a cell.",
-             "c/2": "A cell does not fit.",
-             "3*c": "Two cut cells, and one between: they are cut only in part."}),
+    ask=(
+        "Cells of side c count as free only as a whole. The least width of a gap, along the "
+        "grid, that is open wherever the grid lies?",
+        "2*c",
+        {
+            "c": "Its two sides may both cut a cell.",
+            "c/2": "A cell does not fit.",
+            "3*c": "Two cut cells, and one between: they are cut only in part.",
+        },
+    ),
     source="S. LaValle, Planning Algorithms, 2006, sec. 5.1",
-)  # fmt: skip
+)
 def complete_planners(found):
     import sympy
     from scipy.ndimage import label
@@ -406,14 +442,19 @@ def complete_planners(found):
     "reaches the speed v with acceleration a. With "
     "{moves:.0f} moves of {move:.2f} s and {compute_ms:.0f} ms of computing, in which the planner "
     "has {plan_ms:.0f} ms, the cycle falls by {won:.1%}; twice the acceleration saves {quick:.0%}.",
-    ask=("A hand moves from rest to rest over D, with speed limit v, which it reaches, and "
-         "acceleration a. How long does it take?", "T = D/v + v/a", {
-             "D/v": "It starts and stops.",
-             "D/v + 2*v/a": "While it speeds up it moves on, at half the speed.",
-             "D/v + v/(2*a)": "That is one of the two ends.",
-             "2*sqrt(D/a)": "That is where the limit is not reached."}),
+    ask=(
+        "A hand moves from rest to rest over D, with speed limit v, which it reaches, and "
+        "acceleration a. How long does it take?",
+        "T = D/v + v/a",
+        {
+            "D/v": "It starts and stops.",
+            "D/v + 2*v/a": "While it speeds up it moves on, at half the speed.",
+            "D/v + v/(2*a)": "That is one of the two ends.",
+            "2*sqrt(D/a)": "That is where the limit is not reached.",
+        },
+    ),
     source="Chapter 5 derives the trapezoid",
-)  # fmt: skip
+)
 def computing_and_cycle(found):
     import sympy
 
@@ -451,14 +492,18 @@ def computing_and_cycle(found):
     "slope is {away:.0%} off, in the mean, and what the loss is worth depends on the baseline. "
     "Cloning has it with A = 1 on somebody else's actions: there it is minus the logarithm of a "
     "likelihood, and may be minimised.",
-    ask=("Two actions with rewards r1 and r2; the first is chosen with probability p, the logistic "
-         "function of its score. The slope of the mean reward over the score?",
-         "p*(1 - p)*(r1 - r2)", {
-             "p*(r1 - r2)": "The slope of a logistic function is p (1 - p).",
-             "r1 - r2": "That is over p, not over its score.",
-             "p*(1 - p)*r1": "The other action loses what this one wins."}),
+    ask=(
+        "Two actions with rewards r1 and r2; the first is chosen with probability p, the logistic "
+        "function of its score. The slope of the mean reward over the score?",
+        "p*(1 - p)*(r1 - r2)",
+        {
+            "p*(r1 - r2)": "The slope of a logistic function is p (1 - p).",
+            "r1 - r2": "That is over p, not over its score.",
+            "p*(1 - p)*r1": "The other action loses what this one wins.",
+        },
+    ),
     source="R. Williams, Simple statistical gradient-following algorithms, 1992",
-)  # fmt: skip
+)
 def loss_of_a_policy(found):
     import sympy
 
@@ -473,8 +518,12 @@ def loss_of_a_policy(found):
         return weights / weights.sum()
 
     def gradient(f, scores, step=1e-6):
-        return np.array([(f(scores + step * e) - f(scores - step * e)) / (2 * step)
-                         for e in np.eye(len(scores))])  # fmt: skip
+        return np.array(
+            [
+                (f(scores + step * e) - f(scores - step * e)) / (2 * step)
+                for e in np.eye(len(scores))
+            ]
+        )
 
     def off(away):
         """How far the two slopes are apart, as a share of the return's."""
@@ -505,12 +554,16 @@ def loss_of_a_policy(found):
     "So it is, with angles that are measured against the link before: three links end at the "
     "height {formula}. It agrees with a product of transforms to {digits:.0f} digits. With angles "
     "against the ground only the links are summed.",
-    ask=("Three links in a plane, each angle against the link before. The height of the tip?",
-         "L1*sin(q1) + L2*sin(q1 + q2) + L3*sin(q1 + q2 + q3)", {
-             "L1*sin(q1) + L2*sin(q2) + L3*sin(q3)": "Those are angles against the ground.",
-             "L1*cos(q1) + L2*cos(q1 + q2) + L3*cos(q1 + q2 + q3)": "That is the other axis.",
-             "(L1 + L2 + L3)*sin(q1 + q2 + q3)": "Each link has a sum of its own."}),
-)  # fmt: skip
+    ask=(
+        "Three links in a plane, each angle against the link before. The height of the tip?",
+        "L1*sin(q1) + L2*sin(q1 + q2) + L3*sin(q1 + q2 + q3)",
+        {
+            "L1*sin(q1) + L2*sin(q2) + L3*sin(q3)": "Those are angles against the ground.",
+            "L1*cos(q1) + L2*cos(q1 + q2) + L3*cos(q1 + q2 + q3)": "That is the other axis.",
+            "(L1 + L2 + L3)*sin(q1 + q2 + q3)": "Each link has a sum of its own.",
+        },
+    ),
+)
 def joints_by_sums(found):
     import sympy
 

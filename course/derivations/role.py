@@ -24,19 +24,26 @@ def _ages(stages, rng, runs=200, per_run=5):
 
     start = 3 * sum((s.period or 0) + s.execution for s in stages)
     start /= (1 - max(s.lost for s in stages)) ** 3
-    return np.array([
-        simulate(stages, rng.random(len(stages)), k, 2 * start).age(
-            rng.uniform(start, 2 * start, per_run))
-        for k in range(runs)
-    ])  # fmt: skip
+    return np.array(
+        [
+            simulate(stages, rng.random(len(stages)), k, 2 * start).age(
+                rng.uniform(start, 2 * start, per_run)
+            )
+            for k in range(runs)
+        ]
+    )
 
 
 def _at_read(period, phase, seconds=60.0, depth=1, camera=1 / 30):
     """Ages at which a reader with this period gets what a quick camera at 30 Hz gives [s]."""
     from course.role import Stage, simulate
 
-    run = simulate([Stage("camera", 1e-6, camera), Stage("reader", 1e-6, period, depth)],
-                   [0.0, phase], 0, seconds)  # fmt: skip
+    run = simulate(
+        [Stage("camera", 1e-6, camera), Stage("reader", 1e-6, period, depth)],
+        [0.0, phase],
+        0,
+        seconds,
+    )
     return (run.published - run.captured)[2:]
 
 
@@ -54,13 +61,18 @@ def _even(expression, over, width):
     "to see, a planner at {plan_hz:.0f} Hz that takes {plan_ms:.0f} ms and a loop at {loop_hz:.0f} "
     "Hz it is {mean_ms:.1f} ms in place of {sum_ms:.1f}; simulated moments give "
     "{simulated_ms:.1f}, none beyond the bound, which is {bound_ms:.1f}.",
-    ask=("Two stages with clocks of their own read the newest value. The mean age behind the "
-         "command in force?", "A, mean = C1 + C2 + (T1 + T2)/2", {
-             "C1 + C2": "That is the least.",
-             "C1 + C2 + T1 + T2": "That is the bound above.",
-             "C1 + C2 + T1/2": "The command is held for the second period."}),
+    ask=(
+        "Two stages with clocks of their own read the newest value. The mean age behind the "
+        "command in force?",
+        "A, mean = C1 + C2 + (T1 + T2)/2",
+        {
+            "C1 + C2": "That is the least.",
+            "C1 + C2 + T1 + T2": "That is the bound above.",
+            "C1 + C2 + T1/2": "The command is held for the second period.",
+        },
+    ),
     source="A. Davare and others, Period optimization for hard real-time systems, DAC 2007",
-)  # fmt: skip
+)
 def chain_age(found):
     import sympy
 
@@ -69,11 +81,16 @@ def chain_age(found):
     C1, C2, T1, T2, w = sympy.symbols("C1 C2 T1 T2 w", positive=True)
     found.formula = C1 + C2 + _even(w, w, T1) + _even(w, w, T2)
     chain = (
-        Stage("see", found.given("see_ms", 45) / 1000, 1 / found.given("camera_hz", 30), 1,
-              "pipelined"),
+        Stage(
+            "see",
+            found.given("see_ms", 45) / 1000,
+            1 / found.given("camera_hz", 30),
+            1,
+            "pipelined",
+        ),
         Stage("plan", found.given("plan_ms", 60) / 1000, 1 / found.given("plan_hz", 10)),
         Stage("act", 2e-4, 1 / found.given("loop_hz", 1000)),
-    )  # fmt: skip
+    )
     told, seen = age(chain), _ages(chain, found.rng)
     found.figure("sum_ms", 1000 * told.least)
     found.figure("mean_ms", 1000 * told.mean)
@@ -82,8 +99,11 @@ def chain_age(found):
     found.statement = "The closed form, and event simulation at random phases and moments."
     error = told.std / np.sqrt(len(seen))
     found.heard(abs(seen.mean() - told.least) < 5 * error)
-    found.corrected(abs(seen.mean() - told.mean) < 5 * error, told.least <= seen.min(),
-                    seen.max() <= told.greatest)  # fmt: skip
+    found.corrected(
+        abs(seen.mean() - told.mean) < 5 * error,
+        told.least <= seen.min(),
+        seen.max() <= told.greatest,
+    )
 
 
 @claim(
@@ -92,12 +112,17 @@ def chain_age(found):
     "own. Readers at {slow_hz:.0f} and at {fast_hz:.0f} Hz get pictures of {camera_hz:.0f} Hz that "
     "are {slow_ms:.1f} and {fast_ms:.1f} ms old. Polling shortens only how long its own answer is "
     "in force.",
-    ask=("A producer of period T takes C. How old is its newest value in the mean, for somebody "
-         "who looks at any time?", "A, mean = C + T/2", {
-             "T/2": "Its execution is part of the age.",
-             "C + T": "That is the bound above.",
-             "C": "That is the least, just after it came."}),
-)  # fmt: skip
+    ask=(
+        "A producer of period T takes C. How old is its newest value in the mean, for somebody "
+        "who looks at any time?",
+        "A, mean = C + T/2",
+        {
+            "T/2": "Its execution is part of the age.",
+            "C + T": "That is the bound above.",
+            "C": "That is the least, just after it came.",
+        },
+    ),
+)
 def polling_makes_fresh(found):
     import sympy
 
@@ -168,8 +193,12 @@ def long_run_mean(found):
     # spaced, and their mean is off by up to T / (2 n).
     apart = [right(*x) for x in zip(draws, phases, strict=True)] + [right(1.7 * camera, 0.3)]
     locked = [right(n * camera, x) for n in (1, 1.5, 2, 50) for x in phases]
-    found.heard(right(slow, 0.02), inside=apart, outside=locked, only_if="no small number of the "
-                "reader's periods is a whole number of the producer's")  # fmt: skip
+    found.heard(
+        right(slow, 0.02),
+        inside=apart,
+        outside=locked,
+        only_if="no small number of the reader's periods is a whole number of the producer's",
+    )
     found.corrected(np.ptp(low) < 1e-9, np.ptp(high) < 1e-9, abs(high.mean() - low.mean()) > 0.005)
 
 
@@ -178,12 +207,17 @@ def long_run_mean(found):
     "Their quartz clocks differ. At {ppm:.0f} parts in a million the age at reading is a sawtooth "
     "as high as the period, {high_ms:.1f} ms at {rate_hz:.0f} Hz, and one tooth takes {formula}, "
     "{beat_s:.0f} s: too slow for a test on the bench.",
-    ask=("Two clocks of period T differ by the share r. How long until their phase has gone "
-         "once round?", "beat = T/r", {
-             "T*r": "That is the shift in one period.",
-             "1/r": "That is the number of periods.",
-             "T/(2*r)": "A whole period has to be gained."}),
-)  # fmt: skip
+    ask=(
+        "Two clocks of period T differ by the share r. How long until their phase has gone "
+        "once round?",
+        "beat = T/r",
+        {
+            "T*r": "That is the shift in one period.",
+            "1/r": "That is the number of periods.",
+            "T/(2*r)": "A whole period has to be gained.",
+        },
+    ),
+)
 def same_rate_in_step(found):
     import sympy
 
@@ -196,8 +230,10 @@ def same_rate_in_step(found):
     found.figure("high_ms", 1000 * np.ptp(old), 0.01)
     found.statement = "800 s of two drifting clocks, event by event."
     found.heard(np.ptp(old) < 0.1 * period)
-    found.corrected(abs(teeth.mean() / float(found.formula.subs({T: period, r: drift})) - 1) < 1e-3,
-                    abs(np.ptp(old) / period - 1) < 0.01)  # fmt: skip
+    found.corrected(
+        abs(teeth.mean() / float(found.formula.subs({T: period, r: drift})) - 1) < 1e-3,
+        abs(np.ptp(old) / period - 1) < 0.01,
+    )
 
 
 @claim(
@@ -205,12 +241,17 @@ def same_rate_in_step(found):
     "Behind a producer that is faster it is always full, and its reader gets the oldest: {formula} "
     "is added. At {fast_hz:.0f} Hz into {slow_hz:.0f}, depth {deep:.0f} reads {deep_ms:.0f} ms old "
     "data where depth 1 reads {newest_ms:.0f}, and still {lost:.0%} of the samples are lost.",
-    ask=("A queue keeps the last d of a producer of period T and feeds a slower reader. What "
-         "does it add to the age?", "(d - 1)*T", {
-             "d*T": "At depth 1 it adds nothing.",
-             "(d - 1)*T/2": "It is full at every reading, not half full.",
-             "d*T/2": "It is full at every reading; at depth 1 it adds nothing."}),
-)  # fmt: skip
+    ask=(
+        "A queue keeps the last d of a producer of period T and feeds a slower reader. What "
+        "does it add to the age?",
+        "(d - 1)*T",
+        {
+            "d*T": "At depth 1 it adds nothing.",
+            "(d - 1)*T/2": "It is full at every reading, not half full.",
+            "d*T/2": "It is full at every reading; at depth 1 it adds nothing.",
+        },
+    ),
+)
 def deep_queue(found):
     import sympy
 
@@ -236,13 +277,17 @@ def deep_queue(found):
     "Over a short burst. If a stage takes C and samples come every T < C, the age of what it "
     "finishes grows by {formula} a second without end: {slope:.3f} s/s at {load:.0%} of what it "
     "can do, and not at all just below.",
-    ask=("Samples come every T into an endless queue, and each takes C > T. How fast does the "
-         "age of what is finished grow, in seconds a second?", "rate = 1 - T/C", {
-             "C/T - 1": "Per second of samples, not of time.",
-             "T/C": "That is the share that is finished.",
-             "C - T": "That is the growth from one sample to the next."},
+    ask=(
+        "Samples come every T into an endless queue, and each takes C > T. How fast does the "
+        "age of what is finished grow, in seconds a second?",
+        "rate = 1 - T/C",
+        {
+            "C/T - 1": "Per second of samples, not of time.",
+            "T/C": "That is the share that is finished.",
+            "C - T": "That is the growth from one sample to the next.",
+        },
     ),
-)  # fmt: skip
+)
 def queue_carries_overload(found):
     import sympy
 
@@ -261,8 +306,12 @@ def queue_carries_overload(found):
     found.statement = "Slope of the age of what is finished, a minute and more of overload."
     found.heard(slope(0.101) < 1e-3)
     found.corrected(
-        all(abs(slope(c) / float(found.formula.subs({C: c, T: 0.1})) - 1) < 0.01
-            for c in found.rng.uniform(0.11, 0.4, 8)), abs(slope(0.0999)) < 1e-6)  # fmt: skip
+        all(
+            abs(slope(c) / float(found.formula.subs({C: c, T: 0.1})) - 1) < 0.01
+            for c in found.rng.uniform(0.11, 0.4, 8)
+        ),
+        abs(slope(0.0999)) < 1e-6,
+    )
 
 
 @claim(
@@ -270,12 +319,17 @@ def queue_carries_overload(found):
     "More than that: one looks more often into a long gap than into a short one. If each is lost "
     "for itself, the mean wait becomes {formula}, {times:.2f} times as long with a share of "
     "{share:g} lost, and {many:.1f} times with {half:g}.",
-    ask=("A producer of period T loses the share p of its samples, one by one. The mean wait "
-         "behind the newest?", "w, wait = T*(1 + p)/(2*(1 - p))", {
-             "T/(2*(1 - p))": "Long gaps are met more often than short ones.",
-             "T*(1 + p)/2": "Losses can follow one another.",
-             "T/2": "That is without losses."}),
-)  # fmt: skip
+    ask=(
+        "A producer of period T loses the share p of its samples, one by one. The mean wait "
+        "behind the newest?",
+        "w, wait = T*(1 + p)/(2*(1 - p))",
+        {
+            "T/(2*(1 - p))": "Long gaps are met more often than short ones.",
+            "T*(1 + p)/2": "Losses can follow one another.",
+            "T/2": "That is without losses.",
+        },
+    ),
+)
 def losses_add_up(found):
     import sympy
 
@@ -294,8 +348,12 @@ def losses_add_up(found):
 
     found.statement = "Moments of a geometric gap by algebra, and simulated losses."
     found.heard(wait(share) / wait(0.0) < 1.15)
-    found.corrected(all(abs(wait(x) / float(found.formula.subs({T: 0.1, p: x})) - 1) < 0.06
-                        for x in (share, 0.3, half)))  # fmt: skip
+    found.corrected(
+        all(
+            abs(wait(x) / float(found.formula.subs({T: 0.1, p: x})) - 1) < 0.06
+            for x in (share, 0.3, half)
+        )
+    )
 
 
 @claim(
@@ -321,8 +379,9 @@ def jitter_leaves_the_mean(found):
     found.figure("fallen", fallen, 0.1)
     found.statement = "600 runs of the chapter's chain with jitter in all executions."
     found.heard(abs(seen.mean() - told.mean) < 5 * told.std / np.sqrt(600))
-    found.corrected(age(shaken).least <= seen.min(), seen.max() <= age(shaken).greatest,
-                    fallen > 0.1)  # fmt: skip
+    found.corrected(
+        age(shaken).least <= seen.min(), seen.max() <= age(shaken).greatest, fallen > 0.1
+    )
 
 
 @claim(
@@ -330,11 +389,16 @@ def jitter_leaves_the_mean(found):
     "It is as fast as its information is young. An integrating plant under x' = -k x(t - A) is "
     "stable for k < {formula}: behind the chapter's camera, A = {age_ms:.0f} ms, up to {told:.1f} "
     "rad/s, that is {hz:.1f} Hz, at a rate of {rate_hz:.0f} Hz.",
-    ask=("x' = -k x(t - A). The largest stable k?", "k < pi/(2*A)", {
-        "1/A": "There it swings already, and is stable still.",
-        "pi/A": "The plant itself turns the phase by a quarter.",
-        "2/A": "That is Euler's step on x' = -k x."}),
-)  # fmt: skip
+    ask=(
+        "x' = -k x(t - A). The largest stable k?",
+        "k < pi/(2*A)",
+        {
+            "1/A": "There it swings already, and is stable still.",
+            "pi/A": "The plant itself turns the phase by a quarter.",
+            "2/A": "That is Euler's step on x' = -k x.",
+        },
+    ),
+)
 def rate_is_bandwidth(found):
     import sympy
 

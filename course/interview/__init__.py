@@ -149,8 +149,9 @@ def line_of(text: str, said: str) -> int:
     if told := re.search(r"\(at line (\d+), column", said):  # of TOML, counted without the +++
         return int(told[1]) + 1
     what = re.split(r", | is ", said)[0].removeprefix("part ")
-    lines = [re.match(rf"{re.escape(what)}\s*=|## {re.escape(what)}$", row) for row in
-             text.splitlines()]  # fmt: skip
+    lines = [
+        re.match(rf"{re.escape(what)}\s*=|## {re.escape(what)}$", row) for row in text.splitlines()
+    ]
     found = [i for i, hit in enumerate(lines, 1) if hit]
     found += [i for i, row in enumerate(text.splitlines(), 1) if what in row]
     return found[0] if found else 1

@@ -38,9 +38,13 @@ def readings_per_s(
 
 
 def workers(
-    scenarios: int, scenario_s: float, start_s: float, times_real_time: float, night_h: float,
+    scenarios: int,
+    scenario_s: float,
+    start_s: float,
+    times_real_time: float,
+    night_h: float,
     repeats: int = 1,
-) -> int:  # fmt: skip
+) -> int:
     """Workers that get through all scenarios in a night; one run is not divided.
 
     Args:
@@ -128,9 +132,14 @@ def error_mm(spreads_mm: ArrayLike, biases_mm: ArrayLike, spreads_counted: float
 
 
 def finger_error_mm(
-    range_m: float, pixel_spread_px: float, focal_px: float, hand_eye_spread_mrad: float,
-    arm_spread_mm: float, speed_m_per_s: float, delay_ms: float,
-) -> float:  # fmt: skip
+    range_m: float,
+    pixel_spread_px: float,
+    focal_px: float,
+    hand_eye_spread_mrad: float,
+    arm_spread_mm: float,
+    speed_m_per_s: float,
+    delay_ms: float,
+) -> float:
     """Error across the view from camera to finger, two standard deviations and the bias of age.
 
     A pixel is range / focal length wide, a milliradian of the hand-eye rotation as many millimetres
@@ -143,9 +152,12 @@ def finger_error_mm(
 
 
 def grip_force_n(
-    mass_kg: float, friction: float, rise_m_per_s2: float = 0.0, safety: float = 2.0,
+    mass_kg: float,
+    friction: float,
+    rise_m_per_s2: float = 0.0,
+    safety: float = 2.0,
     fingers: int = 2,
-) -> float:  # fmt: skip
+) -> float:
     """Force of each finger on a load that is lifted and carried by friction alone.
 
     Upwards is the worst direction of the acceleration. The fingers press across it.
@@ -179,9 +191,12 @@ def stopping_m(speed_m_per_s: float, reaction_s: float, braking_m_per_s2: float)
 
 
 def separation_m(
-    person_m_per_s: float, robot_m_per_s: float, reaction_s: float, braking_m_per_s2: float,
+    person_m_per_s: float,
+    robot_m_per_s: float,
+    reaction_s: float,
+    braking_m_per_s2: float,
     uncertain_m: float,
-) -> float:  # fmt: skip
+) -> float:
     """Gap at which a robot has to begin to stop if a person walks on towards it meanwhile."""
     robot = stopping_m(robot_m_per_s, reaction_s, braking_m_per_s2)
     stop_s = reaction_s + robot_m_per_s / braking_m_per_s2

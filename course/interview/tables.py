@@ -177,8 +177,12 @@ def page() -> str:
 
 def quoted() -> dict[str, float | str]:
     """What the tables take from charts and estimates, by field, as it is now."""
-    texts = [str(v) for kind in ("row", "component") for e in data("cheat_sheet")[kind]
-             for v in e.values()]  # fmt: skip
+    texts = [
+        str(v)
+        for kind in ("row", "component")
+        for e in data("cheat_sheet")[kind]
+        for v in e.values()
+    ]
     found = {(m[1], m[2]) for text in texts for m in FIELD.finditer(text)}
     read = {"chart": chart, "estimate": estimate}
     return {f"{a}.{b}": read[a](b) for a, b in sorted(found) if a in read}
@@ -195,8 +199,11 @@ def record() -> str:
 
 
 TABLES: tuple[Callable[[], Table], ...] = (
-    functools.partial(cheat_sheet, plain=True), classical_or_learned, reading, lessons,
-)  # fmt: skip
+    functools.partial(cheat_sheet, plain=True),
+    classical_or_learned,
+    reading,
+    lessons,
+)
 
 
 def main(arguments: list[str]) -> None:

@@ -36,8 +36,18 @@ HERE = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 # for the tool, a placement without a joint. Inertia is about the joint's origin: mass, first moment
 # and second moment (xx, xy, xz, yy, yz, zz), in which torques are linear.
 PARENT, SLIDES, PLACE, QUAT, TURN, TEN, ARMATURE, DAMPING, LOWER, UPPER, WIDTH = (
-    0, 1, 2, 5, 9, 18, 28, 29, 30, 31, 32,
-)  # fmt: skip
+    0,
+    1,
+    2,
+    5,
+    9,
+    18,
+    28,
+    29,
+    30,
+    31,
+    32,
+)
 
 
 def compose(a: Array, b: Array) -> Array:

@@ -44,9 +44,16 @@ class Coded(Policy):
 
 
 def chunk_policy(
-    states: ArrayLike, actions: ArrayLike, seed: int, *, latent: int = 2, beta: float = 0.03,
-    width: int = 64, zero: bool = False, **how: Any,
-) -> Coded:  # fmt: skip
+    states: ArrayLike,
+    actions: ArrayLike,
+    seed: int,
+    *,
+    latent: int = 2,
+    beta: float = 0.03,
+    width: int = 64,
+    zero: bool = False,
+    **how: Any,
+) -> Coded:
     """A conditional variational autoencoder of actions (Sohn, Lee and Yan, 2015).
 
     An encoder sees state and action and says mean and deviation of the code, a decoder sees state

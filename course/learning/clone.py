@@ -100,9 +100,15 @@ def normals(seed: int) -> Callable[..., Any]:
 
 
 def clone(
-    states: ArrayLike, actions: ArrayLike, seed: int, *, head: str = "mean", modes: int = 2,
-    width: int = 64, **how: Any,
-) -> Policy:  # fmt: skip
+    states: ArrayLike,
+    actions: ArrayLike,
+    seed: int,
+    *,
+    head: str = "mean",
+    modes: int = 2,
+    width: int = 64,
+    **how: Any,
+) -> Policy:
     """Behaviour cloning with one of three heads.
 
     "mean" is fitted by squared error. "gaussian" draws from a normal distribution whose mean and
@@ -203,10 +209,18 @@ class Round(NamedTuple):
 
 
 def dagger(
-    task: Task, expert: Act, learn: Callable[[Array, Array], Act],
-    starts: Callable[[int, np.random.Generator], Array], steps: int, rng: np.random.Generator, *,
-    number: int = 20, rounds: int = 5, injected: float = 0.0, label_noise: float = 0.0,
-) -> Iterator[Round]:  # fmt: skip
+    task: Task,
+    expert: Act,
+    learn: Callable[[Array, Array], Act],
+    starts: Callable[[int, np.random.Generator], Array],
+    steps: int,
+    rng: np.random.Generator,
+    *,
+    number: int = 20,
+    rounds: int = 5,
+    injected: float = 0.0,
+    label_noise: float = 0.0,
+) -> Iterator[Round]:
     """Dataset aggregation (Ross, Gordon and Bagnell, A reduction of imitation learning, 2011).
 
     In the first round the expert drives, which is plain cloning. After that the learner drives, the

@@ -59,9 +59,13 @@ def evaluate(
 
 
 def first_finished(
-    policy: Callable[[Any], Any], envs: Any, episodes: int, starts: int | list[int] = 0, *,
+    policy: Callable[[Any], Any],
+    envs: Any,
+    episodes: int,
+    starts: int | list[int] = 0,
+    *,
     discount: float = 0.99,
-) -> Episodes:  # fmt: skip
+) -> Episodes:
     """The trap: the first so many episodes to finish in environments that reset themselves.
 
     Arguments as for `evaluate`; `episodes` is how many.

@@ -168,9 +168,15 @@ class Drawn(Policy):
 
 
 def _generative(
-    states: ArrayLike, actions: ArrayLike, seed: int, flow: bool, width: int, solver: str,
-    sampled: int, how: dict[str, Any],
-) -> Drawn:  # fmt: skip
+    states: ArrayLike,
+    actions: ArrayLike,
+    seed: int,
+    flow: bool,
+    width: int,
+    solver: str,
+    sampled: int,
+    how: dict[str, Any],
+) -> Drawn:
     blank, x, y = prepared(states, actions)
     torch, size = pytorch(), y.shape[1]
     net = network((x.shape[1] + size + 5, width, width, size), seed, activation="silu", last=0.1)
@@ -205,9 +211,15 @@ def _generative(
 
 
 def flow_policy(
-    states: ArrayLike, actions: ArrayLike, seed: int, *, width: int = 128, solver: str = "euler",
-    sampled: int = 10, **how: Any,
-) -> Drawn:  # fmt: skip
+    states: ArrayLike,
+    actions: ArrayLike,
+    seed: int,
+    *,
+    width: int = 128,
+    solver: str = "euler",
+    sampled: int = 10,
+    **how: Any,
+) -> Drawn:
     """Flow matching on straight ways (Lipman et al., 2023; Liu, Gong and Liu, 2023).
 
     The network is fitted by squared error to clean - noise at an even time between both. It adds to
@@ -223,9 +235,15 @@ def flow_policy(
 
 
 def diffusion_policy(
-    states: ArrayLike, actions: ArrayLike, seed: int, *, width: int = 128, solver: str = "ddim",
-    sampled: int = 10, **how: Any,
-) -> Drawn:  # fmt: skip
+    states: ArrayLike,
+    actions: ArrayLike,
+    seed: int,
+    *,
+    width: int = 128,
+    solver: str = "ddim",
+    sampled: int = 10,
+    **how: Any,
+) -> Drawn:
     """Denoising diffusion of actions (Chi et al., Diffusion policy, 2023).
 
     The network is fitted by squared error to s clean - a noise (Salimans and Ho, 2022), from which

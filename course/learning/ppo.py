@@ -104,9 +104,14 @@ class Settings:
 
 
 def gae(
-    rewards: ArrayLike, values: ArrayLike, following: ArrayLike, terminated: ArrayLike,
-    truncated: ArrayLike, discount: float = 0.99, trace: float = 0.95,
-) -> Array:  # fmt: skip
+    rewards: ArrayLike,
+    values: ArrayLike,
+    following: ArrayLike,
+    terminated: ArrayLike,
+    truncated: ArrayLike,
+    discount: float = 0.99,
+    trace: float = 0.95,
+) -> Array:
     """Generalised advantages (Schulman et al., High-dimensional continuous control, 2016, eq. 16).
 
     The discounted sum of the errors of the critic, as far as the episode goes.
@@ -270,9 +275,16 @@ class Runner:
         T, n, space = self.settings.horizon, self.envs.num_envs, self.envs.single_action_space
         noise = self.rng.normal(size=(T, n, *space.shape))
         batch = Batch(
-            np.empty((T + 1, *self.last.shape)), np.empty_like(noise), noise, np.empty((T, n)),
-            np.zeros((T, n), bool), np.zeros((T, n), bool), np.ones((T, n), bool), [], [],
-        )  # fmt: skip
+            np.empty((T + 1, *self.last.shape)),
+            np.empty_like(noise),
+            noise,
+            np.empty((T, n)),
+            np.zeros((T, n), bool),
+            np.zeros((T, n), bool),
+            np.ones((T, n), bool),
+            [],
+            [],
+        )
         spread = np.exp(policy.log_std.detach().numpy().astype(float))
         for t in range(T):
             batch.observations[t], batch.means[t] = self.last, policy(self.last)
@@ -352,9 +364,12 @@ def judged(batch: Batch, rewards: Array, policy: ActorCritic, settings: Settings
     advantages = gae(rewards, values[:-1], following, over, late, settings.discount, settings.trace)
     log_std = policy.log_std.detach().numpy()
     columns = (
-        seen[: T * n].numpy(), batch.means + np.exp(log_std) * batch.noise,
-        log_density(batch.noise, log_std), advantages, advantages + values[:-1],
-    )  # fmt: skip
+        seen[: T * n].numpy(),
+        batch.means + np.exp(log_std) * batch.noise,
+        log_density(batch.noise, log_std),
+        advantages,
+        advantages + values[:-1],
+    )
     kept = (batch.valid | settings.crossing).reshape(-1)
     return Table(*(c.reshape(T * n, -1)[kept].astype(np.float32) for c in columns))
 
@@ -489,6 +504,13 @@ def ppo(
                 policy.normaliser.check("observations")
         columns = np.array(batch.ended, dtype=float).reshape(-1, 3).T
         yield Iteration(
-            (k + 1) * T * n, policy, columns[0], columns[1].astype(int), columns[2] > 0.0, kl,
-            clipped, float(np.mean(error**2)), float(policy.log_std.detach().exp().mean()),
-        )  # fmt: skip
+            (k + 1) * T * n,
+            policy,
+            columns[0],
+            columns[1].astype(int),
+            columns[2] > 0.0,
+            kl,
+            clipped,
+            float(np.mean(error**2)),
+            float(policy.log_std.detach().exp().mean()),
+        )

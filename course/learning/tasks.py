@@ -76,9 +76,14 @@ def windows(shown: Runs, length: int) -> tuple[Array, Array]:
 
 
 def roll(
-    task: Task, act: Act, starts: ArrayLike, steps: int, rng: np.random.Generator, *,
+    task: Task,
+    act: Act,
+    starts: ArrayLike,
+    steps: int,
+    rng: np.random.Generator,
+    *,
     injected: float = 0.0,
-) -> Runs:  # fmt: skip
+) -> Runs:
     """Let a policy drive; what is recorded are its own actions, without what was injected.
 
     Args:

@@ -393,9 +393,14 @@ def draw(
         figure = plt.figure(layout="constrained")
     figure.set_size_inches(WIDTH, rows * (height or (3.6 if across > 1 else 4.2)))
     with mpl.rc_context(
-        {"font.size": NORMAL, "axes.titlesize": LARGE, "figure.titlesize": LARGE,
-         "xtick.labelsize": TICKS, "ytick.labelsize": TICKS}
-    ):  # fmt: skip
+        {
+            "font.size": NORMAL,
+            "axes.titlesize": LARGE,
+            "figure.titlesize": LARGE,
+            "xtick.labelsize": TICKS,
+            "ytick.labelsize": TICKS,
+        }
+    ):
         last = len(shown) - across * (rows - 1)
         cells = figure.add_gridspec(rows, across * last)
         axes: list[Axes] = []
@@ -456,8 +461,15 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
     # A failure costs infinitely much, so it has no place on a finite axis: the top edge.
     for k, colour in enumerate(crosses):
         share = 0.5 if len(crosses) == 1 else 0.03 + 0.94 * k / (len(crosses) - 1)
-        ax.plot([share], [1.0], marker="x", markersize=5, color=colour, transform=ax.transAxes,
-                clip_on=False)  # fmt: skip
+        ax.plot(
+            [share],
+            [1.0],
+            marker="x",
+            markersize=5,
+            color=colour,
+            transform=ax.transAxes,
+            clip_on=False,
+        )
     if panel.ticks and not names:
         ax.set_xticks(panel.ticks, [f"{value:g}" for value in panel.ticks])
         ax.tick_params(axis="x", which="minor", bottom=False, labelbottom=False)
@@ -478,10 +490,17 @@ def _draw_panel(ax: Axes, panel: Panel, also: Sequence[str], across: int) -> Wor
     per_row = max(1, 84 // across // (6 + max(map(len, labels), default=1)))
     if handles:
         box = ax.legend(
-            loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=per_row, fontsize=SMALL,
-            facecolor="0.8", framealpha=1.0 if panel.grid else 0.0, borderaxespad=0.3,
-            edgecolor="none", handlelength=1.6, columnspacing=1.2,
-        )  # fmt: skip
+            loc="lower left",
+            bbox_to_anchor=(0.0, 1.0),
+            ncols=per_row,
+            fontsize=SMALL,
+            facecolor="0.8",
+            framealpha=1.0 if panel.grid else 0.0,
+            borderaxespad=0.3,
+            edgecolor="none",
+            handlelength=1.6,
+            columnspacing=1.2,
+        )
         box.set_in_layout(False)
     elif panel.legend and not boxed:
         _name_ends(words, panel, shown, looks)
@@ -588,13 +607,28 @@ def _draw_series(ax: Axes, series: Series, colour: str, marker: str, log_x: bool
     )
     endless = np.isposinf(y)
     if endless.any():
-        ax.plot(x[endless], np.full(np.sum(endless), 0.98), linestyle="none", marker="^",
-                color=colour, label="_" if shown.any() else series.label, markersize=7,
-                transform=ax.get_xaxis_transform())  # fmt: skip
+        ax.plot(
+            x[endless],
+            np.full(np.sum(endless), 0.98),
+            linestyle="none",
+            marker="^",
+            color=colour,
+            label="_" if shown.any() else series.label,
+            markersize=7,
+            transform=ax.get_xaxis_transform(),
+        )
     if series.key == "yours":
         # A ring on top: a right answer often lies exactly under the worked one.
-        ax.plot(x[shown], y[shown], linestyle="none", marker="s", markersize=8, zorder=5,
-                markerfacecolor="none", markeredgecolor=colour)  # fmt: skip
+        ax.plot(
+            x[shown],
+            y[shown],
+            linestyle="none",
+            marker="s",
+            markersize=8,
+            zorder=5,
+            markerfacecolor="none",
+            markeredgecolor=colour,
+        )
     if series.low is not None and series.high is not None:
         low, high = np.asarray(series.low, dtype=float), np.asarray(series.high, dtype=float)
         if series.across:
@@ -615,18 +649,34 @@ def _draw_bars(ax: Axes, series: Series, colour: str, height: float) -> None:
     for word, name, length in zip(series.tags, names, series.x, strict=False):
         # On a log axis nothing has length 0: its word stands at the axis.
         where = ("data", "data") if length > 0.0 else ("axes fraction", "data")
-        ax.annotate(word, (length, name), xycoords=where, fontsize=SMALL, va="center",
-                    xytext=(4, 0), textcoords="offset points")  # fmt: skip
+        ax.annotate(
+            word,
+            (length, name),
+            xycoords=where,
+            fontsize=SMALL,
+            va="center",
+            xytext=(4, 0),
+            textcoords="offset points",
+        )
 
 
 def _draw_grid(ax: Axes, grid: Map) -> None:
     # Purple below the bound, orange above: told apart by any colour vision.
-    ax.pcolormesh(grid.x, grid.y, log_values(grid), cmap="PuOr_r", vmin=-REACH, vmax=REACH,
-                  shading="nearest", rasterized=True)  # fmt: skip
+    ax.pcolormesh(
+        grid.x,
+        grid.y,
+        log_values(grid),
+        cmap="PuOr_r",
+        vmin=-REACH,
+        vmax=REACH,
+        shading="nearest",
+        rasterized=True,
+    )
     within = grid.within()
     if within.any() and not within.all():
-        ax.contour(grid.x, grid.y, within.astype(float), levels=[0.5], colors="black",
-                   linewidths=2.5)  # fmt: skip
+        ax.contour(
+            grid.x, grid.y, within.astype(float), levels=[0.5], colors="black", linewidths=2.5
+        )
         ax.plot([], [], color="black", linewidth=2.5, label="measured")
     ax.set(xlim=(grid.x[0], grid.x[-1]), ylim=(grid.y[0], grid.y[-1]))
 

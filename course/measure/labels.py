@@ -188,12 +188,27 @@ class Words:
         from matplotlib.colors import to_rgb
 
         dark = tuple(0.8 * part for part in to_rgb(colour))  # a pale colour is hard to read
-        line = {"arrowstyle": "-", "lw": 0.6, "color": dark, "alpha": 0.6, "shrinkA": 1.0,
-                "relpos": start}  # fmt: skip
+        line = {
+            "arrowstyle": "-",
+            "lw": 0.6,
+            "color": dark,
+            "alpha": 0.6,
+            "shrinkA": 1.0,
+            "relpos": start,
+        }
         text = self.ax.annotate(
-            words, end, xycoords=of, xytext=(1.03, 1.03), textcoords="axes fraction", color=dark,
-            fontsize=SMALL, linespacing=1.0, annotation_clip=False, arrowprops=line, **how,
-        )  # fmt: skip
+            words,
+            end,
+            xycoords=of,
+            xytext=(1.03, 1.03),
+            textcoords="axes fraction",
+            color=dark,
+            fontsize=SMALL,
+            linespacing=1.0,
+            annotation_clip=False,
+            arrowprops=line,
+            **how,
+        )
         return Word(text, of)
 
 
@@ -218,8 +233,9 @@ def arrange(figure: Figure, every: Sequence[Words]) -> None:
         for note in words.notes:
             size = np.asarray(note.box.size) + 2.0 * SPACE
             x, y = free_place(size, note.end, points, boxes, room.extents)
-            boxes = np.vstack((boxes, [x - size[0] / 2, y - size[1] / 2, x + size[0] / 2,
-                                       y + size[1] / 2]))  # fmt: skip
+            boxes = np.vstack(
+                (boxes, [x - size[0] / 2, y - size[1] / 2, x + size[0] / 2, y + size[1] / 2])
+            )
             far = math.dist(note.end, (x, y)) > 0.5 * math.hypot(*size) + 12.0
             note.put((x - room.x0) / room.width, (y - room.y0) / room.height, far)
 

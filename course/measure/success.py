@@ -117,9 +117,15 @@ class Success:
         half = "never" if math.isinf(median) else f"within {median:.3g} {self.unit}"
         note = f"{self.name:<32} solves {self.ever:7.2%}, half of all {half}"
         return Series(
-            self.name, np.asarray(budgets, float), self.share(budgets), key or key_of(self.name),
-            style, low=low, high=high, note=note,
-        )  # fmt: skip
+            self.name,
+            np.asarray(budgets, float),
+            self.share(budgets),
+            key or key_of(self.name),
+            style,
+            low=low,
+            high=high,
+            note=note,
+        )
 
 
 def collect(

@@ -399,9 +399,17 @@ class WorkPrecision:
         pick = None if tolerance is None else self.pick(by=by)
         if pick is not None:
             panel.series.append(
-                Series("", [pick.point.cost(by)], [pick.point.error], "chosen", "", hollow=True,
-                       size=13.0, tags=[f"pick: {pick.name}"])
-            )  # fmt: skip
+                Series(
+                    "",
+                    [pick.point.cost(by)],
+                    [pick.point.error],
+                    "chosen",
+                    "",
+                    hollow=True,
+                    size=13.0,
+                    tags=[f"pick: {pick.name}"],
+                )
+            )
         if tolerance is not None:
             words = f"tolerance {tolerance:g}{self._unit}"
             panel.lines = [("y", tolerance, words)]

@@ -24,8 +24,28 @@ from course.middleware.schedule import (
 )
 
 __all__ = [
-    "ActionClient", "Bus", "Event", "Executor", "Future", "Group", "Link", "Node",
-    "QoS", "Sample", "Work", "blocking", "bounds", "breakdown", "compatible", "deadlocks",
-    "hyperbolic", "liu_layland", "random_sets", "respond", "response_times", "run_chain",
-    "utilization", "warm",
-]  # fmt: skip
+    "ActionClient",
+    "Bus",
+    "Event",
+    "Executor",
+    "Future",
+    "Group",
+    "Link",
+    "Node",
+    "QoS",
+    "Sample",
+    "Work",
+    "blocking",
+    "bounds",
+    "breakdown",
+    "compatible",
+    "deadlocks",
+    "hyperbolic",
+    "liu_layland",
+    "random_sets",
+    "respond",
+    "response_times",
+    "run_chain",
+    "utilization",
+    "warm",
+]

@@ -135,18 +135,27 @@ class Callback:
     __slots__ = ("function", "group", "kind", "name", "node", "oldest", "skipped", "take")
 
     def __init__(
-        self, node: "Node", kind: str, name: str, function: Callable, group: Group | None,
-        take: Callable[[], tuple | None], oldest: Callable[[], int | None],
-    ) -> None:  # fmt: skip
+        self,
+        node: "Node",
+        kind: str,
+        name: str,
+        function: Callable,
+        group: Group | None,
+        take: Callable[[], tuple | None],
+        oldest: Callable[[], int | None],
+    ) -> None:
         self.node, self.kind, self.name, self.function = node, kind, name, function
         self.group, self.take, self.oldest, self.skipped = group or node.group, take, oldest, 0
         node.executor.add(self)
 
 
 def drive(
-    bus: "Bus", steps: Generator, finish: Callable[[Any], None] | None = None,
-    blocked: Callable[[Future | None], None] | None = None, value: Any = None,
-) -> None:  # fmt: skip
+    bus: "Bus",
+    steps: Generator,
+    finish: Callable[[Any], None] | None = None,
+    blocked: Callable[[Future | None], None] | None = None,
+    value: Any = None,
+) -> None:
     """Let a generator run on the bus's time up to its end.
 
     Args:
@@ -516,9 +525,15 @@ class Node:
             return writer
 
     def reader(
-        self, topic: str, function: Callable | None = None, qos: QoS = DEFAULT, link: Link = IDEAL,
-        group: Group | None = None, on_event: Callable | None = None, kind: str = "subscription",
-    ) -> Reader:  # fmt: skip
+        self,
+        topic: str,
+        function: Callable | None = None,
+        qos: QoS = DEFAULT,
+        link: Link = IDEAL,
+        group: Group | None = None,
+        on_event: Callable | None = None,
+        kind: str = "subscription",
+    ) -> Reader:
         """A reader of a topic.
 
         Args:
@@ -557,10 +572,14 @@ class Node:
                 self.executor.ready(made)
 
         made = Callback(
-            self, "timer", self.name, function, group,
+            self,
+            "timer",
+            self.name,
+            function,
+            group,
             lambda: () if waiting and waiting.pop() >= 0 else None,
             lambda: waiting[0] if waiting else None,
-        )  # fmt: skip
+        )
         bus.push(nanoseconds(first), CALL, tick, 0)
         return made
 

@@ -28,9 +28,13 @@ FLAGS = (
 
 
 def torques(
-    position: ArrayLike, velocity: ArrayLike, target: ArrayLike, stiffness: ArrayLike,
-    damping: ArrayLike, limit: ArrayLike,
-) -> Array:  # fmt: skip
+    position: ArrayLike,
+    velocity: ArrayLike,
+    target: ArrayLike,
+    stiffness: ArrayLike,
+    damping: ArrayLike,
+    limit: ArrayLike,
+) -> Array:
     """stiffness (target - position) - damping velocity, cut off at +-limit; all shape (n,).
 
     Units: [rad], [rad/s], [rad], [N m/rad], [N m s/rad], [N m]; returns [N m].
@@ -92,9 +96,11 @@ class Driven:
 
 
 def drive(
-    program: Path, mode: str, first: Sequence[Sequence[float]] | Array,
+    program: Path,
+    mode: str,
+    first: Sequence[Sequence[float]] | Array,
     rows: Sequence[Sequence[float]] | Array,
-) -> Driven:  # fmt: skip
+) -> Driven:
     """Run one of the controllers.
 
     Args:
@@ -107,8 +113,11 @@ def drive(
     text = "\n".join(" ".join(f"{value:.17g}" for value in row) for row in (*first, *rows))
     done = subprocess.run(
         [str(program), mode, str(len(first[0])), str(len(rows))],
-        input=text, capture_output=True, text=True, timeout=60,
-    )  # fmt: skip
+        input=text,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
     found = [line.split() for line in done.stdout.splitlines()]
     faults = [line for line in done.stderr.splitlines() if "ERROR: " in line or "error: " in line]
     return Driven(

@@ -112,9 +112,10 @@ class Executor:
         if len(self.running) >= self.threads:
             return None
         waiting = [
-            c for c in self.callbacks
+            c
+            for c in self.callbacks
             if c.oldest() is not None and (c.group.reentrant or not self.holder(c.group))
-        ]  # fmt: skip
+        ]
         if self.order == "fifo" or not waiting:
             return min(waiting, key=lambda c: c.oldest() or 0, default=None)
         if self.order == "timers first" and waiting[0].kind == "timer":
@@ -216,8 +217,10 @@ def deadlocks(bus: Bus) -> list[str]:
             del stuck[run]
     return [
         f"{_name(run.callback)} waits for {_name(need)}, which needs {hindrance(need)}"
-        for run, future in stuck.items() for need in future.needs if hindrance(need)
-    ]  # fmt: skip
+        for run, future in stuck.items()
+        for need in future.needs
+        if hindrance(need)
+    ]
 
 
 def _name(callback: Callback) -> str:
@@ -325,9 +328,12 @@ def _least(x: float, base: float, works: Sequence[Work], runs: Callable) -> floa
 
 
 def respond(
-    works: Sequence[Work], order: str = "ready set", threads: int = 1,
-    phases: Sequence[float] = (), seconds: float = 10.0,
-) -> dict[str, NDArray[np.float64]]:  # fmt: skip
+    works: Sequence[Work],
+    order: str = "ready set",
+    threads: int = 1,
+    phases: Sequence[float] = (),
+    seconds: float = 10.0,
+) -> dict[str, NDArray[np.float64]]:
     """Response times on the bus [s] of callbacks that an executor runs; arguments as for `bounds`.
 
     Args:
@@ -375,8 +381,12 @@ def run_chain(
     for k in range(len(stages)):
         _stage(bus, stages, k, shares[k])
     command = bus.node("actuator")
-    command.reader(f"{len(stages)}", lambda sample: arrived.append((bus.now, sample.value)),
-                   LOSSY, Link(loss=stages[-1].lost))  # fmt: skip
+    command.reader(
+        f"{len(stages)}",
+        lambda sample: arrived.append((bus.now, sample.value)),
+        LOSSY,
+        Link(loss=stages[-1].lost),
+    )
     bus.run(seconds)
     published, captured = np.array(arrived, float).reshape(-1, 2).T
     return Trace(published, np.maximum.accumulate(captured))

@@ -235,9 +235,13 @@ ASKED: dict[str, dict[str, object]] = {
 
 
 def among_busy(
-    names: Sequence[str] = tuple(ASKED), *, busy: int = 4, period: float = 1e-3,
-    periods: int = 1500, work: float = 1e-4,
-) -> list[Tried]:  # fmt: skip
+    names: Sequence[str] = tuple(ASKED),
+    *,
+    busy: int = 4,
+    period: float = 1e-3,
+    periods: int = 1500,
+    work: float = 1e-4,
+) -> list[Tried]:
     """A loop that computes for `work` [s] in each period, beside processes that always compute.
 
     Args:

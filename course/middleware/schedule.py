@@ -140,10 +140,16 @@ class Outcome(NamedTuple):
 
 
 def run(
-    execution: ArrayLike, period: ArrayLike, seconds: float, phase: ArrayLike = 0.0,
-    jitter: ArrayLike = 0.0, before: ArrayLike = 0.0, section: ArrayLike = 0.0,
-    lock: ArrayLike = -1, protocol: str = "none",
-) -> Outcome:  # fmt: skip
+    execution: ArrayLike,
+    period: ArrayLike,
+    seconds: float,
+    phase: ArrayLike = 0.0,
+    jitter: ArrayLike = 0.0,
+    before: ArrayLike = 0.0,
+    section: ArrayLike = 0.0,
+    lock: ArrayLike = -1,
+    protocol: str = "none",
+) -> Outcome:
     """Let a preemptive scheduler of fixed priorities run task sets, from event to event.
 
     Args:

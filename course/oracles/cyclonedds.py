@@ -36,15 +36,26 @@ CONFIGURATION = """<CycloneDDS xmlns="https://cdds.io/config"><Domain Id="{domai
 
 # dds_public_qosdefs.h: the numbers that an event names a policy by.
 NAMES = {
-    2: "durability", 4: "deadline", 6: "ownership", 8: "liveliness", 11: "reliability",
+    2: "durability",
+    4: "deadline",
+    6: "ownership",
+    8: "liveliness",
+    11: "reliability",
     12: "destination_order",
-}  # fmt: skip
-KINDS = {"volatile": "Volatile", "transient_local": "TransientLocal", "transient": "Transient",
-         "persistent": "Persistent", "automatic": "Automatic",
-         "manual_by_participant": "ManualByParticipant", "manual_by_topic": "ManualByTopic",
-         "shared": "Shared", "exclusive": "Exclusive",
-         "by_reception_timestamp": "ByReceptionTimestamp",
-         "by_source_timestamp": "BySourceTimestamp"}  # fmt: skip
+}
+KINDS = {
+    "volatile": "Volatile",
+    "transient_local": "TransientLocal",
+    "transient": "Transient",
+    "persistent": "Persistent",
+    "automatic": "Automatic",
+    "manual_by_participant": "ManualByParticipant",
+    "manual_by_topic": "ManualByTopic",
+    "shared": "Shared",
+    "exclusive": "Exclusive",
+    "by_reception_timestamp": "ByReceptionTimestamp",
+    "by_source_timestamp": "BySourceTimestamp",
+}
 _topics = itertools.count()
 
 
@@ -98,9 +109,13 @@ def read_back() -> dict[str, str]:
             "    print(p.domain_id, groups() - before)"
         )
         done = subprocess.run(
-            [sys.executable, "-c", code], env=os.environ | {"CYCLONEDDS_URI": xml}, check=True,
-            capture_output=True, text=True, timeout=60,
-        )  # fmt: skip
+            [sys.executable, "-c", code],
+            env=os.environ | {"CYCLONEDDS_URI": xml},
+            check=True,
+            capture_output=True,
+            text=True,
+            timeout=60,
+        )
         lines = trace.read_text().splitlines()
 
     def said(word: str) -> str:
@@ -108,11 +123,14 @@ def read_back() -> dict[str, str]:
 
     domain, groups = done.stdout.split()
     return {
-        "domain": domain, "groups": groups, "interfaces": said("selected interfaces:"),
+        "domain": domain,
+        "groups": groups,
+        "interfaces": said("selected interfaces:"),
         "multicast": said("General/AllowMulticast/#text:").split()[0],
-        "peers": said("Peer[@Address]:").split()[0], "address": said("ownip:"),
+        "peers": said("Peer[@Address]:").split()[0],
+        "address": said("ownip:"),
         "tag": said("Discovery/Tag/#text:").split()[0],
-    }  # fmt: skip
+    }
 
 
 def policies(qos: QoS, kept_for_late: int | None = None, strength: int = 0) -> Any:

@@ -35,8 +35,16 @@ def library() -> ModuleType:
         ImportError: it is not installed; the text says what to install.
     """
     try:
-        for part in ("geometry", "math", "multibody.math", "multibody.parsing", "multibody.plant",
-                     "multibody.tree", "systems.analysis", "systems.framework"):  # fmt: skip
+        for part in (
+            "geometry",
+            "math",
+            "multibody.math",
+            "multibody.parsing",
+            "multibody.plant",
+            "multibody.tree",
+            "systems.analysis",
+            "systems.framework",
+        ):
             importlib.import_module(f"pydrake.{part}")
         return importlib.import_module("pydrake")
     except ImportError as error:
@@ -59,12 +67,15 @@ class Drake(Engine):
     schemes = ("discrete", "runge_kutta2", "runge_kutta3", "runge_kutta5", "implicit_euler")
     changes = (
         Change(
-            "hydroelastic", "proximity properties", "none, so contact by points",
+            "hydroelastic",
+            "proximity properties",
+            "none, so contact by points",
             f"compliant boxes of {MODULUS:.0e} Pa on a rigid ground",
             "Between two boxes a contact by points is one point, on which a box tips.",
-            "Drake 1.51 (2026), Hydroelastic Contact User Guide", "bodies",
+            "Drake 1.51 (2026), Hydroelastic Contact User Guide",
+            "bodies",
         ),
-    )  # fmt: skip
+    )
 
     def missing(self) -> str:
         try:
@@ -110,9 +121,11 @@ class DrakeRun(Run):
         simulator = drake.systems.analysis.Simulator(builder.Build())
         if not discrete:
             wanted = drake.systems.analysis.SimulatorConfig(
-                integration_scheme=scheme, max_step_size=dt, accuracy=options.get("accuracy", 1e-4),
+                integration_scheme=scheme,
+                max_step_size=dt,
+                accuracy=options.get("accuracy", 1e-4),
                 use_error_control="accuracy" in options,
-            )  # fmt: skip
+            )
             drake.systems.analysis.ApplySimulatorConfig(wanted, simulator)
         self.simulator, self._steps = simulator, 0
         self.context = plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())

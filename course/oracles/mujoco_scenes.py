@@ -21,36 +21,59 @@ from course.platforms.scenes import Body, Scene
 _TUNING = "MuJoCo 4.0 manual (2026), Modeling, Tuning and default values"
 CHANGES = (
     Change(
-        "cone", "option/cone", "pyramidal", "elliptic",
+        "cone",
+        "option/cone",
+        "pyramidal",
+        "elliptic",
         "The scenes ask for Coulomb's round cone; a pyramid inside it brakes less off its axes.",
-        _TUNING, "bodies",
+        _TUNING,
+        "bodies",
     ),
     Change(
-        "impratio", "option/impratio", "1", "10",
+        "impratio",
+        "option/impratio",
+        "1",
+        "10",
         "Friction ten times as hard as the normal: a part that should stick creeps less.",
-        _TUNING, "bodies",
+        _TUNING,
+        "bodies",
     ),
     Change(
-        "solref", "geom/solref", "0.02 1", "0.005 1, or 2 dt",
+        "solref",
+        "geom/solref",
+        "0.02 1",
+        "0.005 1, or 2 dt",
         "The scenes ask for rigid contact. A shorter one throws a block that slides off its slope.",
-        _TUNING, "bodies",
+        _TUNING,
+        "bodies",
     ),
     Change(
-        "solimp", "geom/solimp", "0.9 0.95 0.001", "0.95 0.99 0.001",
+        "solimp",
+        "geom/solimp",
+        "0.9 0.95 0.001",
+        "0.95 0.99 0.001",
         "Less of a load is left to softness: half the sag at rest and half the creep.",
-        _TUNING, "bodies",
+        _TUNING,
+        "bodies",
     ),
     Change(
-        "autoreset", "option/flag/autoreset", "enable", "disable",
+        "autoreset",
+        "option/flag/autoreset",
+        "enable",
+        "disable",
         "A state that diverges is put back to the start, and the run would look stable.",
         "MuJoCo 4.0 manual (2026), XML reference, option/flag",
     ),
     Change(
-        "constraint", "option/flag/constraint, contact", "enable", "disable",
+        "constraint",
+        "option/flag/constraint, contact",
+        "enable",
+        "disable",
         "Nothing touches and no limit acts: the solver is not asked. The motion stays the same.",
-        "MuJoCo 4.0 manual (2026), XML reference, option/flag", "joints",
+        "MuJoCo 4.0 manual (2026), XML reference, option/flag",
+        "joints",
     ),
-)  # fmt: skip
+)
 OPTIONS = ("cone", "impratio", "solref", "solimp", "noslip_iterations", "iterations", "solver")
 
 

@@ -427,9 +427,7 @@ def plain(world: World) -> StateTest:
                 if inside(u, v, ring):
                     return False
                 for a, b in ring:
-                    near = min(
-                        apart(*a, x, y, u, v), apart(x, y, *a, *b), apart(u, v, *a, *b)
-                    )  # fmt: skip
+                    near = min(apart(*a, x, y, u, v), apart(x, y, *a, *b), apart(u, v, *a, *b))
                     if near <= radius or meet((x, y), (u, v), a, b):
                         return False
             x, y = u, v
@@ -497,9 +495,18 @@ def rrt(
         if not ((low <= place) & (place <= high)).all() or not edge(place, place):
             raise refused(name, place, "a free point within the bounds")
     return solve(
-        bounds, start, goal, "rrt", step, max_samples, seed, lambda q: edge(q, q),
-        edge if exact else None, goal_bias=goal_bias, resolution=resolution,
-    )  # fmt: skip
+        bounds,
+        start,
+        goal,
+        "rrt",
+        step,
+        max_samples,
+        seed,
+        lambda q: edge(q, q),
+        edge if exact else None,
+        goal_bias=goal_bias,
+        resolution=resolution,
+    )
 
 
 def _is_free(ax: float, ay: float, bx: float, by: float, discs: list[tuple[float, ...]]) -> bool:

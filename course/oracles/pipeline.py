@@ -83,9 +83,16 @@ def _search(
 ) -> tuple[Array | None, int, str]:
     state, edge = ompl.tests(world)
     found = ompl.solve(
-        world.bounds, start, goal, "rrt_connect", settings.step, settings.samples,
-        int(rng.integers(1, 2**31)), state, edge,
-    )  # fmt: skip
+        world.bounds,
+        start,
+        goal,
+        "rrt_connect",
+        settings.step,
+        settings.samples,
+        int(rng.integers(1, 2**31)),
+        state,
+        edge,
+    )
     path = None if found.path is None else np.ascontiguousarray(found.path.T)
     return path, found.checks + found.state_checks, "solved" if path is not None else "unsolved"
 

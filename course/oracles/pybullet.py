@@ -57,27 +57,41 @@ class PyBullet(Engine):
     schemes, loop = ("semi-implicit Euler",), False
     changes = (
         Change(
-            "friction", "lateralFriction", "mu on both bodies, which it multiplies",
+            "friction",
+            "lateralFriction",
+            "mu on both bodies, which it multiplies",
             "the square root of mu on both",
             "So the coefficient of the pair is the one of the scene.",
-            _MANUAL + "changeDynamics", "bodies",
+            _MANUAL + "changeDynamics",
+            "bodies",
         ),
         Change(
-            "damping", "linearDamping, angularDamping", "0.04", "0",
+            "damping",
+            "linearDamping, angularDamping",
+            "0.04",
+            "0",
             "No scene has air: what moves freely keeps its energy.",
             _MANUAL + "changeDynamics",
         ),
         Change(
-            "motors", "velocity motors of joints", "on", "force 0",
+            "motors",
+            "velocity motors of joints",
+            "on",
+            "force 0",
             "No scene has motors: a joint is free unless a torque is asked for.",
-            _MANUAL + "setJointMotorControl2", "joints",
+            _MANUAL + "setJointMotorControl2",
+            "joints",
         ),
         Change(
-            "inertia", "URDF_USE_INERTIA_FROM_FILE", "off", "on",
+            "inertia",
+            "URDF_USE_INERTIA_FROM_FILE",
+            "off",
+            "on",
             "Else it computes inertias from collision shapes, which a text need not have.",
-            _MANUAL + "loadURDF", "joints",
+            _MANUAL + "loadURDF",
+            "joints",
         ),
-    )  # fmt: skip
+    )
 
     def missing(self) -> str:
         try:
@@ -168,12 +182,23 @@ class PyBulletRun(Run):
                 axis, force = (rotate(back, np.array(x)) for x in (body.guide, body.force))
                 here, upright = [[0, 0, 0]], [[0, 0, 0, 1]]
                 number = self._ask(
-                    "createMultiBody", 0.0, -1, -1, place, turn, linkMasses=[body.mass],
-                    linkCollisionShapeIndices=[shape], linkVisualShapeIndices=[-1],
-                    linkPositions=here, linkOrientations=upright, linkInertialFramePositions=here,
-                    linkInertialFrameOrientations=upright, linkParentIndices=[0],
-                    linkJointTypes=[lib.JOINT_PRISMATIC], linkJointAxis=[axis.tolist()],
-                )  # fmt: skip
+                    "createMultiBody",
+                    0.0,
+                    -1,
+                    -1,
+                    place,
+                    turn,
+                    linkMasses=[body.mass],
+                    linkCollisionShapeIndices=[shape],
+                    linkVisualShapeIndices=[-1],
+                    linkPositions=here,
+                    linkOrientations=upright,
+                    linkInertialFramePositions=here,
+                    linkInertialFrameOrientations=upright,
+                    linkParentIndices=[0],
+                    linkJointTypes=[lib.JOINT_PRISMATIC],
+                    linkJointAxis=[axis.tolist()],
+                )
             else:
                 number = self._ask("createMultiBody", body.mass, shape, -1, place, turn)
             link = 0 if body.guide else -1

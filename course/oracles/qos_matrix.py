@@ -50,8 +50,11 @@ class Row:
 def pairs() -> list[tuple[str, QoS, QoS]]:
     """Every pair of values of every policy with a request, and three in which several fail."""
     values: dict[str, tuple[Any, ...]] = {
-        **ORDERS, **SAME, "deadline": _TIMES, "liveliness_lease_duration": _TIMES,
-    }  # fmt: skip
+        **ORDERS,
+        **SAME,
+        "deadline": _TIMES,
+        "liveliness_lease_duration": _TIMES,
+    }
     found = [
         (name, replace(RELIABLE, **{name: a}), replace(RELIABLE, **{name: b}))
         for name, kinds in values.items()
@@ -92,20 +95,27 @@ def _said(name: str, qos: QoS) -> str:
         value = getattr(qos, name)
         return f"{value:g} s" if isinstance(value, float) else value
     units = {"depth": "depth {}", "deadline": "deadline {:g} s"}
-    return ", ".join(
-        units.get(field, "{}").format(value)
-        for field, value in vars(qos).items()
-        if value != getattr(RELIABLE, field)
-    ) or "default"  # fmt: skip
+    return (
+        ", ".join(
+            units.get(field, "{}").format(value)
+            for field, value in vars(qos).items()
+            if value != getattr(RELIABLE, field)
+        )
+        or "default"
+    )
 
 
 # --- What is kept ---------------------------------------------------------------------------------
 
 
 def history(
-    offered: QoS, requested: QoS, samples: int, *, late: bool = False,
+    offered: QoS,
+    requested: QoS,
+    samples: int,
+    *,
+    late: bool = False,
     kept_for_late: int | None = None,
-) -> list[int]:  # fmt: skip
+) -> list[int]:
     """The numbers that a reader finds when it looks for the first time after so many were written.
 
     Args:
@@ -145,11 +155,15 @@ def kept_rows(samples: int = 8) -> list[Row]:
             rows.append(_kept_row("depth", *ends, samples, late=False))
     whole = replace(LATE, history="keep_all")
     for offered, requested in (
-        (replace(LATE, depth=3), LATE), (LATE, replace(LATE, depth=2)), (whole, whole),
-        (LATE, RELIABLE), (RELIABLE, RELIABLE), (RELIABLE, LATE),
+        (replace(LATE, depth=3), LATE),
+        (LATE, replace(LATE, depth=2)),
+        (whole, whole),
+        (LATE, RELIABLE),
+        (RELIABLE, RELIABLE),
+        (RELIABLE, LATE),
         (LATE, replace(LATE, reliability="best_effort")),
         (replace(LATE, reliability="best_effort"), replace(LATE, reliability="best_effort")),
-    ):  # fmt: skip
+    ):
         rows.append(_kept_row("late joiner", offered, requested, samples, late=True))
     for offered, kept in ((replace(LATE, depth=3), 0), (whole, 0), (replace(LATE, depth=1), 5)):
         rows.append(_kept_row("late joiner", offered, LATE, samples, late=True, kept=kept))

@@ -110,15 +110,16 @@ def _drake(text: str) -> Facts:
     return {
         "masses": [i.get_mass() for i in found],
         "moments": [m.tolist() for m in moments],
-        "places": [j.frame_on_parent().GetFixedPoseInBodyFrame().translation().tolist()
-                   for j in joints],
+        "places": [
+            j.frame_on_parent().GetFixedPoseInBodyFrame().translation().tolist() for j in joints
+        ],
         "axes": [j.revolute_axis().tolist() for j in joints if j.type_name() == "revolute"],
         "limits": np.column_stack([low, high]).tolist(),
         "damping": [x for j in joints for x in np.ravel(j.default_damping_vector()).tolist()],
         "friction": [],
         "dof": plant.num_velocities(),
         "mimic": plant.num_constraints() > 0,
-    }  # fmt: skip
+    }
 
 
 def _pybullet(text: str) -> Facts:
@@ -140,10 +141,12 @@ def _pybullet(text: str) -> Facts:
         "limits": [joint[8:10] for joint in joints],
         "damping": [joint[6] for joint in joints],
         "friction": [],  # it tells that of the file, and does nothing with it
-        "dof": sum({lib.JOINT_FIXED: 0, lib.JOINT_SPHERICAL: 3, lib.JOINT_PLANAR: 3}.get(
-            joint[2], 1) for joint in joints),
+        "dof": sum(
+            {lib.JOINT_FIXED: 0, lib.JOINT_SPHERICAL: 3, lib.JOINT_PLANAR: 3}.get(joint[2], 1)
+            for joint in joints
+        ),
         "mimic": False,
-    }  # fmt: skip
+    }
 
 
 READERS: dict[str, tuple[Callable[[], Any], Callable[[str], Facts]]] = {
@@ -203,8 +206,10 @@ def readings(reader: str) -> dict[str, Reading]:
     find()
     done = subprocess.run(
         [sys.executable, "-m", "course.oracles.readers", reader],
-        capture_output=True, text=True, check=True,
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     rows = json.loads(done.stdout.splitlines()[-1])
     return {name: Reading(**row) for name, row in rows.items()}
 

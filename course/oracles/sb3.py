@@ -160,9 +160,12 @@ def ppo(
     for name in ("shared", "crossing", "bootstrap"):
         one_of(name, getattr(settings, name), (name != "crossing",))
     wrapped = VecNormalize(
-        venv, norm_obs=settings.normalise_observations, norm_reward=settings.scale_rewards,
-        gamma=settings.discount, clip_reward=np.inf,
-    )  # fmt: skip
+        venv,
+        norm_obs=settings.normalise_observations,
+        norm_reward=settings.scale_rewards,
+        gamma=settings.discount,
+        clip_reward=np.inf,
+    )
     infinite = {math.inf: None}
     rows: list[tuple[int, float, float]] = []
 
@@ -190,19 +193,28 @@ def ppo(
     hidden, rate = list(settings.hidden), settings.rate
     with one_thread():
         model = PPO(
-            "MlpPolicy", wrapped, seed=seed, device="cpu", n_steps=settings.horizon,
+            "MlpPolicy",
+            wrapped,
+            seed=seed,
+            device="cpu",
+            n_steps=settings.horizon,
             learning_rate=(lambda left: rate * left) if settings.anneal else rate,
-            batch_size=batch // settings.minibatches, n_epochs=settings.epochs,
-            gamma=settings.discount, gae_lambda=settings.trace,
-            clip_range=min(settings.clip, 1e9), ent_coef=settings.entropy,
-            vf_coef=settings.value_weight, max_grad_norm=min(settings.longest_gradient, 1e9),
+            batch_size=batch // settings.minibatches,
+            n_epochs=settings.epochs,
+            gamma=settings.discount,
+            gae_lambda=settings.trace,
+            clip_range=min(settings.clip, 1e9),
+            ent_coef=settings.entropy,
+            vf_coef=settings.value_weight,
+            max_grad_norm=min(settings.longest_gradient, 1e9),
             target_kl=infinite.get(settings.most_kl, settings.most_kl),
             normalize_advantage=settings.normalise_advantages,
             policy_kwargs={
-                "net_arch": {"pi": hidden, "vf": hidden}, "activation_fn": torch.nn.Tanh,
+                "net_arch": {"pi": hidden, "vf": hidden},
+                "activation_fn": torch.nn.Tanh,
                 "log_std_init": math.log(settings.spread),
             },
-        )  # fmt: skip
+        )
         watch = Watch()
         watch.started = time.process_time()
         model.learn(steps // batch * batch, callback=watch)

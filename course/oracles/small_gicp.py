@@ -92,10 +92,22 @@ class Cloud:
             step: shift [m] and turn [rad] below which it stops.
         """
         found = self._library.align(
-            target.handle, self.handle, target.tree, matrix(start), one_of("kind", kind, KINDS),
-            gate, 1, iterations, step, step,
-        )  # fmt: skip
+            target.handle,
+            self.handle,
+            target.tree,
+            matrix(start),
+            one_of("kind", kind, KINDS),
+            gate,
+            1,
+            iterations,
+            step,
+            step,
+        )
         return Aligned(
-            pose_of(found.T_target_source), int(found.num_inliers), float(found.error),
-            np.asarray(found.H), int(found.iterations), bool(found.converged),
-        )  # fmt: skip
+            pose_of(found.T_target_source),
+            int(found.num_inliers),
+            float(found.error),
+            np.asarray(found.H),
+            int(found.iterations),
+            bool(found.converged),
+        )

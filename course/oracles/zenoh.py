@@ -53,9 +53,12 @@ def configuration(port: int, listens: bool, shared: bool) -> Any:
 def read_back(made: Any) -> dict[str, Any]:
     """What a configuration says of itself."""
     keys = (
-        "scouting/multicast/enabled", "scouting/gossip/enabled", "listen/endpoints",
-        "connect/endpoints", "transport/shared_memory/enabled",
-    )  # fmt: skip
+        "scouting/multicast/enabled",
+        "scouting/gossip/enabled",
+        "listen/endpoints",
+        "connect/endpoints",
+        "transport/shared_memory/enabled",
+    )
     return {key: json.loads(made.get_json(key)) for key in keys}
 
 

@@ -539,12 +539,10 @@ _KERNELS: dict[Callable[..., Any], Any] = {
     _cells: void(MATRIX, VECTOR, float64, _INDICES),
     _sums: int64(MATRIX, _INDICES, _WHOLE, MATRIX, _INDICES),
     _within: void(MATRIX, MATRIX, float64, _WHOLE, _WHOLE, _INDICES, _INDICES),
-    _dbscan: void(
-        MATRIX, _INDICES, _INDICES, _INDICES, _INDICES, float64, int64, _INDICES, _FLAGS
-    ),
+    _dbscan: void(MATRIX, _INDICES, _INDICES, _INDICES, _INDICES, float64, int64, _INDICES, _FLAGS),
     _components: void(MATRIX, float64, _WHOLE),
     _ransac: int64(MATRIX, float64, _WHOLE, float64, VECTOR),
-}  # fmt: skip
+}
 
 
 @functools.cache

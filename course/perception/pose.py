@@ -341,9 +341,16 @@ def pose_of(
         for pose in poses:
             try:
                 fit = icp(
-                    points[:, some], part, pose, gate=gate, sigma=sigma[some], free=free,
-                    rays=False, iterations=40, tolerance=1e-5,
-                )  # fmt: skip
+                    points[:, some],
+                    part,
+                    pose,
+                    gate=gate,
+                    sigma=sigma[some],
+                    free=free,
+                    rays=False,
+                    iterations=40,
+                    tolerance=1e-5,
+                )
             except ValueError:  # nothing within the gate
                 continue
             tried.append((verdict(z, camera, sensor, part.moved(fit.pose), cluster), fit))

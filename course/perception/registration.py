@@ -279,14 +279,15 @@ def icp(
         H *= max(found - mobile.sum(), 1.0) / max(weighted, 1e-300)
     lost = found < 3
     return Fit(
-        R, p,
+        R,
+        p,
         matched=flags > 0,
         residual=np.inf if lost else float(np.sqrt(squares / found)),
         iterations=int(made),
         converged=bool(converged) and not lost,
         information=H,
         free=free,
-    )  # fmt: skip
+    )
 
 
 def solids(shapes: Shapes) -> tuple[NDArray[Any], ...]:
@@ -519,9 +520,28 @@ def _solve(H, g, mobile, length, step):
 
 
 def _icp(
-    source, spread, points, normals, axes, cuts, kinds, sizes, turns, places,
-    R, p, gates, limits, mobile, plane, closest, weights, flags, H, out,
-):  # fmt: skip
+    source,
+    spread,
+    points,
+    normals,
+    axes,
+    cuts,
+    kinds,
+    sizes,
+    turns,
+    places,
+    R,
+    p,
+    gates,
+    limits,
+    mobile,
+    plane,
+    closest,
+    weights,
+    flags,
+    H,
+    out,
+):
     """The loop; R and p are moved. Of each point: closest, weights, flags 1 matched, 2 left out.
 
     out: matched, sum of w r^2, sum of r^2, steps, converged, mean square of the distance |m|.
@@ -687,12 +707,27 @@ def _kernels() -> tuple[Any, ...]:
         compiled(
             _icp,
             types.void(
-                MATRIX, VECTOR, *tree, _INDICES, MATRIX, _CUBE, MATRIX,
-                MATRIX, VECTOR, VECTOR, VECTOR, _FLAGS, int64, MATRIX, VECTOR, _INDICES, MATRIX,
+                MATRIX,
+                VECTOR,
+                *tree,
+                _INDICES,
+                MATRIX,
+                _CUBE,
+                MATRIX,
+                MATRIX,
+                VECTOR,
+                VECTOR,
+                VECTOR,
+                _FLAGS,
+                int64,
+                MATRIX,
+                VECTOR,
+                _INDICES,
+                MATRIX,
                 VECTOR,
             ),
         ),
-    )  # fmt: skip
+    )
 
 
 def warm() -> None:

@@ -21,10 +21,12 @@ from course.rigid_body.quaternion import conjugate, exp, rotate
 
 SIDE, CELL = 24, 0.008  # of the patch [cells, m]
 TALL = 0.04  # of the part [m]
-L_PART = together([
-    shape("box", 0.06, 0.02, 0.5 * TALL),
-    shape("box", 0.02, 0.03, 0.5 * TALL, pose=(-0.04, 0.05, 0.0, 1.0, 0.0, 0.0, 0.0)),
-])  # fmt: skip
+L_PART = together(
+    [
+        shape("box", 0.06, 0.02, 0.5 * TALL),
+        shape("box", 0.02, 0.03, 0.5 * TALL, pose=(-0.04, 0.05, 0.0, 1.0, 0.0, 0.0, 0.0)),
+    ]
+)
 _HIDDEN = (128, 48)  # with 24 x 24 inputs and two outputs 80,146 weights
 
 Network = Callable[[Array], Array]
@@ -69,8 +71,9 @@ def height_patch(points: Array, table: Array) -> Array:
     return patch
 
 
-def picture(camera: Camera, sensor: Sensor, table: Array, rng: np.random.Generator,
-            part: Shapes = L_PART) -> tuple[Array, Array]:  # fmt: skip
+def picture(
+    camera: Camera, sensor: Sensor, table: Array, rng: np.random.Generator, part: Shapes = L_PART
+) -> tuple[Array, Array]:
     """One part somewhere on the table: what the sensor gives (H, W) [m], and the pose (7,).
 
     Args:
@@ -93,9 +96,14 @@ def plane_of(table: Array) -> Array:
 
 
 def train(
-    camera: Camera, sensor: Sensor, table: Array, *, pictures: int = 4000, steps: int = 1500,
+    camera: Camera,
+    sensor: Sensor,
+    table: Array,
+    *,
+    pictures: int = 4000,
+    steps: int = 1500,
     seed: int = 0,
-) -> Network:  # fmt: skip
+) -> Network:
     """Train the network on so many pictures, with so many steps of Adam of 256 patches each.
 
     The turn is about the axes that `turn_to` gives to the table's normal, as `locate` uses them.
@@ -123,9 +131,12 @@ def train(
     y = torch.tensor(np.stack((np.cos(turns), np.sin(turns)), axis=1), dtype=torch.float32)
     wide, narrow = _HIDDEN
     net = torch.nn.Sequential(
-        torch.nn.Linear(SIDE * SIDE, wide), torch.nn.SiLU(),
-        torch.nn.Linear(wide, narrow), torch.nn.SiLU(), torch.nn.Linear(narrow, 2),
-    )  # fmt: skip
+        torch.nn.Linear(SIDE * SIDE, wide),
+        torch.nn.SiLU(),
+        torch.nn.Linear(wide, narrow),
+        torch.nn.SiLU(),
+        torch.nn.Linear(narrow, 2),
+    )
     optimiser = torch.optim.Adam(net.parameters(), 2e-3)
     slower = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
     for _ in range(steps):

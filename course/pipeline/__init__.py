@@ -22,13 +22,33 @@ from course.pipeline.stages import (
     move,
     perceive,
     plan_path,
-)  # fmt: skip
+)
 
 __all__ = [
-    "STAGES", "Crossing", "Frames", "Path", "Record", "Run", "Scenario", "Settings", "Sight",
-    "Stages", "control", "errors", "frames", "many", "move", "perceive", "plan_path", "repair",
-    "run", "subsets", "successes", "tip_of", "warm",
-]  # fmt: skip
+    "STAGES",
+    "Crossing",
+    "Frames",
+    "Path",
+    "Record",
+    "Run",
+    "Scenario",
+    "Settings",
+    "Sight",
+    "Stages",
+    "control",
+    "errors",
+    "frames",
+    "many",
+    "move",
+    "perceive",
+    "plan_path",
+    "repair",
+    "run",
+    "subsets",
+    "successes",
+    "tip_of",
+    "warm",
+]
 
 
 def warm() -> None:

@@ -223,7 +223,7 @@ FAULTS = (
     Fault("clearance too small", "plan", lambda s: replace(s, margin=0.0)),
     Fault("weak motor", "control", lambda s: replace(s, actuator=Actuator(limit=0.12))),
     Fault("step too large", "move", lambda s: replace(s, physics=0.045, control=0.045)),
-)  # fmt: skip
+)
 
 CASE = (
     Scenario(velocity=(-0.016, 0.012)),
@@ -245,9 +245,11 @@ def injected(
 
 
 def confusion(
-    wanted: int, faults: Sequence[Fault] = FAULTS, case: tuple[Scenario, Settings] = CASE,
+    wanted: int,
+    faults: Sequence[Fault] = FAULTS,
+    case: tuple[Scenario, Settings] = CASE,
     contracted: bool = True,
-) -> tuple[NDArray[np.int64], list[list[int]], NDArray[np.int64]]:  # fmt: skip
+) -> tuple[NDArray[np.int64], list[list[int]], NDArray[np.int64]]:
     """So many failing runs of each fault, diagnosed without a look at it.
 
     Args:

@@ -141,9 +141,12 @@ class Budget:
 
 
 def budget(
-    scenario: Scenario, settings: Settings, seeds: Sequence[int],
-    parts: Sequence[str] = STAGES, stages: Stages | None = None,
-) -> Budget:  # fmt: skip
+    scenario: Scenario,
+    settings: Settings,
+    seeds: Sequence[int],
+    parts: Sequence[str] = STAGES,
+    stages: Stages | None = None,
+) -> Budget:
     """Run every subset of repairs on the same seeds, 2^n runs a seed.
 
     Args:
@@ -181,9 +184,12 @@ class Compared(NamedTuple):
 
 
 def compare(
-    scenario: Scenario, first: Settings, second: Settings, seeds: Sequence[int],
+    scenario: Scenario,
+    first: Settings,
+    second: Settings,
+    seeds: Sequence[int],
     stages: Stages | None = None,
-) -> Compared:  # fmt: skip
+) -> Compared:
     """Two settings on the same seeds; arguments are those of `budget`."""
     records = [many(scenario, some, seeds, stages or Stages()) for some in (first, second)]
     a, b = (np.sum(errors(one) ** 2, axis=0) for one in records)

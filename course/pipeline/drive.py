@@ -32,14 +32,48 @@ LEAST = 1e-6  # m; no picture is believed to be better
 
 # Settings as numbers, times in microseconds.
 (
-    STEP, PERIOD, KIND, KP, KD, LIMIT1, LIMIT2, SLEW, LAG, DELAY, PERFECT,
-    SIGMA, BX, BY, TX, TY, VX, VY, FILTERED, CARRIED, AGELESS, DRIFT, SPEED, REPLAN, KEPT, END,
-) = range(26)  # fmt: skip
+    STEP,
+    PERIOD,
+    KIND,
+    KP,
+    KD,
+    LIMIT1,
+    LIMIT2,
+    SLEW,
+    LAG,
+    DELAY,
+    PERFECT,
+    SIGMA,
+    BX,
+    BY,
+    TX,
+    TY,
+    VX,
+    VY,
+    FILTERED,
+    CARRIED,
+    AGELESS,
+    DRIFT,
+    SPEED,
+    REPLAN,
+    KEPT,
+    END,
+) = range(26)
 # Whole numbers that change: steps done, frames taken and arrived, when a plan is ready, whether one
 # is in force, under way, was ever asked for; interval of the motion, next command, what went wrong.
 (
-    NOW, TAKEN, ARRIVED, DUE, PLANNED, BUSY, ASKED, INTERVAL, COMMAND, WRONG, ORIGIN,
-) = range(11)  # fmt: skip
+    NOW,
+    TAKEN,
+    ARRIVED,
+    DUE,
+    PLANNED,
+    BUSY,
+    ASKED,
+    INTERVAL,
+    COMMAND,
+    WRONG,
+    ORIGIN,
+) = range(11)
 # Numbers that change: the place aimed at, its rate and stamp, where the arm waits, the end of its
 # path and the side of its elbow, the place that the path was made for; by how much the end has
 # moved since, and whether that has to be worked out anew.
@@ -51,10 +85,14 @@ Q, V, REFERENCE, SENT, TORQUE, GAP = 0, 2, 4, 6, 8, 10
 PLACE, SPREAD, WHEN, GUESS, GUESS_RATE, GUESS_SPREAD, USED = 0, 2, 5, 6, 8, 10, 13
 FAR = 2**62
 WRONGS = (
-    "", "perceive: a place that is not finite", "perceive: a covariance that is not positive",
-    "perceive: a stamp from the future", "perceive: another frame", "move: the arm diverged",
+    "",
+    "perceive: a place that is not finite",
+    "perceive: a covariance that is not positive",
+    "perceive: a stamp from the future",
+    "perceive: another frame",
+    "move: the arm diverged",
     "control: a torque that is not finite",
-)  # fmt: skip
+)
 ENDED, WANTED, READY, FAILED = range(4)
 
 
@@ -112,9 +150,17 @@ _REFERENCE = numba.void(numba.int64, _INTS, VECTOR, VECTOR, MATRIX, MATRIX, MATR
 BETWEEN = numba.void(numba.int64, _INTS, VECTOR, VECTOR, *(MATRIX,) * 6)
 LOOK = numba.void(numba.int64, VECTOR, _GRID, MATRIX, MATRIX, _INTS, MATRIX)
 _DRIVE = numba.int64(
-    types.FunctionType(LOOK), types.FunctionType(BETWEEN), _GRID, _INTS, MATRIX, VECTOR, _INTS,
-    VECTOR, VECTOR, *(MATRIX,) * 8,
-)  # fmt: skip
+    types.FunctionType(LOOK),
+    types.FunctionType(BETWEEN),
+    _GRID,
+    _INTS,
+    MATRIX,
+    VECTOR,
+    _INTS,
+    VECTOR,
+    VECTOR,
+    *(MATRIX,) * 8,
+)
 
 _reference_loop, _gap_loop = loop(_reference, _REFERENCE), loop(arm_gap, CLEARANCE)
 law_loop = loop(law, numba.void(VECTOR, MATRIX, MATRIX, numba.int64, MATRIX))
@@ -181,9 +227,24 @@ def look(k, n, times, noise, log, ints, seen):
 
 
 def drive(
-    perceive, advance, times, order, noise, n, ints, changing, x, P, seen, table, log, body, model,
-    obstacles, links,
-):  # fmt: skip
+    perceive,
+    advance,
+    times,
+    order,
+    noise,
+    n,
+    ints,
+    changing,
+    x,
+    P,
+    seen,
+    table,
+    log,
+    body,
+    model,
+    obstacles,
+    links,
+):
     """On to the end, to where a plan is wanted or ready, or to what went wrong."""
     h, end, many = round(n[STEP]), round(n[END]), times.shape[0]
     while True:

@@ -30,8 +30,11 @@ def find(
     depth: Array, camera: Camera, sensor: Sensor, part: Shapes, table: Array
 ) -> tuple[Array, Array]:
     """Place of the part in the picture's plane (2,) and its covariance (2, 2), by `locate` [m]."""
-    found = [one for one in locate(depth, camera, sensor, part, table=table, starts=1)
-             if one.status == "found"]  # fmt: skip
+    found = [
+        one
+        for one in locate(depth, camera, sensor, part, table=table, starts=1)
+        if one.status == "found"
+    ]
     if not found:
         return np.zeros(2), NOTHING
     R = found[0].R[:2, :2]

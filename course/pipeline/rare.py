@@ -60,9 +60,17 @@ def plain(severity: Severity, size: int, runs: int, rng: np.random.Generator) ->
 
 
 def cross_entropy(
-    severity: Severity, size: int, rng: np.random.Generator, *, rounds: int = 4, each: int = 250,
-    last: int = 1500, elite: float = 0.1, least: float = 0.0, defence: float = 0.0,
-) -> Rare:  # fmt: skip
+    severity: Severity,
+    size: int,
+    rng: np.random.Generator,
+    *,
+    rounds: int = 4,
+    each: int = 250,
+    last: int = 1500,
+    elite: float = 0.1,
+    least: float = 0.0,
+    defence: float = 0.0,
+) -> Rare:
     """Share of failures under disturbances that are standard normal.
 
     Args:

@@ -100,9 +100,12 @@ class Record:
 
 
 def run(
-    scenario: Scenario, settings: Settings, stages: Stages = OURS, seed: int = 0,
+    scenario: Scenario,
+    settings: Settings,
+    stages: Stages = OURS,
+    seed: int = 0,
     disturb: Disturb | None = None,
-) -> Record:  # fmt: skip
+) -> Record:
     """The whole pipeline, once, the same on every machine.
 
     Args:
@@ -122,9 +125,12 @@ def run(
 
 
 def many(
-    scenario: Scenario, settings: Settings, seeds: Iterable[int], stages: Stages = OURS,
+    scenario: Scenario,
+    settings: Settings,
+    seeds: Iterable[int],
+    stages: Stages = OURS,
     disturb: Disturb | None = None,
-) -> list[Record]:  # fmt: skip
+) -> list[Record]:
     """A run for each seed; arguments are those of `run`."""
     return [run(scenario, settings, stages, seed, disturb) for seed in seeds]
 
@@ -148,9 +154,11 @@ def tip_of(arm: TwoLink, q: Array) -> Array:
 
 def step_of(settings: Settings) -> int:
     """Step of the physics [us]; a quarter of a millisecond where it is ideal."""
-    return min(250, microseconds(settings.physics)) if "move" in settings.ideal else microseconds(
-        settings.physics
-    )  # fmt: skip
+    return (
+        min(250, microseconds(settings.physics))
+        if "move" in settings.ideal
+        else microseconds(settings.physics)
+    )
 
 
 class Run:
@@ -162,9 +170,13 @@ class Run:
     """
 
     def __init__(
-        self, scenario: Scenario, settings: Settings, stages: Stages = OURS, seed: int = 0,
+        self,
+        scenario: Scenario,
+        settings: Settings,
+        stages: Stages = OURS,
+        seed: int = 0,
         disturb: Disturb | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         if settings.latency >= scenario.seconds:
             allowed = f"less than the run, {scenario.seconds:g} s"
             raise refused("latency", settings.latency, allowed)
@@ -185,13 +197,23 @@ class Run:
         self.log[0, GAP] = clearance(world, scenario.start)
         self._order = np.argsort(timetable.arrived, kind="stable")
         self._given = (
-            np.stack((timetable.captured, timetable.arrived, timetable.stamp), axis=1), self._order,
-            np.column_stack((timetable.shift, timetable.scale, timetable.draws)), self._numbers,
-            self._ints, self._changing, np.zeros(4), np.zeros((4, 4)), self.seen,
-        )  # fmt: skip
+            np.stack((timetable.captured, timetable.arrived, timetable.stamp), axis=1),
+            self._order,
+            np.column_stack((timetable.shift, timetable.scale, timetable.draws)),
+            self._numbers,
+            self._ints,
+            self._changing,
+            np.zeros(4),
+            np.zeros((4, 4)),
+            self.seen,
+        )
         self._fixed = (
-            self.log, scenario.plant.column(), scenario.arm.column(), world.obstacles, world.body,
-        )  # fmt: skip
+            self.log,
+            scenario.plant.column(),
+            scenario.arm.column(),
+            world.obstacles,
+            world.body,
+        )
         self._table, self._pending = np.zeros((2, 10)), Path("")
         self._drive, self._ours = self._stages()
 
@@ -301,9 +323,19 @@ class Run:
                 reason = f"no plan: {last.status}"
         time = math.inf if reason else float(when[far[-1] + 1 if far.size else 0])
         return Record(
-            scenario, self.settings, self.seed, reason, error, least, time, log, self.timetable,
-            self.seen, self.plans, self.asked,
-        )  # fmt: skip
+            scenario,
+            self.settings,
+            self.seed,
+            reason,
+            error,
+            least,
+            time,
+            log,
+            self.timetable,
+            self.seen,
+            self.plans,
+            self.asked,
+        )
 
 
 def told(settings: Settings) -> Settings:
@@ -337,9 +369,29 @@ def _numbers(scenario: Scenario, settings: Settings) -> Array:
     h, ideal, actuator = step_of(settings), settings.ideal, settings.actuator
     limits = [min(most, actuator.limit) for most in scenario.arm.torques]
     sharp = -math.expm1(-1e-6 * h / actuator.lag) if actuator.lag > 0.0 else 1.0
-    return np.array([
-        h, microseconds(settings.control), LAWS.index(settings.law), settings.kp, settings.kd,
-        *limits, actuator.rate * settings.control, sharp, 1e6 * actuator.delay, "control" in ideal,
-        settings.noise, *settings.bias, *scenario.target, *scenario.velocity, settings.filtered,
-        settings.carried, "age" in ideal, *settings.drift, settings.replan, settings.kept, 0.0,
-    ], dtype=float)  # fmt: skip
+    return np.array(
+        [
+            h,
+            microseconds(settings.control),
+            LAWS.index(settings.law),
+            settings.kp,
+            settings.kd,
+            *limits,
+            actuator.rate * settings.control,
+            sharp,
+            1e6 * actuator.delay,
+            "control" in ideal,
+            settings.noise,
+            *settings.bias,
+            *scenario.target,
+            *scenario.velocity,
+            settings.filtered,
+            settings.carried,
+            "age" in ideal,
+            *settings.drift,
+            settings.replan,
+            settings.kept,
+            0.0,
+        ],
+        dtype=float,
+    )

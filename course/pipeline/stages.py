@@ -173,9 +173,13 @@ def search(
 
 
 def plan_path(
-    start: Array, goal: Array, scenario: Scenario, settings: Settings, rng: np.random.Generator,
+    start: Array,
+    goal: Array,
+    scenario: Scenario,
+    settings: Settings,
+    rng: np.random.Generator,
     search: Search = search,
-) -> Path:  # fmt: skip
+) -> Path:
     """A timed path of the joints from a posture to a place of the tip.
 
     The nearer of the two postures comes first, the other where there is no way to it. A path that

@@ -164,9 +164,7 @@ def step_limit(arm: TwoLink, q: ArrayLike, kp: float, kd: float) -> float:
     return float(1.0 / np.linalg.eigvals(companion).real.max())
 
 
-def growth(
-    arm: TwoLink, q: ArrayLike, kp: float, kd: float, dt: float, held: int = 1
-) -> float:  # fmt: skip
+def growth(arm: TwoLink, q: ArrayLike, kp: float, kd: float, dt: float, held: int = 1) -> float:
     """Growth a control period near rest in q: the largest eigenvalue's size; stable below 1.
 
     Args:

@@ -321,9 +321,7 @@ def capsule_arm(
             stroke = max(abs(bounds[0, k]), abs(bounds[1, k])) if chain.slides[k] else 0.0
             far, k = far + np.linalg.norm(steps[:, k]) + stroke, int(chain.parent[k])
     body = np.ascontiguousarray(np.vstack((chain.table, rows)))
-    return World(
-        "capsule arm", bounds, obstacle_rows(obstacles), body, _state, _edge, _clearance
-    )  # fmt: skip
+    return World("capsule arm", bounds, obstacle_rows(obstacles), body, _state, _edge, _clearance)
 
 
 def sampled(world: World) -> World:
@@ -369,8 +367,10 @@ class Shelf:
         """
         for _ in range(20):
             spot = self.bays[:, bay] + rng.uniform(-1, 1, 3) * (
-                0.06, 0.3 * WIDE, 0.25 * self.height
-            )  # fmt: skip
+                0.06,
+                0.3 * WIDE,
+                0.25 * self.height,
+            )
             spot[0] += 0.12
             forward = np.array([1.0, *rng.uniform(-0.3, 0.3, 2)])
             forward /= np.linalg.norm(forward)

@@ -34,7 +34,7 @@ from course.planning.capsules import (
     SEGMENT,
     THICK,
     TURN,
-)  # fmt: skip
+)
 from course.planning.worlds import DISC, LAST_SIDE, World, asked
 
 Array = NDArray[np.float64]
@@ -64,9 +64,11 @@ class Verdict:
 
 
 def check_path(
-    world: World, path: ArrayLike | None, start: ArrayLike | None = None,
+    world: World,
+    path: ArrayLike | None,
+    start: ArrayLike | None = None,
     goal: ArrayLike | None = None,
-) -> Verdict:  # fmt: skip
+) -> Verdict:
     """Whether a path stays in bounds and touches nothing, between its states too.
 
     Args:

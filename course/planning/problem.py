@@ -186,9 +186,14 @@ class Query:
             found.setdefault("cost", length(path.T))
             found["path"] = np.ascontiguousarray(path.T)
         return Plan(
-            status, self.method, samples=samples, state_checks=states,
-            edge_checks=edges, seconds=self.seconds, **found,
-        )  # fmt: skip
+            status,
+            self.method,
+            samples=samples,
+            state_checks=states,
+            edge_checks=edges,
+            seconds=self.seconds,
+            **found,
+        )
 
 
 # The planners by name, filled by the files that hold them: function (query) -> Plan.
@@ -202,10 +207,16 @@ def length(path: ArrayLike) -> float:
 
 
 def plan(
-    world: World, start: ArrayLike, goal: ArrayLike | Region, *, method: str = "rrt_connect",
-    budget: Budget | int = 10_000, rng: np.random.Generator | int = 0,
-    progress: Callable[[str], None] | None = None, **options: Any,
-) -> Plan:  # fmt: skip
+    world: World,
+    start: ArrayLike,
+    goal: ArrayLike | Region,
+    *,
+    method: str = "rrt_connect",
+    budget: Budget | int = 10_000,
+    rng: np.random.Generator | int = 0,
+    progress: Callable[[str], None] | None = None,
+    **options: Any,
+) -> Plan:
     """A path from start to goal that touches nothing, or why there is none.
 
     Args:

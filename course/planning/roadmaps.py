@@ -36,7 +36,7 @@ from course.planning.problem import (
     Plan,
     Query,
     number,
-)  # fmt: skip
+)
 from course.planning.samplers import (
     EDGE_CHECKS,
     SAMPLERS,
@@ -45,7 +45,7 @@ from course.planning.samplers import (
     UNIFORM,
     draw,
     uniform,
-)  # fmt: skip
+)
 from course.planning.trees import _chain
 from course.planning.worlds import DISC, EDGE, STATE, World
 
@@ -93,9 +93,21 @@ def _part(parts, i):
 
 @register_jitable
 def _grow(
-    state_free, edge_free, obstacles, body, bounds, numbers, shift, nodes, parts, pairs, status,
-    counts, rng, samples,
-):  # fmt: skip
+    state_free,
+    edge_free,
+    obstacles,
+    body,
+    bounds,
+    numbers,
+    shift,
+    nodes,
+    parts,
+    pairs,
+    status,
+    counts,
+    rng,
+    samples,
+):
     """Draw `samples` states and join those that are free to their neighbours. With numbers[STOP]
     it ends, and says so, as soon as nodes 0 and 1 are joined; lazily no edge is asked."""
     n = bounds.shape[1]
@@ -146,9 +158,21 @@ def _resolve(edge_free, obstacles, fresh, body, nodes, pairs, status, chosen, co
 
 @register_jitable
 def _search(
-    edge_free, obstacles, fresh, body, nodes, pairs, status, first, ways, begins, ends, goal,
-    came, counts,
-):  # fmt: skip
+    edge_free,
+    obstacles,
+    fresh,
+    body,
+    nodes,
+    pairs,
+    status,
+    first,
+    ways,
+    begins,
+    ends,
+    goal,
+    came,
+    counts,
+):
     """A* over what is free or may be, until a way is proved; its last node, -1 where there is none.
 
     Node i is reached from outside at cost begins[i], and left at cost ends[i], both infinite for
@@ -206,9 +230,23 @@ def _hook(edge_free, obstacles, body, nodes, trees, hooks, counts, side, i, node
 
 
 def _attach(
-    edge_free, obstacles, body, bounds, numbers, nodes, links, trees, parents, hooks, counts, side,
-    rng, samples, stack, gaps,
-):  # fmt: skip
+    edge_free,
+    obstacles,
+    body,
+    bounds,
+    numbers,
+    nodes,
+    links,
+    trees,
+    parents,
+    hooks,
+    counts,
+    side,
+    rng,
+    samples,
+    stack,
+    gaps,
+):
     """Grow one end's tree until it hangs on the roadmap once more, or meets the other end's tree.
 
     A share numbers[NEAR] of the targets lies around the end, where the way out is; each new node
@@ -382,9 +420,16 @@ def revalidated(roadmap: Roadmap, world: World) -> tuple[Roadmap, int]:
     """The roadmap in a world with other obstacles, all its edges asked; how many that were."""
     now, counts = adapted(roadmap, world), np.zeros(16, dtype=np.int64)
     _kernel(_resolve)(
-        world.kernels[1], world.obstacles, now.fresh, world.body, now.nodes, now.pairs, now.status,
-        np.arange(len(now.pairs)), counts,
-    )  # fmt: skip
+        world.kernels[1],
+        world.obstacles,
+        now.fresh,
+        world.body,
+        now.nodes,
+        now.pairs,
+        now.status,
+        np.arange(len(now.pairs)),
+        counts,
+    )
     return now, int(counts[EDGE_CHECKS])
 
 
@@ -429,10 +474,21 @@ class _Growing:
             self._room(2 * len(self.nodes))
         return bool(
             _kernel(_grow)(
-                *world.kernels, world.obstacles, world.body, world.bounds, numbers, self.shift,
-                self.nodes, self.parts, self.pairs, self.status, counts, self.query.rng, samples,
+                *world.kernels,
+                world.obstacles,
+                world.body,
+                world.bounds,
+                numbers,
+                self.shift,
+                self.nodes,
+                self.parts,
+                self.pairs,
+                self.status,
+                counts,
+                self.query.rng,
+                samples,
             )
-        )  # fmt: skip
+        )
 
     def roadmap(self) -> Roadmap:
         """What has grown so far."""
@@ -468,9 +524,21 @@ def _way(query: Query, roadmap: Roadmap, begins: Array, ends: Array, goal: Array
     """The nodes of the shortest way that is free, none where there is no way."""
     came, world = np.empty(len(roadmap.nodes), dtype=np.int64), query.world
     last = _kernel(_search)(
-        world.kernels[1], world.obstacles, roadmap.fresh, world.body, roadmap.nodes, roadmap.pairs,
-        roadmap.status, roadmap.first, roadmap.ways, begins, ends, goal, came, query.counts,
-    )  # fmt: skip
+        world.kernels[1],
+        world.obstacles,
+        roadmap.fresh,
+        world.body,
+        roadmap.nodes,
+        roadmap.pairs,
+        roadmap.status,
+        roadmap.first,
+        roadmap.ways,
+        begins,
+        ends,
+        goal,
+        came,
+        query.counts,
+    )
     way = [last] if last >= 0 else []
     while way and came[way[-1]] >= 0:
         way.append(int(roadmap.pairs[came[way[-1]]].sum()) - way[-1])
@@ -573,9 +641,22 @@ def on_roadmap(query: Query) -> Plan:
         if left <= 0 or full or query.seconds >= budget.seconds:
             return query.answer(NO_TIME if left > 0 and not full else NO_SAMPLES)
         code = _kernel(_attach)(
-            edge, *tables, world.bounds, numbers, roadmap.nodes, roadmap.links, trees, parents,
-            hooks, counts, side, query.rng, min(8, left), room, gaps,
-        )  # fmt: skip
+            edge,
+            *tables,
+            world.bounds,
+            numbers,
+            roadmap.nodes,
+            roadmap.links,
+            trees,
+            parents,
+            hooks,
+            counts,
+            side,
+            query.rng,
+            min(8, left),
+            room,
+            gaps,
+        )
         if code == 2:
             here = _chain(parents[side], int(counts[TREES + side]) - 1)
             there = _chain(parents[1 - side], int(hooks[side, 0, 1]))

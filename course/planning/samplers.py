@@ -13,9 +13,12 @@ from numba.extending import register_jitable
 UNIFORM, HALTON, GAUSSIAN, BRIDGE, OBSTACLE = range(5)
 LISTED = 5  # states of the caller, one after the other; of trees only
 SAMPLERS = {
-    "uniform": UNIFORM, "halton": HALTON, "gaussian": GAUSSIAN, "bridge": BRIDGE,
+    "uniform": UNIFORM,
+    "halton": HALTON,
+    "gaussian": GAUSSIAN,
+    "bridge": BRIDGE,
     "obstacle": OBSTACLE,
-}  # fmt: skip
+}
 TRIES = 100
 HALVINGS = 10  # of the way to an obstacle's surface
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19, 23, 29)  # bases of Halton's sequence: at most ten dimensions

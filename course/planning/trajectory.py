@@ -90,9 +90,13 @@ def _along(path: Array, stations: Array, places: Array) -> Array:
 
 
 def shortcut(
-    path: ArrayLike, free: Free, rng: np.random.Generator, *, rounds: int = 200,
+    path: ArrayLike,
+    free: Free,
+    rng: np.random.Generator,
+    *,
+    rounds: int = 200,
     kind: str = "partial",
-) -> Array:  # fmt: skip
+) -> Array:
     """A path with the same ends that is never longer and whose new edges are all free.
 
     "vertex" joins two waypoints. "partial" takes two places anywhere on the path and straightens
@@ -247,9 +251,12 @@ def covariant_gradient(
     path: ArrayLike,
     distance: Distance,
     *,
-    margin: float, weight: float = 10.0, points: int = 40, iterations: int = 200,
+    margin: float,
+    weight: float = 10.0,
+    points: int = 40,
+    iterations: int = 200,
     rate: float = 0.05,
-) -> Optimised:  # fmt: skip
+) -> Optimised:
     """Push a path out of obstacles along the gradient of a distance, smoothly (CHOMP).
 
     The cost of a state grows from 0 at the margin on; it is summed over the length of the path, not
@@ -290,8 +297,11 @@ def sequential_convex(
     path: ArrayLike,
     distance: Distance,
     *,
-    margin: float, points: int = 40, iterations: int = 60, penalty: float = 10.0,
-) -> Optimised:  # fmt: skip
+    margin: float,
+    points: int = 40,
+    iterations: int = 60,
+    penalty: float = 10.0,
+) -> Optimised:
     """The smoothest path nearby that keeps a margin, by convex steps with hinge costs (TrajOpt).
 
     Each step minimises smoothness + penalty * sum of max(0, margin - linearised distance) over the
@@ -548,9 +558,13 @@ def _kernel() -> Any:
 
 
 def time_parameterise(
-    path: ArrayLike, limits: Limits | tuple[ArrayLike, ArrayLike], *,
-    blend: float = 0.0, free: Free | None = None, grid: int = 16,
-) -> Trajectory:  # fmt: skip
+    path: ArrayLike,
+    limits: Limits | tuple[ArrayLike, ArrayLike],
+    *,
+    blend: float = 0.0,
+    free: Free | None = None,
+    grid: int = 16,
+) -> Trajectory:
     """The fastest motion along a path, from rest to rest, that keeps the joints' limits always.
 
     By backward and forward reachability of the squared speed (Pham and Pham, IEEE Trans. Robotics

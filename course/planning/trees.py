@@ -33,7 +33,7 @@ from course.planning.problem import (
     Plan,
     Query,
     number,
-)  # fmt: skip
+)
 from course.planning.samplers import (
     DRAWN,
     EDGE_CHECKS,
@@ -46,7 +46,7 @@ from course.planning.samplers import (
     UNIFORM,
     draw,
     uniform,
-)  # fmt: skip
+)
 from course.planning.worlds import EDGE, STATE
 
 Array = NDArray[np.float64]
@@ -165,9 +165,24 @@ def _target(state_free, obstacles, body, bounds, numbers, frame, counts, rng, ou
 
 @register_jitable
 def _grow(
-    state_free, edge_free, obstacles, body, bounds, goal, numbers, frame,
-    nodes, parents, links, costs, room, gaps, counts, rng, samples,
-):  # fmt: skip
+    state_free,
+    edge_free,
+    obstacles,
+    body,
+    bounds,
+    goal,
+    numbers,
+    frame,
+    nodes,
+    parents,
+    links,
+    costs,
+    room,
+    gaps,
+    counts,
+    rng,
+    samples,
+):
     """One tree from the start: RRT, and with numbers[STAR] RRT*, which goes on after a path.
 
     `frame` holds Halton's shift, the centre between start and goal, the axes of the ellipsoid, and
@@ -256,9 +271,24 @@ def _grow(
 
 @register_jitable
 def _connect(
-    state_free, edge_free, obstacles, body, bounds, goal, numbers, frame,
-    nodes, parents, links, costs, room, gaps, counts, rng, samples,
-):  # fmt: skip
+    state_free,
+    edge_free,
+    obstacles,
+    body,
+    bounds,
+    goal,
+    numbers,
+    frame,
+    nodes,
+    parents,
+    links,
+    costs,
+    room,
+    gaps,
+    counts,
+    rng,
+    samples,
+):
     """Two trees, which take turns: one takes a step towards a sample, the other goes on towards
     that new node for as long as it is free to. Arguments as of `_grow`."""
     n = bounds.shape[1]
@@ -299,9 +329,16 @@ def _connect(
                         reached = False
                         break
                     at = _add(
-                        nodes, parents, links, costs, counts, grown, new, at,
+                        nodes,
+                        parents,
+                        links,
+                        costs,
+                        counts,
+                        grown,
+                        new,
+                        at,
                         costs[grown, at] + length,
-                    )  # fmt: skip
+                    )
                     if turn == 0:
                         meeting = at
                 if turn == 0:
@@ -323,9 +360,24 @@ _rng_at = from_address(types.npy_rng)
 
 
 def _run(
-    state, edge, rng, obstacles, body, bounds, goal, numbers, frame,
-    nodes, parents, links, costs, room, gaps, counts, samples,
-):  # fmt: skip
+    state,
+    edge,
+    rng,
+    obstacles,
+    body,
+    bounds,
+    goal,
+    numbers,
+    frame,
+    nodes,
+    parents,
+    links,
+    costs,
+    room,
+    gaps,
+    counts,
+    samples,
+):
     """A chunk of either loop, the functions and the generator handed over as addresses. The roots
     are node 0 of each tree."""
     if counts[NODES] == 0:
@@ -335,14 +387,44 @@ def _run(
     state_free, edge_free, draws = _state_at(state), _edge_at(edge), _rng_at(rng)
     if nodes.shape[0] == 2:
         code = _connect(
-            state_free, edge_free, obstacles, body, bounds, goal, numbers, frame,
-            nodes, parents, links, costs, room, gaps, counts, draws, samples,
-        )  # fmt: skip
+            state_free,
+            edge_free,
+            obstacles,
+            body,
+            bounds,
+            goal,
+            numbers,
+            frame,
+            nodes,
+            parents,
+            links,
+            costs,
+            room,
+            gaps,
+            counts,
+            draws,
+            samples,
+        )
     else:
         code = _grow(
-            state_free, edge_free, obstacles, body, bounds, goal, numbers, frame,
-            nodes, parents, links, costs, room, gaps, counts, draws, samples,
-        )  # fmt: skip
+            state_free,
+            edge_free,
+            obstacles,
+            body,
+            bounds,
+            goal,
+            numbers,
+            frame,
+            nodes,
+            parents,
+            links,
+            costs,
+            room,
+            gaps,
+            counts,
+            draws,
+            samples,
+        )
     for side in range(nodes.shape[0] if counts[LAST] >= 0 else 0):
         at, steps = counts[LAST + side], 0
         while at >= 0:
@@ -373,14 +455,18 @@ def _options(query: Query) -> tuple[Array, Array]:
         listed = vector("sampler", sampler, (world.dim, None))
         if not ((listed.T >= world.bounds[0]) & (listed.T <= world.bounds[1])).all():
             raise refused("sampler", sampler, "states within the bounds of the world")
-    numbers = np.array([
-        number(query, "step", 0.2 * world.extent, POSITIVE),
-        0.0 if query.method == "rrt_connect" else number(query, "goal_bias", 0.05, 0.0, 1.0),
-        kind,
-        number(query, "mix", 1.0, 0.0, 1.0),
-        number(query, "spread", 0.05 * world.extent, POSITIVE),
-        0.0, 0.0, 0.0,
-    ])  # fmt: skip
+    numbers = np.array(
+        [
+            number(query, "step", 0.2 * world.extent, POSITIVE),
+            0.0 if query.method == "rrt_connect" else number(query, "goal_bias", 0.05, 0.0, 1.0),
+            kind,
+            number(query, "mix", 1.0, 0.0, 1.0),
+            number(query, "spread", 0.05 * world.extent, POSITIVE),
+            0.0,
+            0.0,
+            0.0,
+        ]
+    )
     if kind == SAMPLERS["halton"] and world.dim > len(PRIMES):
         raise refused("sampler", sampler, f"up to {len(PRIMES)} dimensions")
     if options:
@@ -437,10 +523,13 @@ def _search(query: Query, numbers: Array, frame: Array, *roots: Array) -> Plan:
 def _arrays(sides: int, size: int, n: int) -> tuple[Any, ...]:
     """Nodes, parents, links, costs of each tree; room for stacks of whole numbers and of floats."""
     return (
-        np.empty((sides, size, n)), np.empty((sides, size), dtype=np.int64),
-        np.empty((sides, size, WIDTH), dtype=np.int64), np.empty((sides, size)),
-        np.empty((4, size), dtype=np.int64), np.empty(size),
-    )  # fmt: skip
+        np.empty((sides, size, n)),
+        np.empty((sides, size), dtype=np.int64),
+        np.empty((sides, size, WIDTH), dtype=np.int64),
+        np.empty((sides, size)),
+        np.empty((4, size), dtype=np.int64),
+        np.empty(size),
+    )
 
 
 def _chain(parents: NDArray[np.int64], last: int) -> list[int]:
@@ -512,9 +601,7 @@ def rrt_connect(query: Query) -> Plan:
     return _search(query, numbers, _frame(query, numbers, listed), query.start, root)
 
 
-METHODS.update(
-    rrt=rrt, rrt_connect=rrt_connect, rrt_star=rrt_star, informed_rrt_star=rrt_star
-)  # fmt: skip
+METHODS.update(rrt=rrt, rrt_connect=rrt_connect, rrt_star=rrt_star, informed_rrt_star=rrt_star)
 
 
 def warm() -> None:

@@ -422,9 +422,14 @@ def plane(
     """
     limits = box("bounds", vector("bounds", bounds, (2, 2), unit="m"))
     return World(
-        "plane", limits, _plane_obstacles(discs, boxes, polygons), np.zeros((1, 1)),
-        _plane_state, _plane_edge, _plane_clearance,
-    )  # fmt: skip
+        "plane",
+        limits,
+        _plane_obstacles(discs, boxes, polygons),
+        np.zeros((1, 1)),
+        _plane_state,
+        _plane_edge,
+        _plane_clearance,
+    )
 
 
 def planar_arm(
@@ -455,9 +460,14 @@ def planar_arm(
     limits = box("bounds", vector("bounds", turn, (2, links.size), unit="rad"))
     body = np.column_stack((links, np.broadcast_to(thick, links.shape)))
     return World(
-        "planar arm", limits, _plane_obstacles(discs, boxes, polygons), body,
-        _arm_state, _arm_edge, _arm_clearance,
-    )  # fmt: skip
+        "planar arm",
+        limits,
+        _plane_obstacles(discs, boxes, polygons),
+        body,
+        _arm_state,
+        _arm_edge,
+        _arm_clearance,
+    )
 
 
 def from_function(valid: Callable[[Array], bool], bounds: ArrayLike, resolution: float) -> World:
@@ -476,9 +486,14 @@ def from_function(valid: Callable[[Array], bool], bounds: ArrayLike, resolution:
     spacing = positive("resolution", resolution)
     number = np.array([[float(Asked(valid).number)]])
     return World(
-        "function", box("bounds", bounds), number, np.array([[spacing]]),
-        _function_state, _function_edge, _function_clearance,
-    )  # fmt: skip
+        "function",
+        box("bounds", bounds),
+        number,
+        np.array([[spacing]]),
+        _function_state,
+        _function_edge,
+        _function_clearance,
+    )
 
 
 def asked(world: World) -> Asked | None:

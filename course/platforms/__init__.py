@@ -26,9 +26,23 @@ from course.platforms.own import Own
 from course.platforms.scenes import SCENES, Body, Scene
 
 __all__ = [
-    "AS_SHIPPED", "FAIR", "NO_CONTACTS", "SCENES", "Body", "Change", "ContactReport", "Engine",
-    "Own", "Run", "Scene", "Settings", "State", "prepared", "slip_of", "warm",
-]  # fmt: skip
+    "AS_SHIPPED",
+    "FAIR",
+    "NO_CONTACTS",
+    "SCENES",
+    "Body",
+    "Change",
+    "ContactReport",
+    "Engine",
+    "Own",
+    "Run",
+    "Scene",
+    "Settings",
+    "State",
+    "prepared",
+    "slip_of",
+    "warm",
+]
 
 
 def warm() -> None:

@@ -76,9 +76,14 @@ class Step:
 
 
 def step_of(
-    scene: Scene, state: State, free: Array, report: ContactReport, dt: float,
-    members: Sequence[int] | None = None, recovery: float = 0.2,
-) -> Step:  # fmt: skip
+    scene: Scene,
+    state: State,
+    free: Array,
+    report: ContactReport,
+    dt: float,
+    members: Sequence[int] | None = None,
+    recovery: float = 0.2,
+) -> Step:
     """The step from a state with the contacts of a report, which must all be of the members.
 
     Args:
@@ -101,10 +106,12 @@ def step_of(
         for i, b, low, high in zip(members, basis, ends, ends[1:], strict=False):
             ours = np.flatnonzero(here == i)
             jacobian[ours, :, low:high] += sign * np.einsum("dvk,vf->kdf", rows[:, :, ours], b)
-    mass = np.concatenate([
-        np.array([scene.bodies[i].mass] * 3 + list(scene.bodies[i].moments)) @ b**2
-        for i, b in zip(members, basis, strict=True)
-    ])  # fmt: skip
+    mass = np.concatenate(
+        [
+            np.array([scene.bodies[i].mass] * 3 + list(scene.bodies[i].moments)) @ b**2
+            for i, b in zip(members, basis, strict=True)
+        ]
+    )
     before, after = (
         np.concatenate([v[:, i] @ b for i, b in zip(members, basis, strict=True)])
         for v in (state.v, free)

@@ -159,9 +159,13 @@ class ContactReport:
     def only(self, these: Any) -> ContactReport:
         """Some of the contacts, by number or by a mask."""
         return ContactReport(
-            self.bodies[:, these], self.point[:, these], self.normal[:, these],
-            self.gap[these], self.force[:, these], self.slip[:, these],
-        )  # fmt: skip
+            self.bodies[:, these],
+            self.point[:, these],
+            self.normal[:, these],
+            self.gap[these],
+            self.force[:, these],
+            self.slip[:, these],
+        )
 
 
 _NONE = np.zeros((3, 0))

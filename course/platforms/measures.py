@@ -193,9 +193,13 @@ class Stop:
 
 
 def stop(
-    engine: Engine, heading: float, dt: float, settings: Settings = FAIR,
-    speed: float = 2.0, friction: float = 0.5,
-) -> Stop:  # fmt: skip
+    engine: Engine,
+    heading: float,
+    dt: float,
+    settings: Settings = FAIR,
+    speed: float = 2.0,
+    friction: float = 0.5,
+) -> Stop:
     """The braking block, to be set beside `theory.stop` and `theory.braking_distance`."""
     scene = brake(heading, speed, friction)
     run = prepared(engine, scene, dt, settings)
@@ -276,8 +280,10 @@ def effects(engine: Engine, scene: Scene, dt: float) -> list[Effect]:
     kind = "joints" if scene.chain else "bodies"
     shipped, fair = (position_error(engine, scene, dt, s) for s in (AS_SHIPPED, FAIR))
     keys = [change.key for change in engine.changes if change.kind in ("all", kind)]
-    turned = [[position_error(engine, scene, dt, s.using(but=(key,))) for s in (AS_SHIPPED, FAIR)]
-              for key in keys]  # fmt: skip
+    turned = [
+        [position_error(engine, scene, dt, s.using(but=(key,))) for s in (AS_SHIPPED, FAIR)]
+        for key in keys
+    ]
     return [Effect(key, shipped, fair, *pair) for key, pair in zip(keys, turned, strict=True)]
 
 
@@ -305,9 +311,12 @@ class Reach:
 
 
 def reach(
-    engine: Engine, dt: float = 1e-3, settings: Settings = FAIR, duration: float = 1.5,
+    engine: Engine,
+    dt: float = 1e-3,
+    settings: Settings = FAIR,
+    duration: float = 1.5,
     damping: float = 0.5,
-) -> Reach:  # fmt: skip
+) -> Reach:
     """A reach of the 7-R arm by PD on chapter 4's model of it (computed torque), once a step.
 
     The model knows all that the URDF text says, so that an engine fails by what it leaves out or

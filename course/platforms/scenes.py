@@ -190,9 +190,13 @@ def _text(values: ArrayLike) -> str:
 
 
 def linked(
-    name: str, chain: Chain, q0: ArrayLike, duration: float, tolerance: float,
+    name: str,
+    chain: Chain,
+    q0: ArrayLike,
+    duration: float,
+    tolerance: float,
     down: tuple[float, float, float] = (0.0, 0.0, -GRAVITY),
-) -> Scene:  # fmt: skip
+) -> Scene:
     """A scene of joints that is released at rest; its truth is chapter 1's tight reference."""
     start = vector("q0", q0, (chain.n,)).copy()
 
@@ -207,9 +211,17 @@ def linked(
         return problems.tight_reference(system, time)[0]
 
     return Scene(
-        name, duration, tolerance, "joints", truth, urdf=urdf(chain, name), chain=chain,
-        q0=start, v0=still, gravity=down,
-    )  # fmt: skip
+        name,
+        duration,
+        tolerance,
+        "joints",
+        truth,
+        urdf=urdf(chain, name),
+        chain=chain,
+        q0=start,
+        v0=still,
+        gravity=down,
+    )
 
 
 def chain(n: int = 6, duration: float = 2.0, tolerance: float = 1e-2) -> Scene:
@@ -238,9 +250,12 @@ def arm(duration: float = 0.5, tolerance: float = 5e-2, damping: float = 0.0) ->
 
 
 def box(
-    name: str, half: Sequence[float], mass: float, place: Sequence[float],
+    name: str,
+    half: Sequence[float],
+    mass: float,
+    place: Sequence[float],
     **more: Sequence[float] | None,
-) -> Body:  # fmt: skip
+) -> Body:
     """A uniform upright box with its centre at a place; `more` are fields of `Body`."""
     x, y, z = vector("half", half, (3,), unit="m").tolist()
     m = positive("mass", mass, unit="kg") / 3.0
@@ -284,9 +299,15 @@ def drop(height: float = 0.1, duration: float = 1.0, tolerance: float = 1e-3) ->
         return np.array([0.0, 0.0, -min(height, 0.5 * GRAVITY * time**2)])
 
     return Scene(
-        "drop", duration, tolerance, "place", _unmoved([cube], fallen), bodies=(cube,),
-        ground=True, friction=0.5,
-    )  # fmt: skip
+        "drop",
+        duration,
+        tolerance,
+        "place",
+        _unmoved([cube], fallen),
+        bodies=(cube,),
+        ground=True,
+        friction=0.5,
+    )
 
 
 def slope(
@@ -302,11 +323,17 @@ def slope(
     s, c = math.sin(angle), math.cos(angle)
     rate = GRAVITY * max(0.0, s - friction * c)
     return Scene(
-        "rest" if rate == 0.0 else "slide", duration, tolerance, "place",
-        _unmoved([body], lambda t: np.array([0.5 * rate * t * t, 0.0, 0.0])), bodies=(body,),
-        ground=True, friction=friction, gravity=(GRAVITY * s, 0.0, -GRAVITY * c),
+        "rest" if rate == 0.0 else "slide",
+        duration,
+        tolerance,
+        "place",
+        _unmoved([body], lambda t: np.array([0.5 * rate * t * t, 0.0, 0.0])),
+        bodies=(body,),
+        ground=True,
+        friction=friction,
+        gravity=(GRAVITY * s, 0.0, -GRAVITY * c),
         settle=0.0 if rate else 0.1,
-    )  # fmt: skip
+    )
 
 
 def _block(velocity: Sequence[float] = (0.0,) * 6) -> Body:
@@ -333,9 +360,16 @@ def brake(
         return (speed * t - 0.5 * friction * GRAVITY * t * t) * along
 
     return Scene(
-        "brake", 1.5 * stop, tolerance, "place", _unmoved([body], way), bodies=(body,),
-        ground=True, friction=friction, settle=0.2,
-    )  # fmt: skip
+        "brake",
+        1.5 * stop,
+        tolerance,
+        "place",
+        _unmoved([body], way),
+        bodies=(body,),
+        ground=True,
+        friction=friction,
+        settle=0.2,
+    )
 
 
 def tower(n: int = 5, duration: float = 1.0, tolerance: float = 1e-3) -> Scene:
@@ -343,9 +377,15 @@ def tower(n: int = 5, duration: float = 1.0, tolerance: float = 1e-3) -> Scene:
     count("n", n, 1)
     cubes = [box(f"cube{i}", (HALF,) * 3, 1.0, (0.0, 0.0, (2 * i + 1) * HALF)) for i in range(n)]
     return Scene(
-        "tower", duration, tolerance, "place", _unmoved(cubes), bodies=tuple(cubes),
-        ground=True, friction=0.5,
-    )  # fmt: skip
+        "tower",
+        duration,
+        tolerance,
+        "place",
+        _unmoved(cubes),
+        bodies=tuple(cubes),
+        ground=True,
+        friction=0.5,
+    )
 
 
 def grasp(
@@ -362,11 +402,15 @@ def grasp(
     part = box("part", (0.02, 0.03, 0.03), mass, (0.0, 0.0, 0.0))
     fingers = [
         box(
-            name, (0.01,) * 3, 0.05, (0.03 * side, 0.0, 0.0), guide=(1.0, 0.0, 0.0),
+            name,
+            (0.01,) * 3,
+            0.05,
+            (0.03 * side, 0.0, 0.0),
+            guide=(1.0, 0.0, 0.0),
             force=(-side * squeeze, 0.0, 0.0),
         )
         for name, side in (("left", -1.0), ("right", 1.0))
-    ]  # fmt: skip
+    ]
     rate = max(0.0, GRAVITY - 2.0 * friction * squeeze / mass)
     bodies = (part, *fingers)
     still = _unmoved(bodies)
@@ -388,13 +432,26 @@ def field(n: int = 64, duration: float = 0.5, tolerance: float = 1e-3) -> Scene:
         for i in range(n)
     ]
     return Scene(
-        "field", duration, tolerance, "place", _unmoved(cubes), bodies=tuple(cubes),
-        ground=True, friction=0.5,
-    )  # fmt: skip
+        "field",
+        duration,
+        tolerance,
+        "place",
+        _unmoved(cubes),
+        bodies=tuple(cubes),
+        ground=True,
+        friction=0.5,
+    )
 
 
 SCENES: dict[str, Callable[..., Scene]] = {
-    "tumble": tumble, "chain": chain, "arm": arm, "drop": drop, "rest": slope,
-    "slide": functools.partial(slope, 0.5, 0.2), "brake": brake, "tower": tower, "grasp": grasp,
+    "tumble": tumble,
+    "chain": chain,
+    "arm": arm,
+    "drop": drop,
+    "rest": slope,
+    "slide": functools.partial(slope, 0.5, 0.2),
+    "brake": brake,
+    "tower": tower,
+    "grasp": grasp,
     "field": field,
-}  # fmt: skip
+}

@@ -44,9 +44,12 @@ def stopped_short(
 
 
 def stop(
-    heading: Any, cone: str = "circle", speed: float = 2.0, friction: float = 0.5,
+    heading: Any,
+    cone: str = "circle",
+    speed: float = 2.0,
+    friction: float = 0.5,
     gravity: float = GRAVITY,
-) -> tuple[Array, Array]:  # fmt: skip
+) -> tuple[Array, Array]:
     """Where a block comes to rest that is sent off on level ground, by the section of its cone.
 
     Friction is the force of its section that takes out most power. With D = v^2 / (2 mu g):

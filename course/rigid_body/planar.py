@@ -127,9 +127,23 @@ def _advance(
                 second and vn2 + left * (ay + alpha * rx2) < 0.0
             ):
                 x, y, angle, vx, vy, omega, used, outcome = sustain(
-                    x, y, angle, vx, vy, omega, ax, ay, alpha, corners, box, left, coefficient,
-                    flat, first, second,
-                )  # fmt: skip
+                    x,
+                    y,
+                    angle,
+                    vx,
+                    vy,
+                    omega,
+                    ax,
+                    ay,
+                    alpha,
+                    corners,
+                    box,
+                    left,
+                    coefficient,
+                    flat,
+                    first,
+                    second,
+                )
                 # Held up to an event: what is left of the step goes on from there.
                 if outcome != 0:
                     bounced = False
@@ -206,9 +220,22 @@ def _step_boxes(
                 )
                 continue
             x, y, angle, vx, vy, omega, n, failed = _advance(
-                x, y, angle, vx, vy, omega, ax, ay, alpha, box, radius, dt,
-                coefficient, resolve, limit,
-            )  # fmt: skip
+                x,
+                y,
+                angle,
+                vx,
+                vy,
+                omega,
+                ax,
+                ay,
+                alpha,
+                box,
+                radius,
+                dt,
+                coefficient,
+                resolve,
+                limit,
+            )
             impacts += n
             unresolved += failed
         out[0, j], out[1, j], out[2, j] = x, y, angle
@@ -219,10 +246,20 @@ def _step_boxes(
 
 
 _SIGNATURE = types.int64(
-    MATRIX, types.Array(types.int64, 2, "C"), MATRIX, MATRIX, MATRIX,
-    types.float64, types.float64, types.float64, types.int64, types.float64,
-    types.boolean, types.boolean, types.int64,
-)  # fmt: skip
+    MATRIX,
+    types.Array(types.int64, 2, "C"),
+    MATRIX,
+    MATRIX,
+    MATRIX,
+    types.float64,
+    types.float64,
+    types.float64,
+    types.int64,
+    types.float64,
+    types.boolean,
+    types.boolean,
+    types.int64,
+)
 
 
 # Arguments as `_step_boxes` names them and `rollout` checks them; `out` may be `state` itself.
@@ -340,9 +377,20 @@ def prepare(
             raise refused("out", (out.dtype.name, out.shape), f"C-ordered float64 {state.shape}")
         counts = np.empty((2, n), dtype=np.int64)
         bad = step_boxes_loop(
-            out, counts, state, parameters, force, gx, gy, float(dt), steps, coefficient,
-            resolve_impacts, ground, max_events,
-        )  # fmt: skip
+            out,
+            counts,
+            state,
+            parameters,
+            force,
+            gx,
+            gy,
+            float(dt),
+            steps,
+            coefficient,
+            resolve_impacts,
+            ground,
+            max_events,
+        )
         if bad >= 0:
             k = bad if parameters.shape[1] > 1 else 0
             given = dict(zip(PARAMETERS, parameters[:, k].tolist(), strict=True))

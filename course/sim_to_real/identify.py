@@ -56,8 +56,11 @@ class Log:
         for name, values, off in (("times", t[1:], apart), ("sent", sent, other)):
             i = int(np.argmax(np.abs(off)))
             if abs(off[i]) > 0.01 * self.dt:
-                raise refused(f"{name}[{i + (values is not sent)}]", values[i],
-                              f"{values[i] - off[i]:g} s: evenly spaced, one clock")  # fmt: skip
+                raise refused(
+                    f"{name}[{i + (values is not sent)}]",
+                    values[i],
+                    f"{values[i] - off[i]:g} s: evenly spaced, one clock",
+                )
 
     @property
     def dt(self) -> float:
@@ -188,16 +191,26 @@ def fit(simulate: Simulate, log: Log, start: Parameters, free: Bounds, *, steps:
     if white < ALARM and noise > 1e-9 * np.abs(wanted).max():  # else it is rounding that is left
         against.append("the residual is not white: the model, the clock or the start is wrong")
     taken = (taken + 1) * (P + 1) + 2 * P
-    return Fit(**vars(seen), value=x, residual=residual, noise=noise, white=white, slope=slope,
-               rollouts=taken, reason="; ".join([*against, *seen.null]))  # fmt: skip
+    return Fit(
+        **vars(seen),
+        value=x,
+        residual=residual,
+        noise=noise,
+        white=white,
+        slope=slope,
+        rollouts=taken,
+        reason="; ".join([*against, *seen.null]),
+    )
 
 
 def arm(parameters: Mapping[str, Array], log: Log) -> Array:
     """A `Simulate`: angles of flat arms under the torques of a log, (2, T + 1, K) [rad]. Takes
     `BASE` and, where they are given, other `plants.ROWS` and q1, q2, v1, v2 at the start."""
     given, none = {"torque": np.ones(len(parameters["a"])), **parameters}, 0.0 * parameters["a"]
-    rows, start = (np.array([given.get(name, none) for name in names])
-                   for names in (plants.ROWS, ("q1", "q2", "v1", "v2")))  # fmt: skip
+    rows, start = (
+        np.array([given.get(name, none) for name in names])
+        for names in (plants.ROWS, ("q1", "q2", "v1", "v2"))
+    )
     return plants.driven(rows, log.command.T, start, log.dt).measured.swapaxes(1, 2)
 
 
@@ -226,9 +239,12 @@ def validate(simulate: Simulate, log: Log, start: Parameters, found: Fit) -> tup
 
 
 def excitation(
-    simulate: Simulate, logs: Mapping[str, Log], start: Parameters, free: Bounds,
+    simulate: Simulate,
+    logs: Mapping[str, Log],
+    start: Parameters,
+    free: Bounds,
     noise: float = 1e-3,
-) -> dict[str, Visible]:  # fmt: skip
+) -> dict[str, Visible]:
     """What each of several logs would tell, the best conditioned one first, before anything is
     measured: only their commands count, the parameters are those of `start`."""
     told = {}

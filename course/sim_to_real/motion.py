@@ -80,9 +80,11 @@ def _runge_kutta(arm, i, q1, q2, v1, v2, u1, u2, s1, s2, h):
     d1, d2, _, _ = _accelerations(arm, i, q2 + h * x2, y1, y2, u1, u2, s1, s2)
     g = h / 6.0
     return (
-        q1 + g * (v1 + 2.0 * w1 + 2.0 * x1 + y1), q2 + g * (v2 + 2.0 * w2 + 2.0 * x2 + y2),
-        v1 + g * (a1 + 2.0 * b1 + 2.0 * c1 + d1), v2 + g * (a2 + 2.0 * b2 + 2.0 * c2 + d2),
-    )  # fmt: skip
+        q1 + g * (v1 + 2.0 * w1 + 2.0 * x1 + y1),
+        q2 + g * (v2 + 2.0 * w2 + 2.0 * x2 + y2),
+        v1 + g * (a1 + 2.0 * b1 + 2.0 * c1 + d1),
+        v2 + g * (a2 + 2.0 * b2 + 2.0 * c2 + d2),
+    )
 
 
 @register_jitable

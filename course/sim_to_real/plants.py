@@ -63,8 +63,10 @@ class Plants:
 
     def __post_init__(self) -> None:
         low = {"mass": POSITIVE, "torque": POSITIVE, "bias": -np.inf}
-        given = {name: vector(name, getattr(self, name), (), (None,), low=low.get(name, 0.0))
-            for name in FIELDS}  # fmt: skip
+        given = {
+            name: vector(name, getattr(self, name), (), (None,), low=low.get(name, 0.0))
+            for name in FIELDS
+        }
         n = max(row.size for row in given.values())
         for name, row in given.items():
             if row.size not in (1, n):
@@ -83,10 +85,22 @@ class Plants:
         m, p, viscous, coulomb, torque, delay, bias, noise = (getattr(self, f) for f in FIELDS)
         a, b, d, c1, c2 = ARM.parameters
         l1, l2 = ARM.lengths
-        return np.array([
-            m * a + p * (l1 * l1 + l2 * l2), m * b + p * l1 * l2, m * d + p * l2 * l2,
-            c1 * viscous, c2 * viscous, coulomb, 0.5 * coulomb, torque, delay, bias, bias, noise,
-        ])  # fmt: skip
+        return np.array(
+            [
+                m * a + p * (l1 * l1 + l2 * l2),
+                m * b + p * l1 * l2,
+                m * d + p * l2 * l2,
+                c1 * viscous,
+                c2 * viscous,
+                coulomb,
+                0.5 * coulomb,
+                torque,
+                delay,
+                bias,
+                bias,
+                noise,
+            ]
+        )
 
     def take(self, index: ArrayLike) -> Plants:
         """Some of these arms, by a whole number each or a mask."""
@@ -98,9 +112,14 @@ FIELDS = tuple(field.name for field in dataclasses.fields(Plants))
 
 # How far gap 1 is from the simulator: the direction along which `real` moves.
 DIRECTION = {
-    "mass": 0.1, "payload": 0.5, "viscous": -0.8, "coulomb": 0.6, "torque": -0.2, "bias": 0.004,
+    "mass": 0.1,
+    "payload": 0.5,
+    "viscous": -0.8,
+    "coulomb": 0.6,
+    "torque": -0.2,
+    "bias": 0.004,
     "noise": 0.001,
-}  # fmt: skip
+}
 
 
 def nominal(n: int = 1) -> Plants:
@@ -240,9 +259,16 @@ def _run(
     out = np.empty((4, K * E))
     trace = np.zeros((10 if traced else 0, K * E, T + 1))
     episodes(
-        arms, _numbers(sets.reshape(6, -1)), start, *wide, posed.unit_noise,
-        np.empty((0, 2, 1)), sizes, out, trace,
-    )  # fmt: skip
+        arms,
+        _numbers(sets.reshape(6, -1)),
+        start,
+        *wide,
+        posed.unit_noise,
+        np.empty((0, 2, 1)),
+        sizes,
+        out,
+        trace,
+    )
     return out.reshape((4, E) if sets.ndim == 1 else (4, K, E)), trace
 
 

@@ -190,9 +190,15 @@ _learn_loop = loop(_learn, numba.int64(CUBE, CUBE, VECTOR, VECTOR, MATRIX, numba
 
 
 def learning_steps(
-    process: Process, rng: np.random.Generator, optimal: int, *, start: ArrayLike = 0.0,
-    most: int = 100_000, rate: float = 0.5, chance: float = 0.1,
-) -> float:  # fmt: skip
+    process: Process,
+    rng: np.random.Generator,
+    optimal: int,
+    *,
+    start: ArrayLike = 0.0,
+    most: int = 100_000,
+    rate: float = 0.5,
+    chance: float = 0.1,
+) -> float:
     """Steps of Q-learning (Watkins, 1989) until its greedy walk from state 0 is a shortest one.
 
     Shaped by phi it does what it does unshaped with values that start at phi (Wiewiora, 2003): so a
@@ -213,8 +219,12 @@ def learning_steps(
     q = np.tile(np.broadcast_to(vector("start", start, (), (S,)), (S,))[:, None], (1, A))
     numbers = np.array([process.gamma, finite("rate", rate, 0.0, 1.0), chance])
     steps = _learn_loop(
-        np.ascontiguousarray(process.transition), np.ascontiguousarray(process.reward),
-        process.terminal.astype(float), numbers, rng.random((count("most", most, 1), 3)),
-        count("optimal", optimal, 1), q,
-    )  # fmt: skip
+        np.ascontiguousarray(process.transition),
+        np.ascontiguousarray(process.reward),
+        process.terminal.astype(float),
+        numbers,
+        rng.random((count("most", most, 1), 3)),
+        count("optimal", optimal, 1),
+        q,
+    )
     return float(steps) if steps > 0 else np.inf

@@ -22,8 +22,13 @@ Array = NDArray[np.float64]
 Subset = frozenset[str]
 
 # The parameters that are found together, and the three kinds of them.
-PARTS = {"load": ("mass", "payload"), "friction": ("viscous", "coulomb"), "motor": ("torque",),
-    "encoder": ("bias", "noise"), "delay": ("delay",)}  # fmt: skip
+PARTS = {
+    "load": ("mass", "payload"),
+    "friction": ("viscous", "coulomb"),
+    "motor": ("torque",),
+    "encoder": ("bias", "noise"),
+    "delay": ("delay",),
+}
 KINDS = {"dynamics": ("load", "friction", "motor"), "sensing": ("encoder",), "timing": ("delay",)}
 
 
@@ -83,8 +88,11 @@ def hurting(value: Mapping[Subset, float]) -> list[tuple[Subset, str, float]]:
     Args:
         value: of every subset of the parts.
     """
-    found = [(some, part, value[some | {part}] - value[some]) for some in value
-        for part in sorted(max(value, key=len) - some)]  # fmt: skip
+    found = [
+        (some, part, value[some | {part}] - value[some])
+        for some in value
+        for part in sorted(max(value, key=len) - some)
+    ]
     return sorted((row for row in found if row[2] < 0.0), key=lambda row: row[2])
 
 
@@ -92,9 +100,13 @@ def hurting(value: Mapping[Subset, float]) -> list[tuple[Subset, str, float]]:
 
 
 def trials(
-    first: float, second: float, *, together: float | None = None, power: float = 0.8,
+    first: float,
+    second: float,
+    *,
+    together: float | None = None,
+    power: float = 0.8,
     level: float = 0.05,
-) -> int:  # fmt: skip
+) -> int:
     """Trials with each of two policies that tell their success rates apart.
 
     On trials of their own it is the normal approximation with the pooled variance (Fleiss, Levin

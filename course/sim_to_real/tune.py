@@ -122,9 +122,15 @@ class Tuned(NamedTuple):
 
 
 def improve(
-    trial: Callable[[Array, int], Outcome], rng: np.random.Generator, *, start: ArrayLike = GUESS,
-    rounds: int = 20, samples: int = 48, elites: int = 12, spread: float = SPREAD,
-) -> Tuned:  # fmt: skip
+    trial: Callable[[Array, int], Outcome],
+    rng: np.random.Generator,
+    *,
+    start: ArrayLike = GUESS,
+    rounds: int = 20,
+    samples: int = 48,
+    elites: int = 12,
+    spread: float = SPREAD,
+) -> Tuned:
     """Cross-entropy search over the logarithms of the gains, by anything that can be tried.
 
     With few rounds and a small spread it is the fine-tuning of gains on a real arm, whose episodes
@@ -147,9 +153,15 @@ def improve(
         return cost(got)
 
     found = cem(
-        costs, first[None], rng, rounds=rounds, samples=samples, elites=elites,
-        spread=positive("spread", spread), limit=FURTHEST,
-    )  # fmt: skip
+        costs,
+        first[None],
+        rng,
+        rounds=rounds,
+        samples=samples,
+        elites=elites,
+        spread=positive("spread", spread),
+        limit=FURTHEST,
+    )
     return Tuned(GUESS * np.exp(found.plan[0]), found.cost, tried[1])
 
 
@@ -191,9 +203,14 @@ class Automatic(NamedTuple):
 
 
 def automatic(
-    seed: int, *, rounds: int = 40, buffer: int = 128, thresholds: tuple[float, float] = (0.8, 0.9),
-    step: float = 0.1, most: float = 2.0,
-) -> Automatic:  # fmt: skip
+    seed: int,
+    *,
+    rounds: int = 40,
+    buffer: int = 128,
+    thresholds: tuple[float, float] = (0.8, 0.9),
+    step: float = 0.1,
+    most: float = 2.0,
+) -> Automatic:
     """Automatic domain randomisation (OpenAI, arXiv 1910.07113, sec. 5): ranges as wide as pays.
 
     Each boundary of each parameter has a buffer of its own with the outcomes of episodes in which

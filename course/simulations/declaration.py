@@ -117,9 +117,7 @@ def declaration(name: str) -> dict[str, Any]:
         },
         "controls": _told(made.controls),
         "state": _told(made.state),
-        "inputs": [
-            _input(key, field, made.controls) for key, field in made.controls.panel()
-        ],
+        "inputs": [_input(key, field, made.controls) for key, field in made.controls.panel()],
         "presets": [
             {"name": key, "note": preset.note, "words": _runs(made.controls.new(**preset.values))}
             for key, preset in made.presets.items()
@@ -128,7 +126,7 @@ def declaration(name: str) -> dict[str, Any]:
         "keys": list(KEYS) if made.press is not None else [],
         "live_drag": made.live_drag,
         "recorded": why_recorded(name),
-    }  # fmt: skip
+    }
 
 
 def name_of(made: Model) -> str:
@@ -195,11 +193,19 @@ def _input(name: str, field: Field, record: Record) -> dict[str, Any]:
     kind, offset = fields[name][:2]
     low, high = (0, 1) if field.switch else (field.ends[0], field.ends[-1])
     return {
-        "name": name, "label": field.label, "offset": offset, "kind": kind.kind,
-        "low": low, "high": high, "step": field.step, "unit": field.unit,
-        "decimals": field.decimals, "choices": list(field.choices), "switch": field.switch,
+        "name": name,
+        "label": field.label,
+        "offset": offset,
+        "kind": kind.kind,
+        "low": low,
+        "high": high,
+        "step": field.step,
+        "unit": field.unit,
+        "decimals": field.decimals,
+        "choices": list(field.choices),
+        "switch": field.switch,
         "live": field.live,
-    }  # fmt: skip
+    }
 
 
 def _film(name: str) -> dict[str, Any]:

@@ -21,9 +21,28 @@ from course.simulations.record import Field, Record, menu, slider, switch
 
 AGAIN, HARD, GOOD, EASY = 1, 2, 3, 4
 WEIGHTS = (
-    0.212, 1.2931, 2.3065, 8.2956, 6.4133, 0.8334, 3.0194, 0.001, 1.8722, 0.1666, 0.796, 1.4835,
-    0.0614, 0.2629, 1.6483, 0.6014, 1.8729, 0.5425, 0.0912, 0.0658, 0.1542,
-)  # fmt: skip
+    0.212,
+    1.2931,
+    2.3065,
+    8.2956,
+    6.4133,
+    0.8334,
+    3.0194,
+    0.001,
+    1.8722,
+    0.1666,
+    0.796,
+    1.4835,
+    0.0614,
+    0.2629,
+    1.6483,
+    0.6014,
+    1.8729,
+    0.5425,
+    0.0912,
+    0.0658,
+    0.1542,
+)
 W = np.array(WEIGHTS)
 WANTED = 0.9  # chance to recall at which a card is asked again
 _FACTOR = 0.9 ** (-1.0 / WEIGHTS[20]) - 1.0
@@ -109,19 +128,31 @@ def _face(text: str) -> int:
 
 
 _NAMES = word(*(card["title"] for card in _CARDS))[0]
-_FRONTS = np.array([
-    _face(f"{card['teaches'].capitalize()}. {card['minutes']} minutes. Write it first: drills "
-          f"start {name}. Then turn the card: click on it.")
-    for name, card in zip(DRILLS, _CARDS, strict=True)
-])  # fmt: skip
+_FRONTS = np.array(
+    [
+        _face(
+            f"{card['teaches'].capitalize()}. {card['minutes']} minutes. Write it first: drills "
+            f"start {name}. Then turn the card: click on it."
+        )
+        for name, card in zip(DRILLS, _CARDS, strict=True)
+    ]
+)
 _BACKS = np.array([_face(card["insight"]) for card in _CARDS])
 _RATINGS = word("again", "hard", "good", "easy")[0]
 _SHORT = word(*DRILLS)[0]
 _DAYS, _CHANCE, _HEAD, _NOW, _STABLE, _HARD, _NEXT, _COUNT, _UNIT, _NEVER, _OF = word(
-    "days since the last review", "chance to recall", "How it is forgotten", "chance now",
-    "stability", "difficulty", "asked again in", "reviews of all four", " days", "never rated",
+    "days since the last review",
+    "chance to recall",
+    "How it is forgotten",
+    "chance now",
+    "stability",
+    "difficulty",
+    "asked again in",
+    "reviews of all four",
+    " days",
+    "never rated",
     "all four, now",
-)  # fmt: skip
+)
 _PAPER, _BACK = colour("#eef3f7", "#fbe3c8")
 _CARD = (0.2, 4.4, 1.5, 4.6)
 _PLOT = (5.3, 8.8, 2.3, 4.4)
@@ -202,8 +233,20 @@ def frame(pen, state, controls):
     k, turned = controls["card"], controls["turned"]
     left, right, bottom, top = _CARD
     draw.box(pen, left, right, bottom, top, _BACK if turned else _PAPER, draw.INK, 1.5)
-    draw.text(pen, left + 0.15, top - 0.25, _NAMES + k, draw.INK, 13.0, draw.LEFT, draw.MIDDLE,
-              0.0, 0.0, 0.0, 1.0)  # fmt: skip
+    draw.text(
+        pen,
+        left + 0.15,
+        top - 0.25,
+        _NAMES + k,
+        draw.INK,
+        13.0,
+        draw.LEFT,
+        draw.MIDDLE,
+        0.0,
+        0.0,
+        0.0,
+        1.0,
+    )
     face = (_BACKS if turned else _FRONTS)[k]
     for row in range(_ROWS):
         draw.text(pen, left + 0.15, top - 0.6 - 0.27 * row, face + row, draw.INK, 12.0)
@@ -253,9 +296,19 @@ PRESETS = {
 
 PAPER = draw.Paper(TITLE, word, colour)
 MODEL = Model(
-    TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag, grab=grab, press=press,
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    grab=grab,
+    press=press,
     live_drag=True,
-)  # fmt: skip
+)
 
 
 def simulation(preset: str = "Work, turn, rate") -> Any:

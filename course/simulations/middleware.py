@@ -43,14 +43,20 @@ PROFILES = {
 TOPICS = ("image", "poses", "plan", "zone")
 DEFAULTS = (0, 1, 1, 2)  # profile of both ends of a topic that is not chosen
 SCHEDULES = (
-    "its own thread, first", "perception's thread", "waits for a logger's lock",
+    "its own thread, first",
+    "perception's thread",
+    "waits for a logger's lock",
     "lock, with inheritance",
-)  # fmt: skip
+)
 NODES = ("camera", "perception", "planner", "controller", "robot", "monitor")
 # The policy that keeps an offer (row) from a request, by its place in `FAILING`; 0: none does.
 FAILING = ("", "reliability", "durability", "deadline")
-_VERDICT = np.array([[FAILING.index((*compatible(a, b), "")[0]) for b in PROFILES.values()]
-                     for a in PROFILES.values()])  # fmt: skip
+_VERDICT = np.array(
+    [
+        [FAILING.index((*compatible(a, b), "")[0]) for b in PROFILES.values()]
+        for a in PROFILES.values()
+    ]
+)
 
 CONTROLS = Record(
     topic=menu("Topic", TOPICS),
@@ -299,9 +305,17 @@ _MS, _PER_CENT, _HZ, _SIGHT, _BLIND, _NO_PLAN, _NO_BOUND, _COMMA = word(
     " ms", " %", " Hz", "sees its zone", "blind", "no plan", "none", ", "
 )
 _AGE, _MEAN, _LATE, _BOUND, _SKIPPED, _LOST, _EXPECTED, _DROPPED, _MISSED, _MONITOR = word(
-    "command age", "mean of the run", "loop late by", "bound of it", "ticks skipped",
-    "images lost", "expected", "queue dropped", "deadlines missed", "monitor",
-)  # fmt: skip
+    "command age",
+    "mean of the run",
+    "loop late by",
+    "bound of it",
+    "ticks skipped",
+    "images lost",
+    "expected",
+    "queue dropped",
+    "deadlines missed",
+    "monitor",
+)
 _GANTT, _LAST, _TRACE, _TIME, _OLD = word(
     "who runs", "last 150 ms [ms]", "age of the command in force", "time [s]", "ms"
 )
@@ -362,13 +376,33 @@ def _graph(pen, state, controls):
         ink = draw.RED if silent else (_SERVICE if service else _TOPIC)
         draw.arrow(pen, x0, y0, x1, y1, ink, width, 8.0 + width, 1.0 if lit or silent else 0.35)
         if silent:
-            draw.text(pen, 0.5 * (x0 + x1), 0.5 * (y0 + y1), _WHY + verdict(controls, k), draw.RED,
-                      12.0, draw.CENTRE, draw.MIDDLE, 0.0, 32.0, 0.0, 1.0)  # fmt: skip
+            draw.text(
+                pen,
+                0.5 * (x0 + x1),
+                0.5 * (y0 + y1),
+                _WHY + verdict(controls, k),
+                draw.RED,
+                12.0,
+                draw.CENTRE,
+                draw.MIDDLE,
+                0.0,
+                32.0,
+                0.0,
+                1.0,
+            )
     for k in range(len(_AT)):
         x, y = _AT[k]
         edge = draw.RED if k == 3 else (draw.INK if k == chosen else draw.GREY)
-        draw.box(pen, x - _W, x + _W, y - _H, y + _H, _CHOSEN if k == chosen else _QUIET, edge,
-                 2.6 if k == 3 else 1.3)  # fmt: skip
+        draw.box(
+            pen,
+            x - _W,
+            x + _W,
+            y - _H,
+            y + _H,
+            _CHOSEN if k == chosen else _QUIET,
+            edge,
+            2.6 if k == 3 else 1.3,
+        )
         draw.text(pen, x, y, _NAMES + k, draw.INK, 13.0, draw.CENTRE)
 
 
@@ -411,14 +445,21 @@ def _who_runs(pen, state, controls, now):
         for job in range(state["jobs"][stage]):
             begun, done = state["begun"][stage, job], state["done"][stage, job]
             if done > now - _WINDOW and begun < now:
-                draw.box(pen, 1e3 * (begun - now), 1e3 * (min(done, now) - now), 2.1 - stage,
-                         2.9 - stage, draw.ORANGE if stage == 0 else draw.GREEN)  # fmt: skip
+                draw.box(
+                    pen,
+                    1e3 * (begun - now),
+                    1e3 * (min(done, now) - now),
+                    2.1 - stage,
+                    2.9 - stage,
+                    draw.ORANGE if stage == 0 else draw.GREEN,
+                )
     first = np.searchsorted(state["start"][: state["ticks"]], now - _WINDOW)
     last = np.searchsorted(state["start"][: state["ticks"]], now)
     for k in range(first, last):
         x, late = 1e3 * (state["start"][k] - now), state["start"][k] - state["due"][k]
-        draw.segment(pen, x, 0.1, x, 0.9 if late > 1e-9 else 0.5,
-                     draw.RED if late > 1e-9 else draw.BLUE, 1.0)  # fmt: skip
+        draw.segment(
+            pen, x, 0.1, x, 0.9 if late > 1e-9 else 0.5, draw.RED if late > 1e-9 else draw.BLUE, 1.0
+        )
     draw.window(pen)
     for k in range(3):
         draw.text(pen, 0.98, 1.55 - 0.4 * k, _ROWS + k, draw.INK, 11.5, draw.RIGHT)
@@ -493,9 +534,18 @@ PRESETS = {
 
 PAPER = draw.Paper(TITLE, word, colour)
 MODEL = Model(
-    TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag, press=press,
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    press=press,
     live_drag=True,
-)  # fmt: skip
+)
 
 
 def simulation(preset: str = "Working stack") -> Any:

@@ -182,8 +182,13 @@ def recorded(
         drawing.copy(pen, pictures[min(int(state["time"] / seconds), len(pictures) - 1)])
 
     return Model(
-        title, paper, Record(recording=menu("Recording", names)),
+        title,
+        paper,
+        Record(recording=menu("Recording", names)),
         Record(time=Field(0.0, unit="s")),
         {name: Preset({"recording": name}, note) for name, (note, _) in presets.items()},
-        initial, advance, frame, recorded=True,
-    )  # fmt: skip
+        initial,
+        advance,
+        frame,
+        recorded=True,
+    )

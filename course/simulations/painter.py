@@ -71,16 +71,25 @@ def draw(picture: Picture, axes: Any) -> None:
             # matplotlib multiplies dashes by the width of the line.
             style: Any = (0, (on / width, off / width)) if on else "-"
             (artist,) = axes.plot(
-                *points, color=colour(ink), linewidth=max(width * size, 1e-6), linestyle=style,
-                solid_capstyle="butt", solid_joinstyle="round", zorder=order, alpha=alpha,
-            )  # fmt: skip
+                *points,
+                color=colour(ink),
+                linewidth=max(width * size, 1e-6),
+                linestyle=style,
+                solid_capstyle="butt",
+                solid_joinstyle="round",
+                zorder=order,
+                alpha=alpha,
+            )
             artist.set_clip_box(cut)
         elif item.kind in (pen.POLYGON, pen.DISC):
             fill, edge, width, alpha = item.style[-4:]
             look = {
-                "facecolor": colour(fill), "edgecolor": colour(edge), "linewidth": width * size,
-                "zorder": order, "alpha": alpha,
-            }  # fmt: skip
+                "facecolor": colour(fill),
+                "edgecolor": colour(edge),
+                "linewidth": width * size,
+                "zorder": order,
+                "alpha": alpha,
+            }
             if item.kind == pen.POLYGON:
                 shape(patches.Polygon(points.T, closed=True, **look))
             else:
@@ -95,24 +104,36 @@ def draw(picture: Picture, axes: Any) -> None:
                 back = long * (tip - tail) / way
                 side = 0.4 * np.array([-back[1], back[0]])
                 (artist,) = axes.plot(
-                    *zip(tail, tip - back, strict=True), color=colour(ink), alpha=alpha,
-                    linewidth=width * size, solid_capstyle="butt", zorder=order,
-                )  # fmt: skip
+                    *zip(tail, tip - back, strict=True),
+                    color=colour(ink),
+                    alpha=alpha,
+                    linewidth=width * size,
+                    solid_capstyle="butt",
+                    zorder=order,
+                )
                 artist.set_clip_box(cut)
                 corners = [tip, tip - back + side, tip - back - side]
                 shape(patches.Polygon(corners, color=colour(ink), lw=0, zorder=order, alpha=alpha))
         elif item.kind == pen.TEXT:
             x, y, ink, letters, align, baseline, right, up, turn, bold, alpha = item.style
-            shift = ScaledTranslation(
-                right * size / 72.0, up * size / 72.0, figure.dpi_scale_trans
-            )  # fmt: skip
+            shift = ScaledTranslation(right * size / 72.0, up * size / 72.0, figure.dpi_scale_trans)
             axes.text(
-                x, y, item.words, transform=axes.transData + shift, color=colour(ink),
-                fontsize=letters * size * 0.94, ha=_ALIGN[align], va=_BASELINE[baseline],
-                rotation=turn, rotation_mode="anchor" if turn else "default", zorder=order,
-                fontweight="bold" if bold else "normal", parse_math=False, clip_on=False,
+                x,
+                y,
+                item.words,
+                transform=axes.transData + shift,
+                color=colour(ink),
+                fontsize=letters * size * 0.94,
+                ha=_ALIGN[align],
+                va=_BASELINE[baseline],
+                rotation=turn,
+                rotation_mode="anchor" if turn else "default",
+                zorder=order,
+                fontweight="bold" if bold else "normal",
+                parse_math=False,
+                clip_on=False,
                 alpha=alpha,
-            )  # fmt: skip
+            )
 
 
 def _page(picture: Picture, sharpness: float) -> FigureCanvasAgg:
@@ -132,8 +153,15 @@ def _page(picture: Picture, sharpness: float) -> FigureCanvasAgg:
         x = (8.0 + _CELL[0] * (k % columns)) / width
         top = height - drawn - _CELL[1] * (k // columns)
         for words, below, colour, size in ((name, 2.0, grey, 11.0), (value, 17.0, ink, 14.0)):
-            figure.text(x, (top - below) / height, words, color=colour, va="top",
-                        fontsize=0.68 * size, parse_math=False)  # fmt: skip
+            figure.text(
+                x,
+                (top - below) / height,
+                words,
+                color=colour,
+                va="top",
+                fontsize=0.68 * size,
+                parse_math=False,
+            )
     return page
 
 
@@ -186,7 +214,15 @@ def film(model: Model, seconds: float = 4.0, rate: float = 10.0) -> bytes:
         frame.info["transparency"] = _COLOURS
     buffer = io.BytesIO()
     frames[0].save(
-        buffer, "PNG", save_all=True, append_images=frames[1:], duration=round(1000.0 / rate),
-        loop=0, disposal=0, blend=1, transparency=_COLOURS, optimize=True,
-    )  # fmt: skip
+        buffer,
+        "PNG",
+        save_all=True,
+        append_images=frames[1:],
+        duration=round(1000.0 / rate),
+        loop=0,
+        disposal=0,
+        blend=1,
+        transparency=_COLOURS,
+        optimize=True,
+    )
     return buffer.getvalue()

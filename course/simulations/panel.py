@@ -258,6 +258,11 @@ def _input(field: Field) -> Any:
     whole = isinstance(field.default, int)
     kind = ipywidgets.IntSlider if whole else ipywidgets.FloatSlider
     return kind(
-        value=field.default, min=field.low, max=field.high, step=field.step, description=label,
-        readout_format="d" if whole else f".{field.decimals}f", **_STYLE,
-    )  # fmt: skip
+        value=field.default,
+        min=field.low,
+        max=field.high,
+        step=field.step,
+        description=label,
+        readout_format="d" if whole else f".{field.decimals}f",
+        **_STYLE,
+    )

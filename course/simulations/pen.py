@@ -30,8 +30,15 @@ STYLE = {CUT: 0, LINE: 5, POLYGON: 4, DISC: 5, ARROW: 4, TEXT: 11, READOUT: 1}
 # Colours that a colour-blind reader can tell apart (Wong, Nature Methods 8, 2011), and greys.
 BLUE, ORANGE, GREEN, RED, PURPLE, INK, GREY, FAINT = range(8)
 PALETTE = (
-    "#0072b2", "#d55e00", "#00815a", "#c1272d", "#8a4f9e", "#222222", "#767676", "#dddddd",
-)  # fmt: skip
+    "#0072b2",
+    "#d55e00",
+    "#00815a",
+    "#c1272d",
+    "#8a4f9e",
+    "#222222",
+    "#767676",
+    "#dddddd",
+)
 NONE = -1  # no fill, or no edge
 
 # How a number is written: decimals (0 to 15), plus SIGNED for a sign always, or EXPONENT for
@@ -98,10 +105,13 @@ class Paper:
     def told(self) -> dict[str, Any]:
         """What a browser has to know once."""
         return {
-            "label": self.label, "window": list(self.window), "width": self.width,
-            "background": self.background, "words": self.words.entries,
+            "label": self.label,
+            "window": list(self.window),
+            "width": self.width,
+            "background": self.background,
+            "words": self.words.entries,
             "colours": self.colours.entries,
-        }  # fmt: skip
+        }
 
     def pen(self) -> Array:
         """A new pen with nothing drawn."""
@@ -320,9 +330,20 @@ def arrow(pen, x0, y0, x1, y1, colour, width=2.0, head=9.0, alpha=1.0):
 
 @register_jitable
 def text(
-    pen, x, y, word=0, colour=INK, size=12.0, align=LEFT, baseline=MIDDLE, right=0.0, up=0.0,
-    turn=0.0, bold=0.0, alpha=1.0,
-):  # fmt: skip
+    pen,
+    x,
+    y,
+    word=0,
+    colour=INK,
+    size=12.0,
+    align=LEFT,
+    baseline=MIDDLE,
+    right=0.0,
+    up=0.0,
+    turn=0.0,
+    bold=0.0,
+    alpha=1.0,
+):
     """Begin a text at a point, moved by pixels and turned by degrees.
 
     It is a word of the table, or what is added to it by `words` and `number`, or both.

@@ -133,9 +133,14 @@ def look(values, pieces):
             C, along = np.diag(best.covariance), back @ best.R[:, 0]
             spread = np.array([math.sqrt(C[:3].sum()), math.sqrt(C[5])])
             place, turn = (back @ (best.p - table[:3]))[:2], math.atan2(along[1], along[0])
-            found[k] = (*chapter.apart(part, poses[number], best.pose),
-                        *np.where(spread < math.inf, spread, -1.0),
-                        best.see_through, STATUS.index(best.status), *place, turn)  # fmt: skip
+            found[k] = (
+                *chapter.apart(part, poses[number], best.pose),
+                *np.where(spread < math.inf, spread, -1.0),
+                best.see_through,
+                STATUS.index(best.status),
+                *place,
+                turn,
+            )
     spans = 1e3 * np.diff([*clock, time.perf_counter()])
     MILLISECONDS.update(zip(("grid", "plane", "clusters", "poses"), spans, strict=True))
     return back @ (cells - table[:3, None]), kinds, told, found
@@ -145,11 +150,21 @@ def look(values, pieces):
 def measure(controls, state):
     """Take the picture of this moment, and do with it all that the controls say."""
     c, pieces = controls, controls["pieces"].copy()
-    values = np.array([
-        1e-3 * c["voxel"], 1e-3 * c["tolerance"], 1e-3 * c["eps"], c["distance"], c["noise"],
-        c["scale"], 1.0 * c["least"], 1.0 * c["window"], 1.0 * c["clusters"], 1.0 * c["plane"],
-        1.0 * math.floor(RATE * state["time"]),
-    ])  # fmt: skip
+    values = np.array(
+        [
+            1e-3 * c["voxel"],
+            1e-3 * c["tolerance"],
+            1e-3 * c["eps"],
+            c["distance"],
+            c["noise"],
+            c["scale"],
+            1.0 * c["least"],
+            1.0 * c["window"],
+            1.0 * c["clusters"],
+            1.0 * c["plane"],
+            1.0 * math.floor(RATE * state["time"]),
+        ]
+    )
     with objmode(points="float64[:,:]", kinds="int64[:]", told="float64[:]", found="float64[:,:]"):
         points, kinds, told, found = look(values, pieces)
     state["points"][:, : kinds.size], state["kinds"][: kinds.size] = points, kinds
@@ -241,8 +256,18 @@ def frame(pen, state, controls):
     _dots(pen, state["kinds"][:n:2], y[::2], 1e3 * z[::2], 0.0023)  # half of them are enough
     for k in range(3):  # the plane, and what counts as on it
         up, slope = (k - 1) * controls["tolerance"] - 1e3 * told[OFF], -1e3 * told[NORMAL + 1]
-        draw.segment(pen, _VIEW[2], up + slope * _VIEW[2], _VIEW[3], up + slope * _VIEW[3],
-                     draw.RED, 1.2, 1.0, 4.0 * (k != 1), 3.0)  # fmt: skip
+        draw.segment(
+            pen,
+            _VIEW[2],
+            up + slope * _VIEW[2],
+            _VIEW[3],
+            up + slope * _VIEW[3],
+            draw.RED,
+            1.2,
+            1.0,
+            4.0 * (k != 1),
+            3.0,
+        )
     draw.window(pen)
     for k in range(6):
         ink, width, on = (*_INKS[:4], draw.INK, draw.GREEN)[k], 5.0 - k // 4 * 2.8, 5.0 * (k == 4)
@@ -335,9 +360,20 @@ PRESETS = {
 }  # fmt: skip
 
 MODEL = Model(
-    TITLE, draw.Paper(TITLE, word, colour, room=280_000), CONTROLS, STATE, PRESETS, measure,
-    advance, frame, drag, grab, press, live_drag=True, aside=spent,
-)  # fmt: skip
+    TITLE,
+    draw.Paper(TITLE, word, colour, room=280_000),
+    CONTROLS,
+    STATE,
+    PRESETS,
+    measure,
+    advance,
+    frame,
+    drag,
+    grab,
+    press,
+    live_drag=True,
+    aside=spent,
+)
 
 
 def simulation(preset: str = "Clean") -> Any:

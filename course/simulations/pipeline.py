@@ -38,16 +38,31 @@ _LENGTHS = tuple(map(float, ARM.lengths))
 STAGES = chapter.STAGES
 # What can break at an interface, as words; the first is for none.
 CONTRACTS = (
-    "none", "pictures are older than was agreed", "pictures do not arrive",
+    "none",
+    "pictures are older than was agreed",
+    "pictures do not arrive",
     "it is less exact than was agreed",
-    "errors do not agree with the bias", "errors do not agree with the covariance", "no path",
-    "its path takes longer than there is time", "it is late",
-    "it keeps less from the discs than was agreed", "the torque is not that of the law",
-    "the arm is faster than any path", "energy rises unforced", "the arm diverged",
+    "errors do not agree with the bias",
+    "errors do not agree with the covariance",
+    "no path",
+    "its path takes longer than there is time",
+    "it is late",
+    "it keeps less from the discs than was agreed",
+    "the torque is not that of the law",
+    "the arm is faster than any path",
+    "energy rises unforced",
+    "the arm diverged",
     "another contract",
-)  # fmt: skip
-REASONS = ("success", "touched a disc", "beside the target", "the plan is late", "no plan",
-           "the arm diverged", "stopped")  # fmt: skip
+)
+REASONS = (
+    "success",
+    "touched a disc",
+    "beside the target",
+    "the plan is late",
+    "no plan",
+    "the arm diverged",
+    "stopped",
+)
 # What `told` holds: share of successes and its band, checks, age of what is acted upon [s], the
 # largest stable step of the physics [s], energy that came from nowhere, how it ended, the contract
 # broken first, whose repair alone cures (0 for nobody's), plans; then the signed parts [m].
@@ -68,7 +83,7 @@ CONTROLS = Record(
     aim=Field((0.15, 0.60), low=-1.0, high=1.0, unit="m"),
     margin=Field(0.05, low=0.0, high=0.1, unit="m"),
     bias=Field((-0.003, 0.002), low=-0.05, high=0.05, unit="m"),
-)  # fmt: skip
+)
 STATE = Record(
     q=Field(0.0, shape=(2, SHOWN + 1), unit="rad"),
     reference=Field(0.0, shape=(2, SHOWN + 1), unit="rad"),
@@ -94,9 +109,18 @@ def asked(values):
     velocity = (u - x) / SECONDS, (v - y) / SECONDS
     scenario = chapter.Scenario(target=(x, y), velocity=velocity)
     settings = chapter.Settings(
-        noise=noise, bias=(bx, by), kp=kp, kd=kd, physics=1e-3 * dt, control=1e-3 * dt, step=edge,
-        latency=1e-3 * latency, filtered=bool(filtered), margin=margin, samples=800,
-    )  # fmt: skip
+        noise=noise,
+        bias=(bx, by),
+        kp=kp,
+        kd=kd,
+        physics=1e-3 * dt,
+        control=1e-3 * dt,
+        step=edge,
+        latency=1e-3 * latency,
+        filtered=bool(filtered),
+        margin=margin,
+        samples=800,
+    )
     return scenario, chapter.repair(settings, *STAGES[int(mended) - 1 : int(mended)])
 
 
@@ -213,9 +237,15 @@ def _fill(state):
     """All that is computed into the state."""
     values, moves = state["values"].copy(), state["moves"][:, : int(state["moved"])].copy()
     with objmode(
-        told="float64[:]", q="float64[:,:]", wanted="float64[:,:]", target="float64[:,:]",
-        seen="float64[:,:]", tree="float64[:,:]", paths="float64[:,:,:]", ready="float64[:]",
-    ):  # fmt: skip
+        told="float64[:]",
+        q="float64[:,:]",
+        wanted="float64[:,:]",
+        target="float64[:,:]",
+        seen="float64[:,:]",
+        tree="float64[:,:]",
+        paths="float64[:,:,:]",
+        ready="float64[:]",
+    ):
         told, q, wanted, target, seen, tree, paths, ready = computed(values, moves)
     state["told"][:], state["ready"][:] = told, ready
     state["q"][:], state["reference"][:], state["target"][:] = q, wanted, target
@@ -229,8 +259,13 @@ def initial(controls, state):
     x, y = _reachable(c["aim"][0], c["aim"][1])
     v = state["values"]
     v[0], v[1], v[2], v[3], v[4], v[5] = (
-        c["noise"], c["kp"], c["kd"], c["dt"], c["edge"], c["latency"],
-    )  # fmt: skip
+        c["noise"],
+        c["kp"],
+        c["kd"],
+        c["dt"],
+        c["edge"],
+        c["latency"],
+    )
     v[6], v[7], v[8], v[9], v[10] = c["speed"], 1.0 * c["filtered"], 1.0 * c["mended"], x, y
     v[11], v[12], v[13] = c["margin"], c["bias"][0], c["bias"][1]
     _fill(state)
@@ -251,20 +286,40 @@ word, colour = draw.words_table(), draw.colours_table()
 _SAND = colour("#f7f5ef")[0]
 _STAGE, _REASON, _CONTRACT = word(*STAGES)[0], word(*REASONS)[0], word(*CONTRACTS)[0]
 _SCENE_TITLE, _PARTS_TITLE, _TIME, _FAR, _MM, _LIMIT, _DT = word(
-    "arm, discs, target", "what an ideal stage takes away", "time [s]", "tip to target [cm]",
-    "[mm]", "limit", "physics dt [ms]",
-)  # fmt: skip
+    "arm, discs, target",
+    "what an ideal stage takes away",
+    "time [s]",
+    "tip to target [cm]",
+    "[mm]",
+    "limit",
+    "physics dt [ms]",
+)
 _TRUE, _SEEN, _BELIEVED, _PATH, _WANTED = word(
     "target", "pictures", "estimate", "tree, path", "reference"
 )
 _NOW, _GOOD, _AGE, _CHECKS, _STABLE, _ROSE, _END, _FIX, _CURE = word(
-    "tip to target", "successes [%]", "age of a picture", "collision checks", "largest stable dt",
-    "energy from nowhere", "this run", "Fix it: ", "cured alone by",
-)  # fmt: skip
+    "tip to target",
+    "successes [%]",
+    "age of a picture",
+    "collision checks",
+    "largest stable dt",
+    "energy from nowhere",
+    "this run",
+    "Fix it: ",
+    "cured alone by",
+)
 _NOBODY, _DEAR, _NOTHING, _MILLI, _MS, _BAND, _UP_TO, _CLOSE, _PERCENT, _PLANS = word(
-    "none of five", "not replayed", "nothing to cure", " mm", " ms", " (", " to ", ")", " %",
+    "none of five",
+    "not replayed",
+    "nothing to cure",
+    " mm",
+    " ms",
+    " (",
+    " to ",
+    ")",
+    " %",
     ", plans: ",
-)  # fmt: skip
+)
 _COLOUR = (draw.BLUE, draw.GREEN, draw.ORANGE, draw.PURPLE, draw.RED)
 _SCENE, _VIEW = (0.1, 4.4, 0.35, 4.65), (-0.65, 0.95, -0.5, 1.1)
 _CHART, _SIGNED = (5.2, 8.85, 3.05, 4.5), (5.2, 6.9, 0.75, 2.25)
@@ -297,8 +352,9 @@ def _scene(pen, state, t, now):
     if latest >= 0:
         for k in range(TREE):
             if tree[0, k] != tree[2, k] or tree[1, k] != tree[3, k]:
-                draw.segment(pen, tree[0, k], tree[1, k], tree[2, k], tree[3, k], draw.ORANGE,
-                             0.8, 0.45)  # fmt: skip
+                draw.segment(
+                    pen, tree[0, k], tree[1, k], tree[2, k], tree[3, k], draw.ORANGE, 0.8, 0.45
+                )
         way = state["paths"][:, latest]
         draw.curve(pen, way[0], way[1], draw.ORANGE, 2.0)
     seen, last, first = state["seen"], -1, 0
@@ -307,15 +363,27 @@ def _scene(pen, state, t, now):
             last = k
     first = max(0, last - 24)
     if last >= 0:
-        draw.spots(pen, seen[2, first : last + 1], seen[3, first : last + 1], 0.008, draw.BLUE,
-                   draw.NONE, 1.0, 0.5)  # fmt: skip
+        draw.spots(
+            pen,
+            seen[2, first : last + 1],
+            seen[3, first : last + 1],
+            0.008,
+            draw.BLUE,
+            draw.NONE,
+            1.0,
+            0.5,
+        )
     x, y = state["target"][0, now], state["target"][1, now]
     draw.spot(pen, x, y, 0.02, draw.GREEN, draw.INK, 1.0, 0.9)
     if last >= 0:
         turn = np.linspace(0.0, 2.0 * math.pi, 33)
-        draw.curve(pen, seen[4, last] + 2.0 * math.sqrt(seen[6, last]) * np.cos(turn),
-                   seen[5, last] + 2.0 * math.sqrt(seen[7, last]) * np.sin(turn),
-                   draw.BLUE, 1.6)  # fmt: skip
+        draw.curve(
+            pen,
+            seen[4, last] + 2.0 * math.sqrt(seen[6, last]) * np.cos(turn),
+            seen[5, last] + 2.0 * math.sqrt(seen[7, last]) * np.sin(turn),
+            draw.BLUE,
+            1.6,
+        )
     _arm(pen, state["reference"][:, now], draw.ORANGE, 4.0, 0.35)
     return _arm(pen, state["q"][:, now], draw.INK, 5.0, 1.0)
 
@@ -404,9 +472,17 @@ PRESETS = {
 }  # fmt: skip
 
 MODEL = Model(
-    TITLE, draw.Paper(TITLE, word, colour, room=30_000), CONTROLS, STATE, PRESETS, initial,
-    advance, frame, drag, live_drag=True,
-)  # fmt: skip
+    TITLE,
+    draw.Paper(TITLE, word, colour, room=30_000),
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    live_drag=True,
+)
 
 
 def simulation(preset: str = "All stages") -> Any:

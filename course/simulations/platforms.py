@@ -51,16 +51,28 @@ _AXES = word("smooth accuracy", "contact accuracy", "speed in contact", "largest
     0
 ]
 _RADAR, _PATH, _TRUE, _TIMES, _OFF, _WITHIN, _BEYOND, _NOT_HERE = word(
-    "five measured axes", "where it goes", "truth", " x MuJoCo", "off by ", "within", "beyond",
+    "five measured axes",
+    "where it goes",
+    "truth",
+    " x MuJoCo",
+    "off by ",
+    "within",
+    "beyond",
     "not measured here",
-)  # fmt: skip
+)
 _ERROR, _ALLOWED, _VERDICT, _COST, _APART, _AREA, _S = word(
-    "error at the end", "tolerance", "verdict", "cost of a step", "ends apart", "area of the five",
+    "error at the end",
+    "tolerance",
+    "verdict",
+    "cost of a step",
+    "ends apart",
+    "area of the five",
     " of 1",
-)  # fmt: skip
+)
 _DOCUMENTED = word(
-    "documented: PhysX or Newton, NVIDIA's card (its manual, 2026)", "not measured here",
-)[0]  # fmt: skip
+    "documented: PhysX or Newton, NVIDIA's card (its manual, 2026)",
+    "not measured here",
+)[0]
 _PAPER, _FRONT = colour("#eef3f7", "#fbe3c8")
 _INKS = np.array([draw.BLUE, draw.ORANGE, draw.GREEN, draw.PURPLE])
 _LEFT, _BOTTOM, _WIDE, _HIGH, _GAP = 0.15, 4.3, 1.62, 0.62, 0.13  # of the cards
@@ -123,11 +135,31 @@ def _cards(pen, controls):
     for k in range(len(CARDS)):
         x = _LEFT + k * (_WIDE + _GAP)
         front = k == controls["card"]
-        draw.box(pen, x, x + _WIDE, _BOTTOM, _BOTTOM + _HIGH, _FRONT if front else _PAPER,
-                 draw.INK if front else draw.GREY, 2.0 if front else 1.0)  # fmt: skip
+        draw.box(
+            pen,
+            x,
+            x + _WIDE,
+            _BOTTOM,
+            _BOTTOM + _HIGH,
+            _FRONT if front else _PAPER,
+            draw.INK if front else draw.GREY,
+            2.0 if front else 1.0,
+        )
         ink = _INKS[k] if k < ENGINES else draw.GREY
-        draw.text(pen, x + 0.08, _BOTTOM + 0.43, _CARDS + k, ink, 13.0, draw.LEFT, draw.MIDDLE,
-                  0.0, 0.0, 0.0, 1.0)  # fmt: skip
+        draw.text(
+            pen,
+            x + 0.08,
+            _BOTTOM + 0.43,
+            _CARDS + k,
+            ink,
+            13.0,
+            draw.LEFT,
+            draw.MIDDLE,
+            0.0,
+            0.0,
+            0.0,
+            1.0,
+        )
         draw.text(pen, x + 0.08, _BOTTOM + 0.17, 0, draw.INK, 11.5)
         if k == ENGINES:
             draw.words(pen, _NOT_HERE)
@@ -172,8 +204,18 @@ def _radar(pen, controls, order):
         draw.segment(pen, x, y, x + c, y + s, draw.GREY, 1.0)
         align = draw.CENTRE if abs(c) < 0.1 else (draw.LEFT if c > 0.0 else draw.RIGHT)
         up = 9.0 if s > 0.0 else -9.0
-        draw.text(pen, x + c, y + s, _AXES + order[k], draw.INK, 11.0, draw.CENTRE, draw.MIDDLE,
-                  12.0 * (align == draw.LEFT) - 12.0 * (align == draw.RIGHT), up)  # fmt: skip
+        draw.text(
+            pen,
+            x + c,
+            y + s,
+            _AXES + order[k],
+            draw.INK,
+            11.0,
+            draw.CENTRE,
+            draw.MIDDLE,
+            12.0 * (align == draw.LEFT) - 12.0 * (align == draw.RIGHT),
+            up,
+        )
     for e in range(ENGINES):
         front = e == controls["card"]
         draw.line(pen, _INKS[e], 2.4 if front else 1.0, 1.0 if front else 0.4)
@@ -185,16 +227,26 @@ def _radar(pen, controls, order):
             turn = 0.5 * math.pi - 0.4 * math.pi * k
             low, high = _RADIUS * RADAR[e, order[k], 0], _RADIUS * RADAR[e, order[k], 2]
             if front:
-                draw.segment(pen, x + low * math.cos(turn), y + low * math.sin(turn),
-                             x + high * math.cos(turn), y + high * math.sin(turn), _INKS[e], 5.0,
-                             0.5)  # fmt: skip
+                draw.segment(
+                    pen,
+                    x + low * math.cos(turn),
+                    y + low * math.sin(turn),
+                    x + high * math.cos(turn),
+                    y + high * math.sin(turn),
+                    _INKS[e],
+                    5.0,
+                    0.5,
+                )
 
 
 def frame(pen, state, controls):
     """Cards, paths, the five axes and the numbers of the card in front."""
     scene, step, fair, card = (
-        controls["scene"], controls["step"], controls["fair"], controls["card"],
-    )  # fmt: skip
+        controls["scene"],
+        controls["step"],
+        controls["fair"],
+        controls["card"],
+    )
     order = ORDERS[1 if controls["reorder"] else 0]
     _cards(pen, controls)
     _paths(pen, state, controls)
@@ -240,9 +292,18 @@ PRESETS = {
 
 PAPER = draw.Paper(TITLE, word, colour)
 MODEL = Model(
-    TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag, press=press,
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    press=press,
     live_drag=True,
-)  # fmt: skip
+)
 
 
 def simulation(preset: str = "Same scheme, same error") -> Any:

@@ -84,9 +84,15 @@ class Field:
 
 
 def slider(
-    label: str, default: float, low: float, high: float, step: float, unit: str = "",
-    decimals: int = 2, live: bool = False,
-) -> Field:  # fmt: skip
+    label: str,
+    default: float,
+    low: float,
+    high: float,
+    step: float,
+    unit: str = "",
+    decimals: int = 2,
+    live: bool = False,
+) -> Field:
     """A number on the panel; a whole number if the default is an int."""
     return Field(default, label, low, high, step, unit, decimals, live=live)
 

@@ -40,13 +40,24 @@ CONTROLS = Record(
     gap=slider("Reality Gap", 0.3, 0.0, 1.0, 0.1, "", 1),
     width=slider("DR Range", 0.2, 0.0, 1.0, 0.1, "", 1),
     delay=slider("Actuator Delay", 10.0, 0.0, 40.0, 1.0, "ms", 0),
-    policy=menu("Tuned on", (
-        "the simulator as it was", "a range about it", "the arm, identified at 10 ms",
-        "a range about that", "the simulator, delay mended", "the simulator, load mended")),
+    policy=menu(
+        "Tuned on",
+        (
+            "the simulator as it was",
+            "a range about it",
+            "the arm, identified at 10 ms",
+            "a range about that",
+            "the simulator, delay mended",
+            "the simulator, load mended",
+        ),
+    ),
     aim=Field((-0.28, 0.56), low=-1.0, high=1.0, unit="m"),
-)  # fmt: skip
-STATE = Record(q=Field(0.0, shape=(2, 2, SAMPLES + 1), unit="rad"), told=Field(0.0, shape=(12,)),
-    time=Field(0.0, unit="s"))  # fmt: skip
+)
+STATE = Record(
+    q=Field(0.0, shape=(2, 2, SAMPLES + 1), unit="rad"),
+    told=Field(0.0, shape=(12,)),
+    time=Field(0.0, unit="s"),
+)
 
 
 @lru_cache(maxsize=64)
@@ -87,8 +98,9 @@ def counted(kind, gap, width, delay):
         told[4 * k : 4 * k + 3] = good / COUNTED, *wilson(good, COUNTED)
     told[[LIMIT, GAIN]] = stability(arm, gains)
     home = chapter.rollouts(chapter.nominal(), gains, fewer).rate
-    alone = [home - chapter.rollouts(transfer.mended(arm, (part,)), gains, fewer).rate
-             for part in PARTS]  # fmt: skip
+    alone = [
+        home - chapter.rollouts(transfer.mended(arm, (part,)), gains, fewer).rate for part in PARTS
+    ]
     told[[PART, COSTS]] = int(np.argmax(alone)), max(alone)
     return told
 
@@ -189,8 +201,18 @@ def frame(pen, state, controls):
         for end in (low, high):
             draw.segment(pen, end, 0.15, end, 0.85, draw.INK, 2.0)
     draw.chart(pen, _CHART, (0.0, plants.SECONDS, 0.0, 50.0), _TIME, 0, _FAR, 3, 5)
-    draw.segment(pen, 0.0, 100.0 * plants.RADIUS, plants.SECONDS, 100.0 * plants.RADIUS,
-                 draw.GREEN, 1.5, 1.0, 4.0, 3.0)  # fmt: skip
+    draw.segment(
+        pen,
+        0.0,
+        100.0 * plants.RADIUS,
+        plants.SECONDS,
+        100.0 * plants.RADIUS,
+        draw.GREEN,
+        1.5,
+        1.0,
+        4.0,
+        3.0,
+    )
     for k in range(2):
         _, _, u, v = _tips(state["q"][k, :, : now + 1])
         draw.curve(pen, t[: now + 1], 100.0 * np.hypot(u - x, v - y), _COLOUR[k], 2.0)
@@ -242,8 +264,16 @@ PRESETS = {
 }  # fmt: skip
 
 MODEL = Model(
-    TITLE, draw.Paper(TITLE, word, colour), CONTROLS, STATE, PRESETS, initial, advance, frame, drag,
-)  # fmt: skip
+    TITLE,
+    draw.Paper(TITLE, word, colour),
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+)
 
 
 def simulation(preset: str = "Gap") -> Any:

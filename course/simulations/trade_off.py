@@ -48,8 +48,16 @@ class Chart:
         for ax in self.figure.axes:
             limits = ax.get_ylim()
             line = ax.axhline(limits[0], color="0.3", linestyle=":", linewidth=1.6, animated=True)
-            (ring,) = ax.plot([], [], marker="o", markersize=13, markerfacecolor="none",
-                              color="black", linestyle="none", animated=True)  # fmt: skip
+            (ring,) = ax.plot(
+                [],
+                [],
+                marker="o",
+                markersize=13,
+                markerfacecolor="none",
+                color="black",
+                linestyle="none",
+                animated=True,
+            )
             ax.set_ylim(limits)
             self._moving.append((line, ring))
         self._canvas.draw()
@@ -83,10 +91,16 @@ class TradeOff(ipywidgets.VBox):
         self.measured = measured
         low, high = measured.range()
         self.slider = ipywidgets.FloatLogSlider(
-            value=measured.tolerance, base=10.0, min=math.log10(low), max=math.log10(high),
-            step=0.05, readout_format=".1e", description=f"tolerance [{measured.error_unit}]",
-            style={"description_width": "120px"}, layout={"width": "98%"},
-        )  # fmt: skip
+            value=measured.tolerance,
+            base=10.0,
+            min=math.log10(low),
+            max=math.log10(high),
+            step=0.05,
+            readout_format=".1e",
+            description=f"tolerance [{measured.error_unit}]",
+            style={"description_width": "120px"},
+            layout={"width": "98%"},
+        )
         self.switches = {
             name: ipywidgets.ToggleButton(description=name, layout={"width": "auto"})
             for name in (curve.name for curve in measured.curves)
@@ -126,6 +140,8 @@ class TradeOff(ipywidgets.VBox):
             "text/plain": repr(self),
             "image/png": base64.b64encode(self.picture.value).decode("ascii"),
             "application/vnd.jupyter.widget-view+json": {
-                "version_major": 2, "version_minor": 0, "model_id": self.model_id,
+                "version_major": 2,
+                "version_minor": 0,
+                "model_id": self.model_id,
             },
-        }  # fmt: skip
+        }

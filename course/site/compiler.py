@@ -122,9 +122,14 @@ class _CallConv(callconv.CPUCallConv):
         builder.store(place, self._get_excinfo_argument(builder.function))
 
     def set_dynamic_user_exc(
-        self, builder: Any, exc: Any, exc_args: Any, nb_types: Any, loc: Any = None,
+        self,
+        builder: Any,
+        exc: Any,
+        exc_args: Any,
+        nb_types: Any,
+        loc: Any = None,
         func_name: Any = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         known = tuple(arg for arg in exc_args if isinstance(arg, str))
         self.set_static_user_exc(builder, exc, known)
 

@@ -13,8 +13,16 @@ from course.check import refused
 _ALSO = {r"\arg": r"\operatorname{arg}", r"\|": "\N{DOUBLE VERTICAL LINE}"}
 _COMMAND = re.compile(r"\\(?:[A-Za-z]+|\|)")
 # How many parts an element has; of a formula that breaks off the converter makes fewer.
-_PARTS = {"mfrac": 2, "msub": 2, "msup": 2, "mover": 2, "munder": 2, "mroot": 2, "msubsup": 3,
-          "munderover": 3}  # fmt: skip
+_PARTS = {
+    "mfrac": 2,
+    "msub": 2,
+    "msup": 2,
+    "mover": 2,
+    "munder": 2,
+    "mroot": 2,
+    "msubsup": 3,
+    "munderover": 3,
+}
 # What is no text: code, comments, tags. Then a formula of its own line, and one in a line.
 _PART = re.compile(
     r"<(?P<quiet>code|pre|script|style|math)\b.*?</(?P=quiet)>|<!--.*?-->|</?[A-Za-z][^<>]*>"

@@ -116,18 +116,25 @@ def glossary(anchors: Anchors) -> str:
     parts.append("\n".join(f"* **{term}**: {', '.join(where[term])}" for term in ordered))
     for chapter in CHAPTERS:
         if symbols := _symbols(chapter):
-            parts += [f"## Symbols of chapter {chapter.number}", "| symbol | typed | meaning |\n"
-                      "|---|---|---|\n" + "\n".join(
-                f"| {cards.tex(name)} | `{name}` | {cards.tex(meaning)} |"
-                for name, meaning in symbols.items()
-            )]  # fmt: skip
+            parts += [
+                f"## Symbols of chapter {chapter.number}",
+                "| symbol | typed | meaning |\n"
+                "|---|---|---|\n"
+                + "\n".join(
+                    f"| {cards.tex(name)} | `{name}` | {cards.tex(meaning)} |"
+                    for name, meaning in symbols.items()
+                ),
+            ]
     return "\n\n".join(parts) + "\n"
 
 
 def questions() -> str:
     """The page of every chapter's interview questions, with what unfolds."""
-    parts = ["# The questions of an interview", "Answer aloud, then open.  `drills interview` asks "
-             "them with a clock, and a partner's rubric."]  # fmt: skip
+    parts = [
+        "# The questions of an interview",
+        "Answer aloud, then open.  `drills interview` asks "
+        "them with a clock, and a partner's rubric.",
+    ]
     for chapter in CHAPTERS:
         asked = str(cards.interview(chapter.topic)._repr_markdown_())
         parts += [
@@ -139,8 +146,11 @@ def questions() -> str:
 
 def predictions(anchors: Anchors) -> str:
     """The page of every chapter's cards: a question, and answers that unfold."""
-    parts = ["# The cards", "A question each; click the answer that you believe. `drills review` "
-             "asks again when you are about to forget."]  # fmt: skip
+    parts = [
+        "# The cards",
+        "A question each; click the answer that you believe. `drills review` "
+        "asks again when you are about to forget.",
+    ]
     for chapter in CHAPTERS:
         parts.append(f"## {_title(chapter)}")
         for name in cards.predictions(chapter.topic):

@@ -65,9 +65,13 @@ def plan(ways: ArrayLike, *, radius: float = RADIUS, dt: float = DT) -> tuple[An
 
 
 def optimum(
-    ways: ArrayLike, reward: str = "sparse", *, bonus: float = BONUS, max_steps: int = MAX_STEPS,
+    ways: ArrayLike,
+    reward: str = "sparse",
+    *,
+    bonus: float = BONUS,
+    max_steps: int = MAX_STEPS,
     **disc: float,
-) -> Array:  # fmt: skip
+) -> Array:
     """The most that an episode can be worth at its start, with a prize of 1, discounted by 0.99.
 
     "sparse": 0.99^(least steps - 1). "potential" adds the first distance, whatever is done. "once"
@@ -179,16 +183,31 @@ class PointTask:
     """
 
     def __init__(
-        self, n: int, reward: str = "sparse", *, max_steps: int = MAX_STEPS, radius: float = RADIUS,
-        dt: float = DT, prize: float = 1.0, bonus: float = BONUS, unit: float = 1.0,
+        self,
+        n: int,
+        reward: str = "sparse",
+        *,
+        max_steps: int = MAX_STEPS,
+        radius: float = RADIUS,
+        dt: float = DT,
+        prize: float = 1.0,
+        bonus: float = BONUS,
+        unit: float = 1.0,
         offset: float = 0.0,
-    ) -> None:  # fmt: skip
+    ) -> None:
         kind = REWARDS.index(one_of("reward", reward, REWARDS))
-        self.numbers = np.array([
-            positive("dt", dt, unit="s"), finite("radius", radius, 1e-3, 0.4, unit="m"),
-            count("max_steps", max_steps, 1), kind, finite("prize", prize),
-            finite("bonus", bonus, 0.0), positive("unit", unit), finite("offset", offset),
-        ])  # fmt: skip
+        self.numbers = np.array(
+            [
+                positive("dt", dt, unit="s"),
+                finite("radius", radius, 1e-3, 0.4, unit="m"),
+                count("max_steps", max_steps, 1),
+                kind,
+                finite("prize", prize),
+                finite("bonus", bonus, 0.0),
+                positive("unit", unit),
+                finite("offset", offset),
+            ]
+        )
         self.p, self.v, self.goal = np.zeros((3, 2, n))
         self.steps = np.zeros(n, dtype=np.int64)
         self._step, self._put = kernels()
@@ -253,9 +272,13 @@ class PointReachVector(ArrayVectorEnv):
     """N points in arrays, moved by one compiled call; the same results as N of `PointReach`."""
 
     def __init__(
-        self, num_envs: int = 1, reward: str = "sparse", *,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP, **task: Any,
-    ) -> None:  # fmt: skip
+        self,
+        num_envs: int = 1,
+        reward: str = "sparse",
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        **task: Any,
+    ) -> None:
         """Make the points; see `PointReach`, and `course.vector_env` for the autoreset."""
         self.task = PointTask(count("num_envs", num_envs, 1), reward, **task)
         super().__init__(PointReach(reward, **task), num_envs, autoreset_mode)

@@ -144,9 +144,14 @@ class _Worker:
     """Environments first .. first + size - 1, and the commands they understand."""
 
     def __init__(
-        self, number: int, first: int, build: Callable[[], Env[Any, Any]], size: int,
-        memory: Any, plan: tuple[int, Space[Any], Space[Any], AutoresetMode],
-    ) -> None:  # fmt: skip
+        self,
+        number: int,
+        first: int,
+        build: Callable[[], Env[Any, Any]],
+        size: int,
+        memory: Any,
+        plan: tuple[int, Space[Any], Space[Any], AutoresetMode],
+    ) -> None:
         total, self.observation_space, action_space, mode = plan
         self.number, self.first = number, first
         shared = _Shared(self.observation_space, action_space, total, memory)
@@ -210,9 +215,14 @@ class _Worker:
 
 
 def _work(
-    number: int, first: int, link: Connection, stacks: Connection, inherited: list[Connection],
-    build: CloudpickleWrapper[Any], rest: tuple[Any, ...],
-) -> None:  # fmt: skip
+    number: int,
+    first: int,
+    link: Connection,
+    stacks: Connection,
+    inherited: list[Connection],
+    build: CloudpickleWrapper[Any],
+    rest: tuple[Any, ...],
+) -> None:
     """A worker process: build the environments, then answer commands until told to close."""
     os.setpgid(0, 0)
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C before the group was its own
@@ -338,11 +348,18 @@ class ProcessVectorEnv(AutoresettingVectorEnv):
                 size = int(bounds[k + 1] - bounds[k])
                 process = start.Process(
                     target=_work,
-                    args=(k, self._firsts[k], theirs, speak, inherited,
-                          CloudpickleWrapper(env_fn), (size, memory, plan)),
+                    args=(
+                        k,
+                        self._firsts[k],
+                        theirs,
+                        speak,
+                        inherited,
+                        CloudpickleWrapper(env_fn),
+                        (size, memory, plan),
+                    ),
                     daemon=True,
                     name=f"environments {self._firsts[k]} to {bounds[k + 1] - 1}",
-                )  # fmt: skip
+                )
                 process.start()
                 self._processes.append(process)
                 theirs.close()

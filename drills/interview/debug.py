@@ -134,11 +134,13 @@ def _tell(session: Session, verdict: scenarios.Verdict) -> None:
         session.say()
         session.say(session.terminal.paint(title, "head"))
         told = [
-            (f"{row.probe} {row.figure:.3g} {row.unit}".rstrip(),
-             f"rules out {', '.join(row.ruled_out) or 'none'}; left: "
-             f"{', '.join(row.left) or 'none'}")
+            (
+                f"{row.probe} {row.figure:.3g} {row.unit}".rstrip(),
+                f"rules out {', '.join(row.ruled_out) or 'none'}; left: "
+                f"{', '.join(row.left) or 'none'}",
+            )
             for row in rows
-        ]  # fmt: skip
+        ]
         _rows(session, told or [("no probe", "rules out none")])
 
 

@@ -13,13 +13,30 @@ HIDDEN = ("course", "drills", "solutions", "tests", "notebooks", "work", "docs",
 OURS = "robotics_simulation_course"  # the distribution, as its metadata and finder are named
 
 SYSTEM = (
-    "/lib", "/lib64", "/usr/lib", "/usr/lib64", "/usr/local/lib", "/usr/share/zoneinfo",
-    "/etc/ld.so.cache", "/etc/localtime", "/etc/timezone",
-    "/sys/devices/system/cpu", "/sys/devices/system/node", "/sys/fs/cgroup",
-    "/proc/cpuinfo", "/proc/meminfo", "/proc/stat", "/proc/sys/vm", "/proc/filesystems",
-    "/dev/null", "/dev/zero", "/dev/urandom", "/dev/random",
-    "/nix/store", "/gnu/store",
-)  # fmt: skip
+    "/lib",
+    "/lib64",
+    "/usr/lib",
+    "/usr/lib64",
+    "/usr/local/lib",
+    "/usr/share/zoneinfo",
+    "/etc/ld.so.cache",
+    "/etc/localtime",
+    "/etc/timezone",
+    "/sys/devices/system/cpu",
+    "/sys/devices/system/node",
+    "/sys/fs/cgroup",
+    "/proc/cpuinfo",
+    "/proc/meminfo",
+    "/proc/stat",
+    "/proc/sys/vm",
+    "/proc/filesystems",
+    "/dev/null",
+    "/dev/zero",
+    "/dev/urandom",
+    "/dev/random",
+    "/nix/store",
+    "/gnu/store",
+)
 
 
 @functools.cache

@@ -195,8 +195,14 @@ show("circles_once_a_step")
 # ![The least speed that comes through a wall, against the step](../docs/charts/tunnelling_limit.png)
 # %% jupyter={"source_hidden": true}
 said = read("tunnelling_limit").replace("none up to 400", "none").replace(" ms:", ":")
-figures(said, "checked", "advanced", "MuJoCo, default", "MuJoCo, speculative",
-        summary="Step [ms]: least speed [m/s] (none: up to 400); grid and soft limit")  # fmt: skip
+figures(
+    said,
+    "checked",
+    "advanced",
+    "MuJoCo, default",
+    "MuJoCo, speculative",
+    summary="Step [ms]: least speed [m/s] (none: up to 400); grid and soft limit",
+)
 # %% [markdown]
 # <div class="alert alert-block alert-warning">
 #
@@ -352,8 +358,16 @@ show("contact_velocity_jumps")
 # %%
 predict("legs_of_a_table")
 # %%
-figures(read("contact_table"), "carry    exact", "carry    sweeps, true cone (1000)", "carry    true",
-        "carry    convex", "carry    penalty", "carry    MuJoCo", summary="Models, scenes")  # fmt: skip
+figures(
+    read("contact_table"),
+    "carry    exact",
+    "carry    sweeps, true cone (1000)",
+    "carry    true",
+    "carry    convex",
+    "carry    penalty",
+    "carry    MuJoCo",
+    summary="Models, scenes",
+)
 # %% [markdown]
 # ### Friction: a cone
 #
@@ -372,9 +386,12 @@ predict("braking_between_edges")
 # ![The way of a braking block and its direction, by cone and by pyramid](../docs/charts/contact_steering.png)
 # %% jupyter={"source_hidden": true}
 shown = ("exact pyramid", "box", "true cone", "MuJoCo Newton, pyramidal")
-figures(read("contact_steering"), *(f"stretched {who}" for who in shown),
-        *(f"turned    {who}" for who in shown if who != "true cone"),
-        summary="All models: way over Coulomb's, degrees turned")  # fmt: skip
+figures(
+    read("contact_steering"),
+    *(f"stretched {who}" for who in shown),
+    *(f"turned    {who}" for who in shown if who != "true cone"),
+    summary="All models: way over Coulomb's, degrees turned",
+)
 # %%
 show("pyramid_slips")
 # %%

@@ -89,8 +89,10 @@ def table(head, rows):
 for make in ("tumble", "chain", "arm"):
     scene = SCENES[make]()
     errors = [measures.position_error(engine, scene, 1e-3) for engine in (own, mujoco)]
-    print(f"{make:<7}{scene.dof} dof, {scene.duration:g} s at 1 ms: ours {errors[0]:.8f} {scene.unit}",
-          end=", ")  # fmt: skip
+    print(
+        f"{make:<7}{scene.dof} dof, {scene.duration:g} s at 1 ms: ours {errors[0]:.8f} {scene.unit}",
+        end=", ",
+    )
     print(f"MuJoCo {errors[1]:.8f}, tolerance {scene.tolerance:g}")
 
 # %% [markdown]
@@ -100,8 +102,15 @@ for make in ("tumble", "chain", "arm"):
 # ![Error over the step on three scenes, and how far errors are from our own](../docs/charts/platform_accuracy.png)
 
 # %%
-figures(read("platform_accuracy"), "MuJoCo: errors", "Drake: errors", "PyBullet: errors",
-        "chain   MuJoCo RK4", "arm     PyBullet", summary="All orders and errors")  # fmt: skip
+figures(
+    read("platform_accuracy"),
+    "MuJoCo: errors",
+    "Drake: errors",
+    "PyBullet: errors",
+    "chain   MuJoCo RK4",
+    "arm     PyBullet",
+    summary="All orders and errors",
+)
 
 # %%
 show("engines_agree")
@@ -127,9 +136,12 @@ predict("out_of_the_box")
 # %%
 table(
     ("Engine", "What", "As shipped", "Fair", "Why"),
-    [(name, f"`{change.what}`", change.shipped, change.fair, change.reason)
-     for name, engine in known.items() for change in engine.changes],
-)  # fmt: skip
+    [
+        (name, f"`{change.what}`", change.shipped, change.fair, change.reason)
+        for name, engine in known.items()
+        for change in engine.changes
+    ],
+)
 
 # %% [markdown]
 # (Our code has none: its defaults are what the scenes ask for, as both were written for this course.)
@@ -249,8 +261,16 @@ show("rk4_and_contact")
 # ![Error over tolerance of ten scenes, fair and as shipped, and their cost](../docs/charts/platforms_table.png)
 
 # %%
-figures(read("platforms_table"), "With the same", "As shipped, the", "Fair, ", "Our own", "They are", "Drake's",
-        summary="All scenes, engines and settings")  # fmt: skip
+figures(
+    read("platforms_table"),
+    "With the same",
+    "As shipped, the",
+    "Fair, ",
+    "Our own",
+    "They are",
+    "Drake's",
+    summary="All scenes, engines and settings",
+)
 
 # %% [markdown]
 # Seven jobs as limits on that table (a place may be off by 1 mm, a stop by 1 cm):
@@ -278,8 +298,15 @@ table(("Job", "Pick", "Why"), [(job, *jobs.told(job)) for job in jobs.JOBS])
 # Names come with sentences. True, false, or only if?
 
 # %%
-for claim in ("default_of_learning", "bullet_on_gpu", "drake_planners", "proof_never_falls", "built_on",
-              "bullet_less_accurate", "python_first"):  # fmt: skip
+for claim in (
+    "default_of_learning",
+    "bullet_on_gpu",
+    "drake_planners",
+    "proof_never_falls",
+    "built_on",
+    "bullet_less_accurate",
+    "python_first",
+):
     display(show(claim))
 
 # %% [markdown]
@@ -439,10 +466,12 @@ simulation("Default damping")
 
 # %%
 for preset, (scene, card_, fair) in {
-    "Same scheme, same error": (1, None, 1), "Default damping": (1, "PyBullet", 0),
-    "Pyramid steers": (2, "MuJoCo", 0), "Sinking grasp": (4, "MuJoCo", 0),
+    "Same scheme, same error": (1, None, 1),
+    "Default damping": (1, "PyBullet", 0),
+    "Pyramid steers": (2, "MuJoCo", 0),
+    "Sinking grasp": (4, "MuJoCo", 0),
     "Collapsing tower": (3, "Drake", 0),
-}.items():  # fmt: skip
+}.items():
     row = 1e3 * found.errors[scene, 1, fair]
     unit = "mrad" if scene < 2 else "mm"
     which = row.max() if card_ is None else row[found.engines.index(card_)]
@@ -474,8 +503,15 @@ said(
 # ![Cost of a step over the size of chain, tower and field, and Python's share](../docs/charts/platform_scaling.png)
 
 # %% tags=["nbval-ignore-output"]
-said("platform_scaling", "field: MuJoCo over", "field: Drake", "field: PyBullet", "tower: PyBullet", "MuJoCo: left",
-     "PyBullet: an empty")  # fmt: skip
+said(
+    "platform_scaling",
+    "field: MuJoCo over",
+    "field: Drake",
+    "field: PyBullet",
+    "tower: PyBullet",
+    "MuJoCo: left",
+    "PyBullet: an empty",
+)
 
 # %% [markdown]
 # The last panel is a trap of its own. PyBullet is called once a step, and pays for the call; the others can take many
@@ -562,8 +598,16 @@ predict("part_that_sinks")
 # ![Creep of a block and a part over impratio, with the law and other engines](../docs/charts/platform_creep.png)
 
 # %%
-said("platform_creep", "rest, elliptic", "rest, MuJoCo", "rest, Drake", "rest, PyBullet", "rest, own",
-     "grasp, elliptic", "grasp, MuJoCo")  # fmt: skip
+said(
+    "platform_creep",
+    "rest, elliptic",
+    "rest, MuJoCo",
+    "rest, Drake",
+    "rest, PyBullet",
+    "rest, own",
+    "grasp, elliptic",
+    "grasp, MuJoCo",
+)
 
 # %% [markdown]
 # A law that holds to many digits, over a factor of three hundred. It answers a question of 2026 (MuJoCo's issue 3328: a
@@ -578,9 +622,16 @@ said("platform_creep", "rest, elliptic", "rest, MuJoCo", "rest, Drake", "rest, P
 # ![Held or not over squeeze and step, by engine](../docs/charts/platform_grasp.png)
 
 # %%
-figures(read("platform_grasp"), "own code", "MuJoCo, fair         1", "Drake, fair          1",
-        "PyBullet, fair       1", "PyBullet, fair       2", "PyBullet, as shipped 1",
-        summary="Each squeeze")  # fmt: skip
+figures(
+    read("platform_grasp"),
+    "own code",
+    "MuJoCo, fair         1",
+    "Drake, fair          1",
+    "PyBullet, fair       1",
+    "PyBullet, fair       2",
+    "PyBullet, as shipped 1",
+    summary="Each squeeze",
+)
 
 # %%
 least = {s.name: measures.grasp_limit(mujoco, 1e-3, s, rounds=8) for s in (AS_SHIPPED, FAIR)}
@@ -640,9 +691,24 @@ show("reset_world")
 # (What is missing to the number in brackets was repaired; of features, refused or warned about.)
 
 # %%
-figures(read("platform_readers"), "model  ", "negative mass", "NaN mass", "triangle", "zero axis", "swapped limits",
-        "mimic  ", "friction", "two parents", "chapter 4:", "Pinocchio:", "MuJoCo:", "Drake:", "PyBullet:",
-        summary="All texts")  # fmt: skip
+figures(
+    read("platform_readers"),
+    "model  ",
+    "negative mass",
+    "NaN mass",
+    "triangle",
+    "zero axis",
+    "swapped limits",
+    "mimic  ",
+    "friction",
+    "two parents",
+    "chapter 4:",
+    "Pinocchio:",
+    "MuJoCo:",
+    "Drake:",
+    "PyBullet:",
+    summary="All texts",
+)
 
 # %%
 show("loaded_is_not_sound")
@@ -944,8 +1010,9 @@ predict("lost_damping")
 # %%
 reach = {
     (name, settings.name): measures.reach(known[name], 1e-3, settings)
-    for name in ("own code", "MuJoCo") for settings in (AS_SHIPPED, FAIR)
-}  # fmt: skip
+    for name in ("own code", "MuJoCo")
+    for settings in (AS_SHIPPED, FAIR)
+}
 for (name, settings), one in reach.items():
     print(
         f"{name:<9} {settings:<11} tip {1e3 * one.error:.4f} mm off, {'there' if one.success else 'NOT there'}"

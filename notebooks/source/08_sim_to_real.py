@@ -71,7 +71,7 @@ from course.sim_to_real import (
     trials,
     tune,
     value_iteration,
-)  # fmt: skip
+)
 from course.sim_to_real.identify import arm
 
 
@@ -465,18 +465,37 @@ show("two_routes")
 # ## 4 · Design: a pipeline that comes back
 
 # %%
-steps = ("build\nthe simulator", "identify\nfrom logs", "randomise\nwhat is left", "train", "try on\nthe robot",
-         "fine-tune,\nif needed")  # fmt: skip
+steps = (
+    "build\nthe simulator",
+    "identify\nfrom logs",
+    "randomise\nwhat is left",
+    "train",
+    "try on\nthe robot",
+    "fine-tune,\nif needed",
+)
 figure_, axis = plt.subplots(figsize=(9, 1.5), layout="constrained")
 for k, step in enumerate(steps):
-    _ = axis.text(k, 0, step, ha="center", va="center", fontsize=9,
-                  bbox={"boxstyle": "round", "fc": "#e8eaf6"})  # fmt: skip
+    _ = axis.text(
+        k,
+        0,
+        step,
+        ha="center",
+        va="center",
+        fontsize=9,
+        bbox={"boxstyle": "round", "fc": "#e8eaf6"},
+    )
     if k:
         _ = axis.annotate("", (k - 0.38, 0), (k - 0.62, 0), arrowprops={"arrowstyle": "->"})
 back = {"arrowstyle": "->", "connectionstyle": "arc3,rad=-0.25", "color": "#c62828"}
 _ = axis.annotate("", (1, -0.35), (4, -0.35), arrowprops=back)
-_ = axis.text(2.5, -1.25, "iterate: new logs, where success fell short", ha="center",
-              color="#c62828", fontsize=9)  # fmt: skip
+_ = axis.text(
+    2.5,
+    -1.25,
+    "iterate: new logs, where success fell short",
+    ha="center",
+    color="#c62828",
+    fontsize=9,
+)
 _ = axis.set(xlim=(-0.6, 5.6), ylim=(-1.5, 0.7))
 axis.axis("off")
 plt.show()
@@ -821,8 +840,10 @@ said("break_it", "tuned for", "friction", "jaw", "by 25", "closing", "up")
 omega_dt = np.sqrt(5e4) * 0.02
 step = np.array([[1.0 - omega_dt**2, omega_dt], [-omega_dt, 1.0]])  # semi-implicit Euler
 radius = np.abs(np.linalg.eigvals(step)).max()
-print(f"energy of a spring with (omega dt)^2 = {omega_dt**2:.0f}, a step: explicit Euler "
-      f"x {1 + omega_dt**2:.0f}, semi-implicit x {radius**2:.0f}")  # fmt: skip
+print(
+    f"energy of a spring with (omega dt)^2 = {omega_dt**2:.0f}, a step: explicit Euler "
+    f"x {1 + omega_dt**2:.0f}, semi-implicit x {radius**2:.0f}"
+)
 print(
     f"after fifty steps 10^{50 * np.log10(1 + omega_dt**2):.0f} and 10^{100 * np.log10(radius):.0f}"
 )

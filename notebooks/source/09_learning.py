@@ -950,8 +950,10 @@ for name, executor, how in cases:
         rates.append(np.mean(disturbed.sides(ran.states) != 0))
     _ = axis.plot([1000 * x for x in noises], rates, ".-", label=name)
     never, back = missed(executor, how)
-    print(f"{name:<13}{rates[0]:.2f}   {rates[-1]:.2f}      {lost(0.0, executor, how):5.0%}"
-          f"  {lost(0.01, executor, how):5.0%}        {never:11.1f}   {back:8.1f}")  # fmt: skip
+    print(
+        f"{name:<13}{rates[0]:.2f}   {rates[-1]:.2f}      {lost(0.0, executor, how):5.0%}"
+        f"  {lost(0.01, executor, how):5.0%}        {never:11.1f}   {back:8.1f}"
+    )
 _ = axis.set(xlabel="push in a step [mm]", ylabel="pass, of two ways")
 _ = axis.legend(fontsize=7)
 plt.show()

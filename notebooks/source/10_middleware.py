@@ -81,18 +81,32 @@ layers = {
     "Behaviour, 1-10 Hz": "state machines, behaviour trees: what comes next\nlate: the robot hesitates",
     "ROS 2, 10-100 Hz": "perception, planning, coordination: soft real time\nlate: the result is older",
     "Real-time thread, 1 kHz": "read encoders, compute torque, write: hard real time\nlate: the fault is physical",
-}  # fmt: skip
+}
 crossing = ("goals as actions; feedback back", "newest trajectory, lock-free; joint states back")
 figure_, axis = plt.subplots(figsize=(8, 3.1), layout="constrained")
 for k, (name, does) in enumerate(layers.items()):
     hard = k == 2
-    _ = axis.text(0, -1.3 * k, f"{name}\n{does}", ha="center", va="center", fontsize=9,
-                  bbox={"boxstyle": "round,pad=0.5", "fc": "#ffebee" if hard else "#e8eaf6",
-                        "ec": "#c62828" if hard else "#5c6bc0"})  # fmt: skip
+    _ = axis.text(
+        0,
+        -1.3 * k,
+        f"{name}\n{does}",
+        ha="center",
+        va="center",
+        fontsize=9,
+        bbox={
+            "boxstyle": "round,pad=0.5",
+            "fc": "#ffebee" if hard else "#e8eaf6",
+            "ec": "#c62828" if hard else "#5c6bc0",
+        },
+    )
     if k:
         for x, ends in ((-0.08, (0.82, 0.48)), (0.08, (0.48, 0.82))):
-            _ = axis.annotate("", (x, -1.3 * k + ends[1]), (x, -1.3 * k + ends[0]),
-                              arrowprops={"arrowstyle": "->"})  # fmt: skip
+            _ = axis.annotate(
+                "",
+                (x, -1.3 * k + ends[1]),
+                (x, -1.3 * k + ends[0]),
+                arrowprops={"arrowstyle": "->"},
+            )
         _ = axis.text(0.16, -1.3 * k + 0.65, crossing[k - 1], va="center", fontsize=8.5)
 _ = axis.set(xlim=(-1.6, 1.6), ylim=(-3.1, 0.5))
 axis.axis("off")
@@ -144,11 +158,18 @@ forms = {
     "Action": ("goal, feedback, result, cancel", "what takes seconds: move to a pose"),
     "Parameter": ("names and values of one node", "configuration; read again only if asked to"),
 }
-Markdown("\n".join([
-    "| concept | pattern | use | median latency between two threads here |", "|---|---|---|---|",
-    *(f"| {name} | {' | '.join(words)} | {1e6 * np.median(took[name]):.1f} us |"
-      for name, words in forms.items()),
-]))  # fmt: skip
+Markdown(
+    "\n".join(
+        [
+            "| concept | pattern | use | median latency between two threads here |",
+            "|---|---|---|---|",
+            *(
+                f"| {name} | {' | '.join(words)} | {1e6 * np.median(took[name]):.1f} us |"
+                for name, words in forms.items()
+            ),
+        ]
+    )
+)
 
 # %%
 show("service_takes_five")
@@ -362,8 +383,10 @@ C, T = np.array([0.25e-3, 2.0e-3, 40e-3]), np.array([1e-3, 10e-3, 100e-3])
 longest = schedule.run(C, T, 10.0).longest
 for name, ends in {"analysis": response_times(C, T), "a scheduler, run": longest}.items():
     print(f"{name:<18}" + ", ".join(f"{1e3 * x:.2f} ms" for x in ends))
-print(f"utilization {float(utilization(C, T)):.3f}; bound of three tasks {liu_layland(3):.3f}; "
-      f"within the hyperbolic bound: {bool(hyperbolic(C, T))}")  # fmt: skip
+print(
+    f"utilization {float(utilization(C, T)):.3f}; bound of three tasks {liu_layland(3):.3f}; "
+    f"within the hyperbolic bound: {bool(hyperbolic(C, T))}"
+)
 
 # %% [markdown]
 # ![Which task sets are in time by three tests, and breakdown utilization](../docs/charts/task_sets.png)
@@ -393,8 +416,16 @@ predict("middle_priority")
 # high, middle, low: the low one has the lock when the high one comes.
 C3, T3 = np.array([5e-3, 100e-3, 25e-3]), np.full(3, 1.0)
 for protocol in ("none", "inheritance", "ceiling"):
-    ends = schedule.run(C3, T3, 1.0, phase=[2e-3, 3e-3, 0.0], before=[0.0, 0.0, 0.0],
-                        section=[5e-3, 0.0, 20e-3], lock=[0, -1, 0], protocol=protocol).longest  # fmt: skip
+    ends = schedule.run(
+        C3,
+        T3,
+        1.0,
+        phase=[2e-3, 3e-3, 0.0],
+        before=[0.0, 0.0, 0.0],
+        section=[5e-3, 0.0, 20e-3],
+        lock=[0, -1, 0],
+        protocol=protocol,
+    ).longest
     print(f"{protocol:<12}the most urgent task waits {1e3 * (ends[0] - C3[0]):6.1f} ms")
 
 # %% [markdown]
@@ -508,17 +539,32 @@ show("callback_sets_the_rate")
 
 # %%
 rows = {
-    "as asked": [Stage("camera", 0.005, 1 / 30), Stage("perception", 0.020),
-                 Stage("planner", 0.040, 0.1), Stage("controller", 1e-4, 1e-3)],
-}  # fmt: skip
-rows["planner starts on arrival"] = [*rows["as asked"][:2], Stage("planner", 0.030),
-                                     rows["as asked"][3]]  # fmt: skip
+    "as asked": [
+        Stage("camera", 0.005, 1 / 30),
+        Stage("perception", 0.020),
+        Stage("planner", 0.040, 0.1),
+        Stage("controller", 1e-4, 1e-3),
+    ],
+}
+rows["planner starts on arrival"] = [
+    *rows["as asked"][:2],
+    Stage("planner", 0.030),
+    rows["as asked"][3],
+]
 rows["controller at 100 Hz"] = [*rows["as asked"][:3], Stage("controller", 1e-4, 1e-2)]
-rows["depth 10, slow perception"] = [rows["as asked"][0],
-    Stage("perception", 0.050, depth=10, overload="queue"), *rows["as asked"][2:]]  # fmt: skip
+rows["depth 10, slow perception"] = [
+    rows["as asked"][0],
+    Stage("perception", 0.050, depth=10, overload="queue"),
+    *rows["as asked"][2:],
+]
 moments, rng = np.linspace(2.0, 2.9, 901), np.random.default_rng(0)
-PARTS = {"executions": "#5c6bc0", "picture waits": "#ef6c00", "scene waits": "#2e7d32",
-         "plan waits": "#c62828", "command in force": "#9e9e9e"}  # fmt: skip
+PARTS = {
+    "executions": "#5c6bc0",
+    "picture waits": "#ef6c00",
+    "scene waits": "#2e7d32",
+    "plan waits": "#c62828",
+    "command in force": "#9e9e9e",
+}
 figure_, axis = plt.subplots(figsize=(8, 2.0), layout="constrained")
 print(f"{'age at the drives [ms]':<28}{'least':>8}{'mean':>8}{'most':>8}{'on the bus':>14}")
 for name, stages in rows.items():
@@ -562,8 +608,10 @@ try:
     for (name, shape), how in zip(STREAMS.items(), ("reliable", "best_effort"), strict=True):
         size, rate, _ = transport.stream(*shape)
         came = flood(size, 10, 10, reliability=how)
-        print(f"{name}, {how}: {came.received} of 10 came, {came.through / 1e6:.0f} MB/s (asked "
-              f"{rate / 1e6:.0f})")  # fmt: skip
+        print(
+            f"{name}, {how}: {came.received} of 10 came, {came.through / 1e6:.0f} MB/s (asked "
+            f"{rate / 1e6:.0f})"
+        )
 except ImportError as missing:
     print(missing)
 
@@ -628,14 +676,19 @@ Markdown(f"```python\n{launch.OURS.strip()}\n```")
 for node in ours:
     for (topic, end), qos in launch.overrides(node.parameters).items():
         unlike = [v for k, v in vars(qos).items() if v != getattr(QoS(), k) and isinstance(v, str)]
-        times = [f"{k.split('_')[0]} {1e3 * v:g} ms" for k, v in vars(qos).items()
-                 if v != getattr(QoS(), k) and isinstance(v, float)]  # fmt: skip
+        times = [
+            f"{k.split('_')[0]} {1e3 * v:g} ms"
+            for k, v in vars(qos).items()
+            if v != getattr(QoS(), k) and isinstance(v, float)
+        ]
         print(f"{node.executable:<18}{topic:<15}{end:<13}{', '.join([*unlike, *times])}")
 print("silent topics:", launch.silent(ours) or "none")
 needed = sorted({name for node in ours for name in launch.to_be_allowed(node.parameters)})
 print("to be allowed in the nodes' source:", ", ".join(needed))
-broken = launch.OURS.replace('qos("/safety/status", "publisher", STATUS)', 'qos("/safety/status", '
-                             '"publisher", {"reliability": "reliable"})')  # fmt: skip
+broken = launch.OURS.replace(
+    'qos("/safety/status", "publisher", STATUS)',
+    'qos("/safety/status", "publisher", {"reliability": "reliable"})',
+)
 print("with the monitor's offer left at default:", launch.silent(launch.nodes(broken)))
 
 # %%
@@ -779,10 +832,15 @@ broken_rows = {
         f"{1e3 * HOLD:.0f} ms and a picture's {1e3 * SEEING:.0f}; with inheritance {1e3 * HOLD:.0f}"),
     "Late monitor": ("volatile, published once", "blind to the zone", "kept for later at both ends"),
 }  # fmt: skip
-Markdown("\n".join([
-    "| What to break | How | What happens | Its limit, computed |", "|---|---|---|---|",
-    *(f"| {name} | {' | '.join(cells)} |" for name, cells in broken_rows.items()),
-]))  # fmt: skip
+Markdown(
+    "\n".join(
+        [
+            "| What to break | How | What happens | Its limit, computed |",
+            "|---|---|---|---|",
+            *(f"| {name} | {' | '.join(cells)} |" for name, cells in broken_rows.items()),
+        ]
+    )
+)
 
 # %% [markdown]
 # ## 6 · Speed against accuracy
@@ -901,8 +959,10 @@ for one in stored("loop_lateness")[0].series:
 # %% tags=["nbval-ignore-output"]
 with loop.urgent() as granted:
     no = textwrap.shorten("; ".join(f"{k}: {v}" for k, v in granted.refused.items()), 80)
-    print(f"scheduler {granted.scheduler}, priority {granted.priority}, "
-          f"memory locked: {granted.locked}; refused: {no or 'nothing'}")  # fmt: skip
+    print(
+        f"scheduler {granted.scheduler}, priority {granted.priority}, "
+        f"memory locked: {granted.locked}; refused: {no or 'nothing'}"
+    )
 
 # %% [markdown]
 # What is left even then: a page fault, a garbage collection, a lock. Nor does a kernel take that away. *PREEMPT_RT* is

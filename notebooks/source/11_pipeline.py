@@ -87,8 +87,15 @@ boxes = {
 flows = ("place and\ncovariance", "timed path", "torques", "repeat: angles back, by many clocks")
 figure_, axis = plt.subplots(figsize=(9, 1.9), layout="constrained")
 for k, (name, does) in enumerate(boxes.items()):
-    _ = axis.text(1.5 * k, 0, f"{name}\n{does}", ha="center", va="center", fontsize=8.5,
-                  bbox={"boxstyle": "round", "fc": "#e8eaf6"})  # fmt: skip
+    _ = axis.text(
+        1.5 * k,
+        0,
+        f"{name}\n{does}",
+        ha="center",
+        va="center",
+        fontsize=8.5,
+        bbox={"boxstyle": "round", "fc": "#e8eaf6"},
+    )
     if k:
         ends = (1.5 * k - 0.5, 0), (1.5 * k - 1.0, 0)
         _ = axis.annotate("", *ends, arrowprops={"arrowstyle": "->"})
@@ -138,8 +145,10 @@ law = Stage("law", 1e-6, settings.control)
 
 def row(name, stages):
     told = age(stages)
-    print(f"{name:<24}{1e3 * told.least:7.1f}{1e3 * told.mean:7.1f}{1e3 * told.greatest:7.1f}"
-          f"{1e3 * told.std:8.2f}{told.mean * speed:8.2f}")  # fmt: skip
+    print(
+        f"{name:<24}{1e3 * told.least:7.1f}{1e3 * told.mean:7.1f}{1e3 * told.greatest:7.1f}"
+        f"{1e3 * told.std:8.2f}{told.mean * speed:8.2f}"
+    )
     return told.mean
 
 
@@ -368,10 +377,15 @@ broken_rows = {
     "Everything": ("all sliders to extremes", "nothing works: now fix it",
         f"{by_contracts:.1f} runs by contracts, {by_sliders:.1f} by one slider after another"),
 }  # fmt: skip
-Markdown("\n".join([
-    "| What to break | How | What happens | Its limit, measured |", "|---|---|---|---|",
-    *(f"| {name} | {' | '.join(cells)} |" for name, cells in broken_rows.items()),
-]))  # fmt: skip
+Markdown(
+    "\n".join(
+        [
+            "| What to break | How | What happens | Its limit, measured |",
+            "|---|---|---|---|",
+            *(f"| {name} | {' | '.join(cells)} |" for name, cells in broken_rows.items()),
+        ]
+    )
+)
 
 # %% [markdown]
 # (Each row is a preset. That the arm *waits* is true of the second only where a check is dear; see section 7.)
@@ -560,9 +574,10 @@ unlisted = {
     "motor 120 ms late": Fault("", "control", lambda s: replace(s, actuator=Actuator(delay=0.12))),
     "motor slow to follow": Fault("", "control", lambda s: replace(s, actuator=Actuator(lag=0.3))),
     "law at 15 Hz": Fault("", "control", lambda s: replace(s, control=0.066)),
-    "late by 0.5 s, quick target": Fault("", "age",
-        disturb=lambda f, s: replace(f, arrived=f.arrived + 500_000)),
-}  # fmt: skip
+    "late by 0.5 s, quick target": Fault(
+        "", "age", disturb=lambda f, s: replace(f, arrived=f.arrived + 500_000)
+    ),
+}
 for name, one in unlisted.items():
     case = lag_case if "quick" in name else CASE
     found, runs = Counter(), []
@@ -686,8 +701,11 @@ for axis, n in zip(axes, (8, 64), strict=True):
     some = [costs[n, name] for name in shapes]
     base, bottom = some[0].step, np.zeros(len(some))
     rest = [c.step - c.collision - c.solver for c in some]
-    for label, part in (("collision", [c.collision for c in some]),
-                        ("solver", [c.solver for c in some]), ("rest", rest)):  # fmt: skip
+    for label, part in (
+        ("collision", [c.collision for c in some]),
+        ("solver", [c.solver for c in some]),
+        ("rest", rest),
+    ):
         _ = axis.bar(list(shapes), np.array(part) / base, bottom=bottom, label=label)
         bottom += np.array(part) / base
     _ = axis.set(title=f"{n} bodies", ylabel="time of a step, sphere = 1")
@@ -943,10 +961,12 @@ gains = [{"kp": a, "kd": b} for a, b in rng.uniform((10, 1), (60, 10), (12, 2)).
 every = [{**filters[i], **gains[k]} for i, k in rng.integers(12, size=(24, 2))]
 chosen = {
     "as it was": {},
-    "stage by stage": {**min(filters, key=lambda x: square(x, "control")),
-                       **min(gains, key=lambda x: square(x, "perceive"))},
+    "stage by stage": {
+        **min(filters, key=lambda x: square(x, "control")),
+        **min(gains, key=lambda x: square(x, "perceive")),
+    },
     "end to end": min(every, key=square),
-}  # fmt: skip
+}
 other = Scenario(target=(-0.05, 0.7), velocity=(0.008, -0.01), discs=scenario.discs[1:])
 for name, one in chosen.items():
     fresh = (square(one, case=x, some=range(100, 150)) for x in (scenario, other))

@@ -308,8 +308,10 @@ rows = ["| | slip | thread | invariant | right | wrong |", "|---:|---|---|---|--
 for place, one in enumerate(museum.EXHIBITS, 1):
     right, wrong = (max(one.evidence(slip, seed) for seed in range(3)) for slip in (False, True))
     years = "-".join(str(year) for year in sorted({min(one.years), max(one.years)}))
-    rows.append(f"| {place} | {one.name} | {one.threads[0]} ({years}) | `{one.invariant}` "
-                f"| {right:.0e} | {wrong:.1g} |")  # fmt: skip
+    rows.append(
+        f"| {place} | {one.name} | {one.threads[0]} ({years}) | `{one.invariant}` "
+        f"| {right:.0e} | {wrong:.1g} |"
+    )
 Markdown("\n".join(rows))
 
 # %% [markdown]
@@ -330,8 +332,10 @@ for one in museum.EXHIBITS:
 from scipy.spatial.transform import Rotation
 
 turn = Rotation.from_rotvec([0.3, -0.2, 0.9]).as_matrix()
-print(f"a rotation: {invariants.rotation_error(turn):.0e}, its mirror: "
-      f"{invariants.rotation_error(turn @ np.diag([1, 1, -1])):.1f}")  # fmt: skip
+print(
+    f"a rotation: {invariants.rotation_error(turn):.0e}, its mirror: "
+    f"{invariants.rotation_error(turn @ np.diag([1, 1, -1])):.1f}"
+)
 
 # %% [markdown]
 # ## 7 · Frontier: classical or learned, and what to read

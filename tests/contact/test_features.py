@@ -162,9 +162,14 @@ def test_nothing_touches_before_the_time_of_impact(first, second):
 
 def test_a_turning_square_meets_the_floor_with_its_corner():
     found = contact.time_of_impact(
-        contact.box([0.5, 0.5]), (0.0, 2.0, math.pi / 4), (0.0, -1.0, 0.0),
-        contact.plane(2), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 5.0,
-    )  # fmt: skip
+        contact.box([0.5, 0.5]),
+        (0.0, 2.0, math.pi / 4),
+        (0.0, -1.0, 0.0),
+        contact.plane(2),
+        (0.0, 0.0, 0.0),
+        (0.0, 0.0, 0.0),
+        5.0,
+    )
     assert found.time == pytest.approx(2.0 - math.sqrt(0.5), abs=1e-8)
     assert found.normal == pytest.approx([0.0, -1.0])
     assert found.point == pytest.approx([0.0, 0.0], abs=1e-8)
@@ -208,9 +213,14 @@ def test_balls_in_any_dimension_and_hard_cases():
 )
 def test_bad_flights_are_named(change, words):
     usual = {
-        "a": CUBE, "pose_a": at(), "velocity_a": np.zeros(6), "b": CUBE, "pose_b": at(3.0),
-        "velocity_b": np.zeros(6), "duration": 1.0,
-    }  # fmt: skip
+        "a": CUBE,
+        "pose_a": at(),
+        "velocity_a": np.zeros(6),
+        "b": CUBE,
+        "pose_b": at(3.0),
+        "velocity_b": np.zeros(6),
+        "duration": 1.0,
+    }
     with pytest.raises(ValueError, match=words):
         contact.time_of_impact(**(usual | change))
     with pytest.raises(ValueError, match="reach"):

@@ -8,8 +8,9 @@ from course.charts.contact import geometry
 
 
 def test_the_broad_phase_has_the_exponents_of_theory():
-    counts, times = charts.build("broad_phase", sizes=(100, 1000, 3000), mujoco=100, brute=100,
-                                 repeats=1)  # fmt: skip
+    counts, times = charts.build(
+        "broad_phase", sizes=(100, 1000, 3000), mujoco=100, brute=100, repeats=1
+    )
     for kind, theory in geometry.THEORY.items():
         series = counts[f"tests, {geometry.WORDS[kind]}"]
         assert np.polyfit(np.log(series.x), np.log(series.y), 1)[0] == pytest.approx(
@@ -21,8 +22,12 @@ def test_the_broad_phase_has_the_exponents_of_theory():
     swaps = counts["swaps"]
     assert 1.5 < np.polyfit(np.log(swaps.x), np.log(swaps.y), 1)[0] < 1.9
     assert {series.key for series in times.series} == {
-        "sweep and prune", "kept order", "uniform grid", "brute force", "MuJoCo",
-    }  # fmt: skip
+        "sweep and prune",
+        "kept order",
+        "uniform grid",
+        "brute force",
+        "MuJoCo",
+    }
 
 
 @pytest.mark.slow

@@ -42,9 +42,14 @@ def drawn(seed: int, contacts: int, rows: int, bodies: int = 0) -> Problem:
         jacobian[:, 0] *= np.sign(jacobian[:, 0, :1])
     v = rng.normal(size=nv)
     return Problem(
-        root @ root.T + np.eye(nv), jacobian, v, v + 0.1 * rng.normal(size=nv),
-        rng.uniform(-1e-3, 1e-3, contacts), rng.uniform(0.0, 0.5, (contacts, rows - 1)), 0.01,
-    )  # fmt: skip
+        root @ root.T + np.eye(nv),
+        jacobian,
+        v,
+        v + 0.1 * rng.normal(size=nv),
+        rng.uniform(-1e-3, 1e-3, contacts),
+        rng.uniform(0.0, 0.5, (contacts, rows - 1)),
+        0.01,
+    )
 
 
 # --- the law itself -------------------------------------------------------------------------------
@@ -118,9 +123,11 @@ def test_sweeps_reach_what_newton_does(seed: int) -> None:
 
 
 @given(
-    angle=st.floats(0.05, 1.5), vx=st.floats(-3.0, 3.0), spin=st.floats(-5.0, 5.0),
+    angle=st.floats(0.05, 1.5),
+    vx=st.floats(-3.0, 3.0),
+    spin=st.floats(-5.0, 5.0),
     mu=st.floats(0.0, 1.0),
-)  # fmt: skip
+)
 @examples(60)
 def test_one_corner_is_the_impact_of_chapter_1(
     angle: float, vx: float, spin: float, mu: float
@@ -221,10 +228,13 @@ def test_a_ball_comes_back_to_the_height_of_its_restitution(model: str) -> None:
 @pytest.mark.parametrize(
     "scene",
     [
-        block(0.3, 0.5, (1.0, 0.5)), tower([1.0, 3.0, 2.0]), pinch(5.0, 0.25),
-        ball_drop(0.1, restitution=0.6), spinning_disc(),
+        block(0.3, 0.5, (1.0, 0.5)),
+        tower([1.0, 3.0, 2.0]),
+        pinch(5.0, 0.25),
+        ball_drop(0.1, restitution=0.6),
+        spinning_disc(),
     ],
-)  # fmt: skip
+)
 def test_the_compiled_march_is_the_same_motion(scene: Scene) -> None:
     slow = run(scene, "pgs", 2e-3, 120, tolerance=1e-11)
     q, v, taken = march(scene, 2e-3, 120, tolerance=1e-13)
@@ -318,9 +328,14 @@ def test_lemke_ends_on_a_ray_where_there_is_nothing() -> None:
 )
 def test_bad_input_is_named(name: str, value: object, text: str) -> None:
     good: dict[str, object] = {
-        "mass": np.eye(1), "jacobian": np.ones((1, 1, 1)), "velocity": np.zeros(1),
-        "free": np.zeros(1), "gap": np.zeros(1), "friction": np.zeros((1, 0)), "dt": 0.01,
-    }  # fmt: skip
+        "mass": np.eye(1),
+        "jacobian": np.ones((1, 1, 1)),
+        "velocity": np.zeros(1),
+        "free": np.zeros(1),
+        "gap": np.zeros(1),
+        "friction": np.zeros((1, 0)),
+        "dt": 0.01,
+    }
     arguments: Any = good | {name: value}
     with pytest.raises(ValueError, match=text.replace(".", r"\.")):
         Problem(**arguments)
@@ -331,9 +346,14 @@ def test_friction_below_zero_and_asymmetric_masses_are_refused() -> None:
         block(friction=-0.1)
     with pytest.raises(ValueError, match="symmetric"):
         Problem(
-            np.array([[1.0, 0.5], [0.0, 1.0]]), np.ones((1, 1, 2)), np.zeros(2), np.zeros(2),
-            np.zeros(1), np.zeros((1, 0)), 0.01,
-        )  # fmt: skip
+            np.array([[1.0, 0.5], [0.0, 1.0]]),
+            np.ones((1, 1, 2)),
+            np.zeros(2),
+            np.zeros(2),
+            np.zeros(1),
+            np.zeros((1, 0)),
+            0.01,
+        )
     with pytest.raises(ValueError, match="model is 'bullet'"):
         solve("bullet", ball_drop().problem(0.01))
     with pytest.raises(ValueError, match="edges"):

@@ -100,9 +100,11 @@ def test_our_own_block_and_tower_move_as_mujocos_do() -> None:
         off = 1e-11 if mu else 1e-7
         pairs = [
             (scenes.block(0.2, mu, (1.0, 0.5)), mujoco_contact.block(options, 0.2, (1.0, 0.5))),
-            (scenes.tower([1.0, 2.0, 0.5, 1.0]), mujoco_contact.tower(
-                replace(options, condim=1), [1.0, 2.0, 0.5, 1.0])),
-        ]  # fmt: skip
+            (
+                scenes.tower([1.0, 2.0, 0.5, 1.0]),
+                mujoco_contact.tower(replace(options, condim=1), [1.0, 2.0, 0.5, 1.0]),
+            ),
+        ]
         for scene, runner in pairs:
             weights = runner.model.body_invweight0
             pairs_of = [(i, i + 1) for i in range(scene.distance.size)]
@@ -197,9 +199,14 @@ def test_softness_that_vanishes_is_the_convex_law() -> None:
     problem = scene.problem(0.002)
     stops = 1.0 / 0.002
     found = solve(
-        "soft", problem, cone="elliptic", refsafe=False, solref=(-1e-9, -stops),
-        solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0), margin=1e-9,
-    )  # fmt: skip
+        "soft",
+        problem,
+        cone="elliptic",
+        refsafe=False,
+        solref=(-1e-9, -stops),
+        solimp=(0.9999, 0.9999, 0.001, 0.5, 2.0),
+        margin=1e-9,
+    )
     convex = solve("convex", problem)
     assert np.allclose(found.velocity, convex.velocity, atol=2e-3)
     assert defect(problem, found.impulses, "convex") < 5e-3
@@ -208,11 +215,16 @@ def test_softness_that_vanishes_is_the_convex_law() -> None:
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"solref": (0.02, -1.0)}, {"solref": (0.0, 0.0)}, {"solref": (np.nan, 1.0)},
-        {"solimp": (0.9, 0.95)}, {"impratio": 0.0}, {"cone": "round"}, {"margin": -0.1},
+        {"solref": (0.02, -1.0)},
+        {"solref": (0.0, 0.0)},
+        {"solref": (np.nan, 1.0)},
+        {"solimp": (0.9, 0.95)},
+        {"impratio": 0.0},
+        {"cone": "round"},
+        {"margin": -0.1},
         {"weight": [[-1.0, 0.0]]},
     ],
-)  # fmt: skip
+)
 def test_bad_softness_is_named(wrong: dict[str, Any]) -> None:
     problem: Problem = scenes.ball_drop(-0.001).problem(0.01)
     with pytest.raises(ValueError, match=next(iter(wrong))):

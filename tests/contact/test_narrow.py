@@ -117,8 +117,12 @@ BAR = contact.capsule(0.1, 0.5, dim=2)
         (ROD, ROD, at(z=1.3), -0.1),
         (CUBE, CUBE, at(), -1.0),
         (contact.box([500.0] * 3), contact.box([5e-4] * 3), at(100.0, 1.0, 2.0), -400.0005),
-        (contact.box([1.0, 1e-6, 1e-6]), contact.box([1.0, 1e-6, 1e-6]),
-         at(z=1e-6, turn=(0.0, 0.0, math.pi / 2)), -1e-6),
+        (
+            contact.box([1.0, 1e-6, 1e-6]),
+            contact.box([1.0, 1e-6, 1e-6]),
+            at(z=1e-6, turn=(0.0, 0.0, math.pi / 2)),
+            -1e-6,
+        ),
         (FLAT, FLAT, at(0.5, 0.5), 0.0),
         (FLAT, FLAT, at(1.5, 0.5), 0.5),
         (FLAT, FLAT, at(0.5, 0.5, -0.5, (math.pi / 2, 0.0, 0.0)), -0.5),
@@ -126,7 +130,7 @@ BAR = contact.capsule(0.1, 0.5, dim=2)
         (contact.points([[0.3], [0.4], [0.0]]), contact.sphere(0.1), at(), 0.4),
         (contact.box([0.5, 0.5, 0.5], radius=0.1), CUBE, at(1.3), 0.2),
     ],
-)  # fmt: skip
+)
 def test_degenerate_shapes_and_places(a, b, pose_b, expected):
     found = contact.distance(a, at(), b, pose_b)
     assert found.distance == pytest.approx(expected, abs=1e-15 * max(1.0, a.size))
@@ -144,10 +148,14 @@ def test_degenerate_shapes_and_places(a, b, pose_b, expected):
         (contact.box([0.5, 0.5]), contact.box([0.5, 0.5]), (1.2, 0.0, math.pi / 4), 0.7 - HALF),
         (BAR, BAR, (0.1, 0.2, math.pi / 2), -0.5),
         (BAR, BAR, (0.1, 0.0, 0.0), -0.2),
-        (contact.points([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), contact.sphere(0.1, 2),
-         (0.25, 0.25, 0.0), -0.35),
+        (
+            contact.points([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]),
+            contact.sphere(0.1, 2),
+            (0.25, 0.25, 0.0),
+            -0.35,
+        ),
     ],
-)  # fmt: skip
+)
 def test_the_plane_by_the_same_source(a, b, pose_b, expected):
     found = contact.distance(a, (0.0, 0.0, 0.0), b, pose_b)
     assert found.distance == pytest.approx(expected, abs=2e-15)
@@ -183,8 +191,10 @@ def any_shape(draw):
     if kind == "box":
         return contact.box([scale, draw(sizes), draw(sizes)])
     count = draw(st.integers(1, 8))
-    grid = np.array(draw(st.lists(st.tuples(*[st.integers(-2, 2)] * 3), min_size=count,
-                                  max_size=count)), dtype=float).T  # fmt: skip
+    grid = np.array(
+        draw(st.lists(st.tuples(*[st.integers(-2, 2)] * 3), min_size=count, max_size=count)),
+        dtype=float,
+    ).T
     grid[{"points": 3, "flat": 2, "line": 1}[kind] :] = 0.0
     return contact.points(scale * grid)
 

@@ -140,9 +140,12 @@ def test_only_a_damper_that_may_pull_pulls():
 
 @examples(12)
 @given(
-    st.floats(-1.0, 1.0), st.floats(-0.5, 1.0), st.floats(-5.0, 5.0), st.floats(0.0, 2.0),
+    st.floats(-1.0, 1.0),
+    st.floats(-0.5, 1.0),
+    st.floats(-5.0, 5.0),
+    st.floats(0.0, 2.0),
     st.floats(0.0, 1.5),
-)  # fmt: skip
+)
 def test_no_contact_pulls_without_the_switch(x, y, speed, zeta, friction):
     now = Experiment(
         MODEL, start=(x, 0.5, speed, -abs(speed)), hand=(x, y), zeta=zeta, friction=friction

@@ -122,9 +122,15 @@ def test_impacts_are_those_of_the_chapter():
         if 0.0 < found < 10.0:
             ball = contact.sphere(0.5 * reach)
             advanced = contact.time_of_impact(
-                ball, [*place, 1, 0, 0, 0], [*velocity, 0, 0, 0],
-                ball, [*other, 1, 0, 0, 0], [*aim, 0, 0, 0], duration=20.0, tolerance=1e-11,
-            )  # fmt: skip
+                ball,
+                [*place, 1, 0, 0, 0],
+                [*velocity, 0, 0, 0],
+                ball,
+                [*other, 1, 0, 0, 0],
+                [*aim, 0, 0, 0],
+                duration=20.0,
+                tolerance=1e-11,
+            )
             slowest = np.linalg.norm(aim - velocity)
             assert abs(float(advanced.time) - found) < 1e-4 / slowest
     assert min(counts.values()) > 30

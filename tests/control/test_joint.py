@@ -31,8 +31,9 @@ NO_GAINS = Gains(0.0)
 
 def pushed(joint, actuator=None, extra=0.0, seconds=1.0, dt=0.01, **more):
     """A run without a controller: only what pushes from outside."""
-    return run_joint(joint, actuator or Actuator(), Encoder(), NO_GAINS, 0.0, dt, seconds,
-                     extra=extra, **more)  # fmt: skip
+    return run_joint(
+        joint, actuator or Actuator(), Encoder(), NO_GAINS, 0.0, dt, seconds, extra=extra, **more
+    )
 
 
 # --- the controller -------------------------------------------------------------------------------
@@ -40,9 +41,13 @@ def pushed(joint, actuator=None, extra=0.0, seconds=1.0, dt=0.01, **more):
 
 @examples(30)
 @given(
-    kp=st.floats(0, 50), ki=st.floats(0, 50), kd=st.floats(0, 5), tau=st.floats(0, 0.1),
-    top=st.floats(0.1, 20), seed=st.integers(0, 1000),
-)  # fmt: skip
+    kp=st.floats(0, 50),
+    ki=st.floats(0, 50),
+    kd=st.floats(0, 5),
+    tau=st.floats(0, 0.1),
+    top=st.floats(0.1, 20),
+    seed=st.integers(0, 1000),
+)
 def test_the_compiled_update_gives_the_drills_commands_bit_for_bit(kp, ki, kd, tau, top, seed):
     rng = np.random.default_rng(seed)
     theirs = PID(kp, ki, kd, 0.01, -top, 0.7 * top, tau)
@@ -57,11 +62,16 @@ def test_the_compiled_update_gives_the_drills_commands_bit_for_bit(kp, ki, kd, t
 
 def test_the_compiled_loop_is_the_drills_loop():
     jam = np.arange(1600) < 400
-    q, u = closed_loop(PID(6.4, 25.6, 0.7, 0.005, -2.0, 2.0, 0.01),
-                       ExactJoint(0.05, 0.1, 0.005, 0.3), np.full(1600, 0.25), jam)  # fmt: skip
+    q, u = closed_loop(
+        PID(6.4, 25.6, 0.7, 0.005, -2.0, 2.0, 0.01),
+        ExactJoint(0.05, 0.1, 0.005, 0.3),
+        np.full(1600, 0.25),
+        jam,
+    )
     gains = Gains(6.4, 25.6, 0.7, 0.01, -2.0, 2.0)
-    run = run_joint(Joint(0.05, 0.1, 0.3), Actuator(), Encoder(), gains, 0.25, 0.005, 8.0,
-                    blocked=jam)  # fmt: skip
+    run = run_joint(
+        Joint(0.05, 0.1, 0.3), Actuator(), Encoder(), gains, 0.25, 0.005, 8.0, blocked=jam
+    )
     assert run.q == pytest.approx(q, abs=1e-13)
     assert run.command == pytest.approx(u, abs=1e-12)
 
@@ -102,8 +112,9 @@ def test_the_commands_rate_is_limited_and_windup_knows_it():
 def test_what_a_jam_leaves_in_the_integral(windup):
     gains = Gains(4.0, 6.0, 0.5, 0.01, -2.0, 2.0, windup=windup)
     jam = np.arange(5000) < 1500
-    run = run_joint(Joint(0.05, 0.2, -0.3), Actuator(), Encoder(), gains, 1.0, 0.002, 10.0,
-                    blocked=jam)  # fmt: skip
+    run = run_joint(
+        Joint(0.05, 0.2, -0.3), Actuator(), Encoder(), gains, 1.0, 0.002, 10.0, blocked=jam
+    )
     past = np.max(run.q) - 1.0
     assert past > 3.0 if windup == "none" else past < 0.1
 
@@ -143,8 +154,11 @@ def test_lag_delay_limits_and_encoder_are_a_tight_integration():
             u = run.command[at] if at >= 0 else 0.0
             x = solve_ivp(
                 lambda _, x, u=u: [x[1], (x[2] + 0.3 - 0.1 * x[1]) / 0.05, (u - x[2]) / 0.002],
-                (0.0, length), x, rtol=1e-10, atol=1e-12,
-            ).y[:, -1]  # fmt: skip
+                (0.0, length),
+                x,
+                rtol=1e-10,
+                atol=1e-12,
+            ).y[:, -1]
         assert [run.q[k + 1], run.v[k + 1], run.torque[k + 1]] == pytest.approx(x, abs=1e-8)
     assert np.max(np.abs(run.command)) <= 2.0
     assert np.max(np.abs(np.diff(run.command))) <= 50.0 * dt + 1e-12
@@ -162,9 +176,11 @@ def test_it_slides_to_a_stop_at_the_instant_of_theory():
 
 @examples(40)
 @given(
-    torque=st.floats(-2, 2), coulomb=st.floats(0.0, 1.0), more=st.floats(1e-6, 1.0),
+    torque=st.floats(-2, 2),
+    coulomb=st.floats(0.0, 1.0),
+    more=st.floats(1e-6, 1.0),
     damping=st.floats(0, 1),
-)  # fmt: skip
+)
 def test_it_rests_below_the_static_friction_and_leaves_above(torque, coulomb, more, damping):
     run = pushed(Joint(0.2, damping, 0.0, coulomb, coulomb + more), extra=torque, seconds=0.5)
     if abs(torque) <= coulomb + more:
@@ -176,8 +192,15 @@ def test_it_rests_below_the_static_friction_and_leaves_above(torque, coulomb, mo
 def test_the_current_loop_breaks_it_away_at_the_instant_of_theory():
     # torque 1 (1 - e^(-t / lag)) passes the static 0.6 at lag ln 2.5; then it slides against 0.2
     lag, inertia = 0.05, 0.3
-    run = run_joint(Joint(inertia, coulomb=0.2, static=0.6), Actuator(lag=lag), Encoder(1),
-                    Gains(1.0), 1.0, 0.01, 0.3)  # fmt: skip
+    run = run_joint(
+        Joint(inertia, coulomb=0.2, static=0.6),
+        Actuator(lag=lag),
+        Encoder(1),
+        Gains(1.0),
+        1.0,
+        0.01,
+        0.3,
+    )
     away = lag * math.log(2.5)
     t = run.times
     later = np.maximum(t - away, 0.0)
@@ -228,8 +251,9 @@ def test_a_rest_error_within_the_friction_stays_and_an_integral_hunts_above_coul
         Joint(0.1, 0.0, 0.0, 0.3), Actuator(), Encoder(), Gains(10.0), off, 0.001, 1.0
     )
     assert np.all(stays.q == 0.0)
-    leaves = run_joint(Joint(0.1, 0.0, 0.0, 0.3), Actuator(), Encoder(), Gains(10.0), off / 0.8,
-                       0.001, 1.0)  # fmt: skip
+    leaves = run_joint(
+        Joint(0.1, 0.0, 0.0, 0.3), Actuator(), Encoder(), Gains(10.0), off / 0.8, 0.001, 1.0
+    )
     assert leaves.q[-1] > 0.0
 
     def swing(static):
@@ -250,8 +274,9 @@ def test_a_rest_error_within_the_friction_stays_and_an_integral_hunts_above_coul
 def test_the_overshoot_of_a_second_order_step_is_textbooks(zeta):
     kp, inertia = 20.0, 0.5
     kd = 2.0 * zeta * math.sqrt(kp * inertia)
-    run = run_joint(Joint(inertia), Actuator(), Encoder(), Gains(kp, 0.0, kd, rate="exact"), 1.0,
-                    1e-4, 8.0)  # fmt: skip
+    run = run_joint(
+        Joint(inertia), Actuator(), Encoder(), Gains(kp, 0.0, kd, rate="exact"), 1.0, 1e-4, 8.0
+    )
     found = step_metrics(run.times, run.q, 1.0)
     assert found.overshoot == pytest.approx(
         math.exp(-math.pi * zeta / math.sqrt(1.0 - zeta**2)), abs=2e-3

@@ -90,10 +90,24 @@ def test_many_arms_are_each_its_own(seed):
     if chain.n > 2:
         one.append(
             lambda k: laws.hybrid(
-                chain, q[:, k], v[:, k], target[:, k], 0.1, 0.2, 9.0, 2.0, 5.0, [1.0, 2.0],
-                turn, [True, False], null[:, k], force_gain=0.5, force_damping=2.0, rows=rows,
+                chain,
+                q[:, k],
+                v[:, k],
+                target[:, k],
+                0.1,
+                0.2,
+                9.0,
+                2.0,
+                5.0,
+                [1.0, 2.0],
+                turn,
+                [True, False],
+                null[:, k],
+                force_gain=0.5,
+                force_damping=2.0,
+                rows=rows,
             )
-        )  # fmt: skip
+        )
     for law in one:
         try:
             whole = law(slice(None))

@@ -158,11 +158,20 @@ def test_the_first_update_takes_no_derivative():
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("dt", 0.0), ("dt", -0.01), ("dt", INF), ("dt", math.nan), ("tau", -0.1), ("tau", math.nan),
-        ("kp", -1.0), ("ki", math.nan), ("kd", INF), ("u_min", 4.0), ("u_max", -6.0),
+        ("dt", 0.0),
+        ("dt", -0.01),
+        ("dt", INF),
+        ("dt", math.nan),
+        ("tau", -0.1),
+        ("tau", math.nan),
+        ("kp", -1.0),
+        ("ki", math.nan),
+        ("kd", INF),
+        ("u_min", 4.0),
+        ("u_max", -6.0),
         ("u_max", math.nan),
     ],
-)  # fmt: skip
+)
 def test_wrong_numbers_are_refused(name, value):
     with pytest.raises(ValueError, match="u_min" if name.startswith("u_") else name):
         controller(**{name: value})

@@ -44,9 +44,11 @@ def p_growth(gain, dt, delay, system=JOINT):
 
 @examples(40)
 @given(
-    inertia=st.floats(0.01, 10.0), damping=st.floats(0.0, 20.0), dt=st.floats(1e-3, 0.1),
+    inertia=st.floats(0.01, 10.0),
+    damping=st.floats(0.0, 20.0),
+    dt=st.floats(1e-3, 0.1),
     late=st.floats(0.0, 3.0),
-)  # fmt: skip
+)
 def test_a_delay_of_any_length_is_the_exact_joint_switched_in_time(inertia, damping, dt, late):
     plant = held(*joint_system(inertia, damping), dt, late * dt)
     commands = np.random.default_rng(2).normal(size=12)
@@ -127,10 +129,11 @@ def test_a_run_of_the_compiled_loop_is_the_power_of_the_matrix(rate, delay):
 
 @examples(40)
 @given(
-    stiffness=st.just(0.0) | st.floats(100.0, 1e6), damping=st.floats(0.5, 30.0),
+    stiffness=st.just(0.0) | st.floats(100.0, 1e6),
+    damping=st.floats(0.5, 30.0),
     late=st.floats(0.0, 8.0),
     law=st.tuples(st.floats(0.0, 120.0), st.floats(0.0, 150.0), st.floats(0.0, 40.0)),
-)  # fmt: skip
+)
 def test_what_compiled_code_has_instead_of_lapack_and_scipy(stiffness, damping, late, law):
     """The hold by closed form (which loses digits where damping or spring are next to none), growth
     by squares, the response by Gauss."""
@@ -214,8 +217,16 @@ def test_a_hold_is_half_a_sample_of_delay(delay):
     # and in the loop that runs, delay and all
     for factor in (0.97, 1.03):
         n = round(60 * period / dt)
-        run = run_joint(Joint(0.5, 0.5), Actuator(delay=delay), Encoder(), Gains(factor * gain),
-                        0.0, dt, n * dt, start=(1e-3, 0.0, 0.0))  # fmt: skip
+        run = run_joint(
+            Joint(0.5, 0.5),
+            Actuator(delay=delay),
+            Encoder(),
+            Gains(factor * gain),
+            0.0,
+            dt,
+            n * dt,
+            start=(1e-3, 0.0, 0.0),
+        )
         first, last = (np.max(np.abs(part)) for part in (run.q[: n // 20], run.q[-(n // 20) :]))
         rate = np.log(last / first) / (0.95 * n)
         assert rate == pytest.approx(np.log(p_growth(factor * gain, dt, delay)), rel=0.2)
@@ -263,9 +274,13 @@ def test_the_triangles_of_pd(kind):
 def test_a_simulator_has_a_shorter_hold(steps, expected):
     dt = 0.001
     limit = stability.limit(
-        lambda k: growth(loop_matrix(stepped(0.5, 0.5, dt, steps), pid_law(k, dt=dt)))
-        <= 1.0 + 1e-12, 1.0, 1e8, 1e-9,
-    )  # fmt: skip
+        lambda k: (
+            growth(loop_matrix(stepped(0.5, 0.5, dt, steps), pid_law(k, dt=dt))) <= 1.0 + 1e-12
+        ),
+        1.0,
+        1e8,
+        1e-9,
+    )
     assert limit == pytest.approx(expected, rel=1e-3)
     if steps > 1:  # the hold is (dt - h) / 2
         theory = delay_limit(0.5, 0.5, 0.5 * (dt - dt / steps))[0]

@@ -31,18 +31,27 @@ def test_the_run_and_its_numbers_are_the_chapters(preset):
     c, state = experiment.controls, experiment.state
     dt, late = 1e-3 * c["dt"], 1e-3 * c["delay"]
     limit, n = c["limit"], round(joint.SECONDS / dt)
-    gains = Gains(c["kp"], c["ki"], c["kd"], u_min=-limit, u_max=limit,
-                  rate_weight=float(c["on_error"]),
-                  windup="conditional" if c["conditional"] else "none")  # fmt: skip
+    gains = Gains(
+        c["kp"],
+        c["ki"],
+        c["kd"],
+        u_min=-limit,
+        u_max=limit,
+        rate_weight=float(c["on_error"]),
+        windup="conditional" if c["conditional"] else "none",
+    )
     t = dt * np.arange(n)
     run = run_joint(
-        Joint(joint.INERTIA, joint.DAMPING, -c["load"], c["friction"],
-              c["static"] * c["friction"]),
-        Actuator(delay=late), Encoder(joint.BITS[c["encoder"]]), gains,
-        np.where(t >= joint.STEP - 1e-9, c["target"], 0.0), dt, joint.SECONDS,
+        Joint(joint.INERTIA, joint.DAMPING, -c["load"], c["friction"], c["static"] * c["friction"]),
+        Actuator(delay=late),
+        Encoder(joint.BITS[c["encoder"]]),
+        gains,
+        np.where(t >= joint.STEP - 1e-9, c["target"], 0.0),
+        dt,
+        joint.SECONDS,
         extra=np.where((t > 3.0) & (t < 3.1), c["push"], 0.0),
         blocked=(t < joint.STEP + joint.JAM) & bool(c["jam"]),
-    )  # fmt: skip
+    )
     assert np.array_equal(state["run"][:, : n + 1], np.stack((run.q, run.torque)))
     first = math.ceil(joint.STEP / dt)
     seen = control.step_metrics(run.times[first:], run.q[first:], c["target"])
@@ -72,8 +81,9 @@ def test_the_presets_of_the_joint_show_what_they_say():
     assert [float(np.max(e.state["run"][1])) for e in kick] == [50.0, 20.002]
     assert kick[0].state["told"][3] == kick[1].state["told"][3]
     assert abs(told("Dry friction")[2] - 1.0 / 20.0) < 1e-4
-    swing = [np.ptp(chosen(joint.MODEL, "Hunting", static=s).state["run"][0, 3000:])
-             for s in (3.0, 1.0)]  # fmt: skip
+    swing = [
+        np.ptp(chosen(joint.MODEL, "Hunting", static=s).state["run"][0, 3000:]) for s in (3.0, 1.0)
+    ]
     assert swing[0] > 0.05 and swing[1] < 0.01
     assert told("Z-N, P")[3] < 1.0 < told("Z-N, PI")[3] and told("Z-N, PID")[3] < 1.0
     assert told("The quoted gains")[3] > 1.0
@@ -88,14 +98,25 @@ def test_the_probe_is_the_chapters_and_stands_where_it_is_said_to():
         law = TouchLaw(*probe.law_of(c))
         aim = np.minimum(probe.SPEED * probe.DT * np.arange(n) - probe.FAR, c["aim"])
         start = 0.0 if c["controller"] == probe.PRESSES else -probe.FAR
-        run = run_touch(Probe(probe.MASS, probe.FRICTION, wall), law, aim, probe.DT,
-                        n * probe.DT, delay=1e-3 * c["delay"], start=(start, 0.0))  # fmt: skip
+        run = run_touch(
+            Probe(probe.MASS, probe.FRICTION, wall),
+            law,
+            aim,
+            probe.DT,
+            n * probe.DT,
+            delay=1e-3 * c["delay"],
+            start=(start, 0.0),
+        )
         assert np.array_equal(state["run"][:2, : n + 1], np.stack((run.q, run.torque)))
         if growth[preset] < 0.99:
             at = float(run.torque[-1])
             assert abs(at - probe.expected(c)) < 0.2 + 0.01 * at
-    unstable = {"A little stiffer", "Too much damping", "Force, too much gain",
-                "Admittance, too light"}  # fmt: skip
+    unstable = {
+        "A little stiffer",
+        "Too much damping",
+        "Force, too much gain",
+        "Admittance, too light",
+    }
     assert {name for name, g in growth.items() if g > 1.0} == unstable
 
 

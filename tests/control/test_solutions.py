@@ -22,8 +22,15 @@ from drills import exercise as exercises
 from solutions import control as solutions
 from tests.budget import examples
 
-NEW = ("ultimate_gain", "computed_torque", "lqr", "hybrid", "inertia_from_log", "mppi_step",
-       "hold_joint")  # fmt: skip
+NEW = (
+    "ultimate_gain",
+    "computed_torque",
+    "lqr",
+    "hybrid",
+    "inertia_from_log",
+    "mppi_step",
+    "hold_joint",
+)
 
 
 @pytest.fixture(autouse=True)
@@ -191,7 +198,10 @@ def surface(rng):
 def test_hybrid_torques_by_the_projector_on_the_normal(rng, n):
     """The same law in vectors of the world, without a frame: along n n' and across it."""
     J, frame, (error, velocity, force, wanted) = (
-        rng.normal(size=(3, n)), surface(rng), rng.normal(size=(4, 3)))  # fmt: skip
+        rng.normal(size=(3, n)),
+        surface(rng),
+        rng.normal(size=(4, 3)),
+    )
     stiffness, damping, gain = rng.uniform(0.5, 3.0, 3)
     normal = frame[:, 1]
     along = np.outer(normal, normal)
@@ -300,8 +310,10 @@ def test_three_poles_come_out_as_the_step_goes_to_zero(pole):
         pushed = -3.0 / 0.5 * 0.5 * t * t * math.exp(-s)
         moved = 0.3 * math.exp(-s) * (1.0 + s - s * s)  # from e(0), e' = 0, e'' = -kp e(0)
         for load, far, truth in ((3.0, 0.0, pushed), (0.0, 0.3, moved)):
-            off = [abs(response(solutions.hold_joint, pole, load, far, dt, t) - truth)
-                   for dt in (2e-3 / pole, 1e-3 / pole)]  # fmt: skip
+            off = [
+                abs(response(solutions.hold_joint, pole, load, far, dt, t) - truth)
+                for dt in (2e-3 / pole, 1e-3 / pole)
+            ]
             assert off[1] < 2e-3 * (abs(far) + abs(load) / pole**2)
             assert off[0] / off[1] == pytest.approx(2.0, rel=0.3) or off[1] < 1e-5
 

@@ -118,8 +118,12 @@ def test_the_scene_fits_its_question():
 @pytest.mark.parametrize("name", charts.REGIMES)
 def test_each_row_of_the_regimes_says_what_was_measured(name):
     found, law, said = charts.row(name), charts.REGIMES[name], charts.sentence(name)
-    for figure in (f"{found['off_n']:+.1f} N", f"{found['peak_n']:.0f} N",
-                   f"x{found['margin']:.1f}", f"{found['rate_hz']:.0f} Hz"):  # fmt: skip
+    for figure in (
+        f"{found['off_n']:+.1f} N",
+        f"{found['peak_n']:.0f} N",
+        f"x{found['margin']:.1f}",
+        f"{found['rate_hz']:.0f} Hz",
+    ):
         assert figure in said
     theory = charts.series_stiffness(law) if law.stiffness and not law.mass else 0.0
     assert found["off_n"] == pytest.approx(theory, rel=0.02, abs=0.01)

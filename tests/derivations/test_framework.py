@@ -156,8 +156,10 @@ def written(tmp_path):
             "bool(total(3) == total(3))",
         ),
         (
-            {"first": "fine = [2 + 2 == 4, bool(np.all(np.array([True])))]",
-             "corrected": "found.corrected(all(fine))"},
+            {
+                "first": "fine = [2 + 2 == 4, bool(np.all(np.array([True])))]",
+                "corrected": "found.corrected(all(fine))",
+            },
             "a fact is constant, not computed: all(fine)",
         ),
         (
@@ -168,14 +170,16 @@ def written(tmp_path):
         ({"heard": "found.heard(False)"}, "a verdict is constant, not computed: False"),
         ({"figure": 'found.figure("of_three", 9)'}, "a figure is typed, not computed"),
         (
-            {"heard": "found.heard(total(3) == 3, only_if='n is 1', inside=[total(1) == 1] * 8, "
-                      "outside=np.zeros(8, bool))"},
+            {
+                "heard": "found.heard(total(3) == 3, only_if='n is 1', inside=[total(1) == 1] * 8, "
+                "outside=np.zeros(8, bool))"
+            },
             "not computed: np.zeros(8, bool)",
         ),
         ({"first": 'found.given("terms", 4)'}, "is not used; what is given must go in"),
         ({"first": "_by_another(found)"}, "found is handed on"),
     ],
-)  # fmt: skip
+)
 def test_a_constant_is_refused(change, said, written):
     (text,) = written(**change).faults
     assert said in text
@@ -210,9 +214,16 @@ def computed_everywhere(found):
     found.statement = "Added."
     found.heard(any(s == n for n, s in enumerate(sums, 2)))
     found.corrected(
-        good, odd(3), first == 1, others[0] == 4, largest == 4, math.gcd(sums[0], 2) == 1,
-        "rk4" in integrators.INTEGRATORS, all(map(bool, sums)), np.linalg.norm(sums) > 1,
-    )  # fmt: skip
+        good,
+        odd(3),
+        first == 1,
+        others[0] == 4,
+        largest == 4,
+        math.gcd(sums[0], 2) == 1,
+        "rk4" in integrators.INTEGRATORS,
+        all(map(bool, sums)),
+        np.linalg.norm(sums) > 1,
+    )
 
 
 def test_what_is_computed_is_not_called_constant():
@@ -224,8 +235,10 @@ def test_what_is_computed_is_not_called_constant():
 
 
 def _only_if(text, inside, outside, more="", holds="total(3) == 3"):
-    return {"heard": f"found.heard({holds}, only_if={text!r}, inside=[{inside}], "
-                     f"outside=[{outside}]{more})"}  # fmt: skip
+    return {
+        "heard": f"found.heard({holds}, only_if={text!r}, inside=[{inside}], "
+        f"outside=[{outside}]{more})"
+    }
 
 
 def test_a_condition_that_is_right(written):
@@ -240,13 +253,19 @@ def test_a_condition_that_is_right(written):
     ("change", "said"),
     [
         (
-            _only_if("n is small", "total(n) < 81 for n in range(2, 10)",
-                     "total(n) < 81 for n in range(10, 18)"),
+            _only_if(
+                "n is small",
+                "total(n) < 81 for n in range(2, 10)",
+                "total(n) < 81 for n in range(10, 18)",
+            ),
             "the condition is not enough: 1 of 8 draws in it fail",
         ),
         (
-            _only_if("n is small", "total(n) < 810 for n in range(1, 9)",
-                     "total(n) < 810 for n in range(9, 17)"),
+            _only_if(
+                "n is small",
+                "total(n) < 810 for n in range(1, 9)",
+                "total(n) < 810 for n in range(9, 17)",
+            ),
             "the condition is not needed: all 8 draws outside it hold",
         ),
         (
@@ -259,7 +278,7 @@ def test_a_condition_that_is_right(written):
         ),
         (_only_if("", "total(1) == 1", "total(2) == 2"), "draws were given without a condition"),
     ],
-)  # fmt: skip
+)
 def test_a_false_condition_is_found(change, said, written):
     (text,) = written(**change).faults
     assert said in text

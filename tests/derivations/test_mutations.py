@@ -62,37 +62,77 @@ def _item(id):
         ("semi_implicit_limit", "{formula}", "{formulae}", "cannot be filled"),
         # A false condition: its text, and what is tried.
         ("determinant_one_is_stable", "lies between -2 and 2", "is below 2", "condition on record"),
-        ("determinant_one_is_stable", "uniform(-1.999, 1.999, 50)", "uniform(-9, 1.999, 50)",
-         "condition is not enough"),
-        ("determinant_one_is_stable", "uniform(2.001, 2.2, 20)", "uniform(-0.5, 0.5, 20)",
-         "condition is not needed"),
-        ("explicit_midpoint_limit", "uniform(0.1, 0.99) * x", "uniform(1.1, 1.99) * x",
-         "condition is not enough"),
-        ("symplectic_removes_stiffness", "alike(x) <", "radius(_partitioned(*LOBATTO, x)) <",
-         "condition is not enough"),
-        ("contact_stable_at_1_khz", "for n in limited]", "for n in METHODS]",
-         "condition is not enough"),
+        (
+            "determinant_one_is_stable",
+            "uniform(-1.999, 1.999, 50)",
+            "uniform(-9, 1.999, 50)",
+            "condition is not enough",
+        ),
+        (
+            "determinant_one_is_stable",
+            "uniform(2.001, 2.2, 20)",
+            "uniform(-0.5, 0.5, 20)",
+            "condition is not needed",
+        ),
+        (
+            "explicit_midpoint_limit",
+            "uniform(0.1, 0.99) * x",
+            "uniform(1.1, 1.99) * x",
+            "condition is not enough",
+        ),
+        (
+            "symplectic_removes_stiffness",
+            "alike(x) <",
+            "radius(_partitioned(*LOBATTO, x)) <",
+            "condition is not enough",
+        ),
+        (
+            "contact_stable_at_1_khz",
+            "for n in limited]",
+            "for n in METHODS]",
+            "condition is not enough",
+        ),
         # A negated claim.
         ("semi_implicit_unconditional", "is stable for any", "is unstable for any", "heard on"),
-        ("stable_at_the_limit", "found.heard(after[2] < 10)", "found.heard(after[2] >= 10)",
-         "verdict on record"),
-        ("rk4_limit", "found.heard(abs(measured - 8) < 0.1)", "found.heard(measured < 8)",
-         "verdict on record"),
+        (
+            "stable_at_the_limit",
+            "found.heard(after[2] < 10)",
+            "found.heard(after[2] >= 10)",
+            "verdict on record",
+        ),
+        (
+            "rk4_limit",
+            "found.heard(abs(measured - 8) < 0.1)",
+            "found.heard(measured < 8)",
+            "verdict on record",
+        ),
         # A constant that settles the correction.
-        ("rk4_limit", "found.corrected(abs(measured / np.sqrt(8) - 1) < 1e-4)",
-         "found.corrected(True)", "constant, not computed: True"),
+        (
+            "rk4_limit",
+            "found.corrected(abs(measured / np.sqrt(8) - 1) < 1e-4)",
+            "found.corrected(True)",
+            "constant, not computed: True",
+        ),
         ("verlet_limit", "abs(verlet - 2) < 1e-6,", "2 - 2 == 0,", "constant, not computed"),
-        ("stable_at_the_limit", "np.allclose(along, along[0])", "bool(along is not None or True)",
-         "constant, not computed"),
-        ("explicit_damped_limit", "np.allclose(ratios, 1, rtol=1e-6)",
-         "np.allclose([1.0, 1.0], 1)", "constant, not computed"),
-        ("semi_implicit_limit", "measured_limit(\"semi_implicit_euler\")", "2.0", "is typed"),
+        (
+            "stable_at_the_limit",
+            "np.allclose(along, along[0])",
+            "bool(along is not None or True)",
+            "constant, not computed",
+        ),
+        (
+            "explicit_damped_limit",
+            "np.allclose(ratios, 1, rtol=1e-6)",
+            "np.allclose([1.0, 1.0], 1)",
+            "constant, not computed",
+        ),
+        ("semi_implicit_limit", 'measured_limit("semi_implicit_euler")', "2.0", "is typed"),
         # A formula, a figure, a fact.
         ("explicit_damped_limit", "dt < 2*zeta/omega", "dt < 2.001*zeta/omega", "derived"),
         ("semi_implicit_limit", "1000 * float", "1001 * float", "on record is 6.32"),
         ("verlet_limit", "abs(verlet - 2) < 1e-6", "abs(verlet - 3) < 1e-6", "is false"),
     ],
-)  # fmt: skip
+)
 def test_a_changed_claim_is_noticed(id, old, new, said, tmp_path, monkeypatch):
     outcome = settle(_mutated(_item(id), tmp_path, monkeypatch, (old, new)))
     assert any(said in text for text in outcome.disagreements), outcome.disagreements
@@ -109,8 +149,10 @@ def _handed_over(check):
     lines = text.splitlines(keepends=True)
 
     def place(node):
-        starts = [sum(len(line.encode()) for line in lines[: n - 1]) for n in
-                  (node.lineno, node.end_lineno)]  # fmt: skip
+        starts = [
+            sum(len(line.encode()) for line in lines[: n - 1])
+            for n in (node.lineno, node.end_lineno)
+        ]
         return starts[0] + node.col_offset, starts[1] + node.end_col_offset
 
     places = []
@@ -148,9 +190,12 @@ def test_a_condition_swapped_with_its_contrary_fails(item):
         optional.skip(f"the condition of {item.id} was NOT swapped: {reason}")
     found, swapped = run(item.id).finding, Found(item.id)
     swapped.heard(
-        found.holds, only_if="not " + found.condition, inside=found.outside, outside=found.inside,
+        found.holds,
+        only_if="not " + found.condition,
+        inside=found.outside,
+        outside=found.inside,
         cases=True,
-    )  # fmt: skip
+    )
     assert any("condition is not enough" in text for text in swapped.problems())
 
 

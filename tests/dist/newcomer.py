@@ -103,7 +103,7 @@ def core() -> None:
         "small_gicp": small_gicp.library, "cyclonedds": cyclonedds.library,
         "zenoh": zenoh.library, "drake": drake.library, "pybullet": pybullet.library,
         "sb3": lambda: sb3.vec_env(None), "sysid": sysid.toolbox,
-    }  # fmt: skip
+    }
     FOUND["refusals"] = {name: refusal(call) for name, call in needing.items()}
 
 

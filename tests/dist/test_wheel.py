@@ -220,7 +220,7 @@ def test_the_notebooks_are_copied_without_the_pictures_that_are_not_there(
         ("small_gicp", "oracles"), ("cyclonedds", "oracles"), ("zenoh", "oracles"), ("sysid", "oracles"),
         ("drake", "platforms"), ("pybullet", "platforms"), ("sb3", "sb3"),
     ],
-)  # fmt: skip
+)
 def test_one_sentence_says_what_an_extra_adds(found: dict[str, Any], name: str, extra: str) -> None:
     said = found["refusals"][name]
     assert said.startswith("this needs ") and "\n" not in said

@@ -102,17 +102,21 @@ RIGHT = {
     "observed_order: an exception of its own that is a ValueError": edited(
         exercise_of("observed_order"),
         ("def observed_order", "class NoOrder(ValueError):\n    pass\n\n\ndef observed_order"),
-        ("raise ValueError", "raise NoOrder")),
+        ("raise ValueError", "raise NoOrder"),
+    ),
     "rrt: draws by integers": edited("rrt", ("rng.random() < GOAL_BIAS", "rng.integers(10) == 0")),
-    "pid: nothing is integrated at a limit":
-        edited("pid", ("if not deeper:", "if self.u_min <= wanted <= self.u_max:")),
-    "orientation: the negative of the quaternion":
-        edited("orientation", ("return turned /", "return -turned /")),
-    "tumble: the negative of the quaternion":
-        edited("tumble", ("return q, omega", "return -q, omega")),
+    "pid: nothing is integrated at a limit": edited(
+        "pid", ("if not deeper:", "if self.u_min <= wanted <= self.u_max:")
+    ),
+    "orientation: the negative of the quaternion": edited(
+        "orientation", ("return turned /", "return -turned /")
+    ),
+    "tumble: the negative of the quaternion": edited(
+        "tumble", ("return q, omega", "return -q, omega")
+    ),
     "vector_env: flags as lists and tuples": edited("vector_env")
     + STEPPED.format("o, r, list(t), tuple(u), tuple(i)"),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("label", RIGHT)
@@ -122,20 +126,27 @@ def test_a_right_answer_in_another_style_passes(label):
 
 
 NAMED_BEFORE = {
-    "fk3: off by a nanometre, not rounded":
-        edited("fk3", ("np.cumsum(links, axis=0)))", "np.cumsum(links, axis=0))) + 1e-9")),
-    "observed_order: extrapolated from the wrong run":
-        edited("observed_order", ("return order, fine +", "return order, medium +")),
+    "fk3: off by a nanometre, not rounded": edited(
+        "fk3", ("np.cumsum(links, axis=0)))", "np.cumsum(links, axis=0))) + 1e-9")
+    ),
+    "observed_order: extrapolated from the wrong run": edited(
+        "observed_order", ("return order, fine +", "return order, medium +")
+    ),
     "observed_order: refused with another exception": edited(
-        "observed_order", ("raise ValueError(f\"the diff", "raise RuntimeError(f\"the diff")),
+        "observed_order", ('raise ValueError(f"the diff', 'raise RuntimeError(f"the diff')
+    ),
     "rrt: targets that led to nothing are not listed": edited(
-        "rrt", ("        samples.append(target)\n", ""),
+        "rrt",
+        ("        samples.append(target)\n", ""),
         ("            continue\n", "            continue\n        samples.append(target)\n"),
         ("len(samples) < max_samples", "tries < max_samples"),
         ("        target =", "        tries += 1\n        target ="),
-        ("    found = np.array_equal(start, goal)\n",
-         "    found = np.array_equal(start, goal)\n    tries = 0\n")),
-}  # fmt: skip
+        (
+            "    found = np.array_equal(start, goal)\n",
+            "    found = np.array_equal(start, goal)\n    tries = 0\n",
+        ),
+    ),
+}
 
 
 @pytest.mark.parametrize("label", NAMED_BEFORE)

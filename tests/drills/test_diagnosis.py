@@ -71,9 +71,15 @@ def test_a_part_that_is_right_in_every_case_is_told() -> None:
 
 
 # A slip whose values can be drawn; of other exercises the first one is.
-DRAWN = {"fk3": "clockwise", "bounce": "rest_time_halved", "rrt": "vertices_only",
-         "tumble": "bug_still_there", "orientation": "scalar_last",
-         "pid": "integral_not_stopped", "circle_contact": "from_b_to_a"}  # fmt: skip
+DRAWN = {
+    "fk3": "clockwise",
+    "bounce": "rest_time_halved",
+    "rrt": "vertices_only",
+    "tumble": "bug_still_there",
+    "orientation": "scalar_last",
+    "pid": "integral_not_stopped",
+    "circle_contact": "from_b_to_a",
+}
 
 
 @pytest.mark.slow

@@ -121,16 +121,20 @@ def test_nothing_in_a_drawing_covers_anything(name: str) -> None:
     text = designs.svg(design)
     words = re.findall(r'<text x="(\d+)" y="(\d+)" text-anchor="(\w+)">([^<]*)</text>', text)
     assert {w[3] for w in words} == {
-        *design.boxes, *(a.what for a in design.arrows), *(str(a) for a in design.arrows)
-    }  # fmt: skip
+        *design.boxes,
+        *(a.what for a in design.arrows),
+        *(str(a) for a in design.arrows),
+    }
     wide, high = map(int, re.findall(r'viewBox="0 0 (\d+) (\d+)" width', text)[0])
     areas = []
     for x, y, anchor, label in words:
         length = 6.5 * len(label)
         left = int(x) - {"start": 0.0, "middle": 0.5, "end": 1.0}[anchor] * length
         areas.append((left, int(y) - 9, left + length, int(y) + 1))
-    rims = [(int(x), int(y), int(x) + 120, int(y) + 40)
-            for x, y in re.findall(r'<rect x="(\d+)" y="(\d+)"', text)]  # fmt: skip
+    rims = [
+        (int(x), int(y), int(x) + 120, int(y) + 40)
+        for x, y in re.findall(r'<rect x="(\d+)" y="(\d+)"', text)
+    ]
     inside = [a for a, w in zip(areas, words, strict=True) if w[3] not in design.boxes]
     for a, b in combinations([*inside, *rims], 2):
         assert a[2] <= b[0] or b[2] <= a[0] or a[3] <= b[1] or b[3] <= a[1], (a, b)

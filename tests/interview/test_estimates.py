@@ -157,11 +157,17 @@ def test_the_peak_force_is_that_of_two_masses_and_a_spring(v, k, robot, body) ->
 # The power of the result in the factor, as the units of it say.
 @pytest.mark.parametrize(
     ("name", "given", "power"),
-    [("rays", "hertz", 1), ("samples_billion", "samples", 1), ("grip_force", "mass_kg", 1),
-     ("grip_force", "friction", -1), ("contact_free", "speed_m_per_s", 1),
-     ("late_ramp", "delay_ms", 1), ("contact_free", "stiffness_n_per_m", 0.5),
-     ("contact_clamped", "robot_kg", 0.5)],
-)  # fmt: skip
+    [
+        ("rays", "hertz", 1),
+        ("samples_billion", "samples", 1),
+        ("grip_force", "mass_kg", 1),
+        ("grip_force", "friction", -1),
+        ("contact_free", "speed_m_per_s", 1),
+        ("late_ramp", "delay_ms", 1),
+        ("contact_free", "stiffness_n_per_m", 0.5),
+        ("contact_clamped", "robot_kg", 0.5),
+    ],
+)
 def test_a_result_scales_with_an_input(name: str, given: str, power: float) -> None:
     case = e.ESTIMATES[name]
     twice = case.value(**{given: 2.0 * case.given()[given]})

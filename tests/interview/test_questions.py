@@ -58,17 +58,27 @@ def test_a_question_is_complete_and_its_figures_are_there(topic, question) -> No
 
 # The twelve questions that everybody hears, one a chapter, and the drills and scenarios.
 ASKED = {
-    "F142": "role/bin_picking", "F143": "rigid_body/joints_creep", "F144": "contact/wine_glass",
-    "F145": "platforms/hand_and_transfer", "F146": "kinematics/elbow_near_obstacle",
+    "F142": "role/bin_picking",
+    "F143": "rigid_body/joints_creep",
+    "F144": "contact/wine_glass",
+    "F145": "platforms/hand_and_transfer",
+    "F146": "kinematics/elbow_near_obstacle",
     "F147": "planning/shelf_in_a_tenth",
-    "F148": "control/undershoots", "F149": "perception/small_and_large",
-    "F150": "sim_to_real/ninety_five_and_twenty", "F151": "learning/folding_two_ways",
-    "F152": "middleware/graph_of_rates", "F153": "pipeline/works_nine_of_ten",
-    "F251": "interview/three_link_chain", "F252": "interview/tree_in_the_plane",
-    "F253": "interview/pid_that_lets_go", "F254": "interview/randomise_a_model",
-    "F255": "interview/explodes_after_a_while", "F256": "interview/right_only_in_simulation",
-    "F257": "interview/swings_at_touch", "F258": "interview/no_way_through",
-}  # fmt: skip
+    "F148": "control/undershoots",
+    "F149": "perception/small_and_large",
+    "F150": "sim_to_real/ninety_five_and_twenty",
+    "F151": "learning/folding_two_ways",
+    "F152": "middleware/graph_of_rates",
+    "F153": "pipeline/works_nine_of_ten",
+    "F251": "interview/three_link_chain",
+    "F252": "interview/tree_in_the_plane",
+    "F253": "interview/pid_that_lets_go",
+    "F254": "interview/randomise_a_model",
+    "F255": "interview/explodes_after_a_while",
+    "F256": "interview/right_only_in_simulation",
+    "F257": "interview/swings_at_touch",
+    "F258": "interview/no_way_through",
+}
 
 
 def test_every_row_of_the_list_has_its_question() -> None:

@@ -45,19 +45,34 @@ WORK = {
     "curves": [
         {"name": "fast, wrong", "style": "ours", "points": [{**POINT, "error": 0.5, "time": 1.0}]},
         {"name": "ours", "style": "ours", "points": [{**POINT, "error": 0.1, "time": 3.0}]},
-        {"name": "theirs", "style": "oracle", "points": [
-            {**POINT, "error": 0.01, "time": 2.0}, {**POINT, "error": 0.1, "time": 4.0},
-            {**POINT, "error": 0.0, "time": 0.1, "failure": "lost"}]},
+        {
+            "name": "theirs",
+            "style": "oracle",
+            "points": [
+                {**POINT, "error": 0.01, "time": 2.0},
+                {**POINT, "error": 0.1, "time": 4.0},
+                {**POINT, "error": 0.0, "time": 0.1, "failure": "lost"},
+            ],
+        },
     ],
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(
     ("steps", "found"),
-    [("0/a line/y/1", 1.0), ("0/a line/y/-1", 9.0), ("top/0/y@2", 0.5), ("0/0/low@4", 2.5),
-     ("0/0/x@5", 4.0), ("0/0/x@low=2.5", 4.0), ("0/0/y/max", 9.0), ("0/0/x/min", 1.0),
-     ("0/names/y@b", 8.0), ("0/0/label", "a line, of two")],
-)  # fmt: skip
+    [
+        ("0/a line/y/1", 1.0),
+        ("0/a line/y/-1", 9.0),
+        ("top/0/y@2", 0.5),
+        ("0/0/low@4", 2.5),
+        ("0/0/x@5", 4.0),
+        ("0/0/x@low=2.5", 4.0),
+        ("0/0/y/max", 9.0),
+        ("0/0/x/min", 1.0),
+        ("0/names/y@b", 8.0),
+        ("0/0/label", "a line, of two"),
+    ],
+)
 def test_a_chart_is_read_by_steps(monkeypatch, tmp_path, steps: str, found) -> None:
     other = {"label": "names", "x": ["a", "b"], "y": [7.0, 8.0]}
     _chart(monkeypatch, tmp_path, {"panels": [{"title": "top", "series": [LINE, other]}]})
@@ -66,9 +81,15 @@ def test_a_chart_is_read_by_steps(monkeypatch, tmp_path, steps: str, found) -> N
 
 @pytest.mark.parametrize(
     ("steps", "found"),
-    [("pick/name", "theirs"), ("ours/pick/time", 3.0), ("oracle/pick/time", 2.0),
-     ("fast/0/error", 0.5), ("theirs/pick/error", 0.01), ("tolerance", 0.1)],
-)  # fmt: skip
+    [
+        ("pick/name", "theirs"),
+        ("ours/pick/time", 3.0),
+        ("oracle/pick/time", 2.0),
+        ("fast/0/error", 0.5),
+        ("theirs/pick/error", 0.01),
+        ("tolerance", 0.1),
+    ],
+)
 def test_a_pick_is_the_cheapest_within_the_tolerance(monkeypatch, tmp_path, steps, found) -> None:
     _chart(monkeypatch, tmp_path, WORK)
     assert fields.chart(f"made/{steps}") == found
@@ -76,14 +97,20 @@ def test_a_pick_is_the_cheapest_within_the_tolerance(monkeypatch, tmp_path, step
 
 @pytest.mark.parametrize(
     ("field", "said"),
-    [("chart.made/0/nothing", "is 'nothing', allowed is .*a line, of two"),
-     ("chart.made/0/a", "allowed is 0 to 1"), ("chart.made/0/a line", "to a number or a word"),
-     ("chart.made/0/a line/y@6", "allowed is an x from 1 to 5"),
-     ("chart.made/0/a line/x@10", "a y between 0 and 9"), ("chart.lost/0", "chart is 'lost'"),
-     ("chart.made/0/a line/y@b", "place of .* is 'b'"), ("estimate.lost", "estimate is 'lost'"),
-     ("estimate.rays.colour", "input of rays is 'colour', allowed is robots"),
-     ("no_such_claim.x", "id is 'no_such_claim'"), ("trials_to_tell.x", "name is 'x'")],
-)  # fmt: skip
+    [
+        ("chart.made/0/nothing", "is 'nothing', allowed is .*a line, of two"),
+        ("chart.made/0/a", "allowed is 0 to 1"),
+        ("chart.made/0/a line", "to a number or a word"),
+        ("chart.made/0/a line/y@6", "allowed is an x from 1 to 5"),
+        ("chart.made/0/a line/x@10", "a y between 0 and 9"),
+        ("chart.lost/0", "chart is 'lost'"),
+        ("chart.made/0/a line/y@b", "place of .* is 'b'"),
+        ("estimate.lost", "estimate is 'lost'"),
+        ("estimate.rays.colour", "input of rays is 'colour', allowed is robots"),
+        ("no_such_claim.x", "id is 'no_such_claim'"),
+        ("trials_to_tell.x", "name is 'x'"),
+    ],
+)
 def test_a_field_that_nothing_fills_is_refused(monkeypatch, tmp_path, field, said) -> None:
     two = [LINE, {**LINE, "label": "a lost one"}]
     _chart(monkeypatch, tmp_path, {"panels": [{"title": "top", "series": two}]})

@@ -100,19 +100,25 @@ def _with(old: str, new: str) -> str:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (_with('name="shoulder" axis="1 2 3"', 'name="shoulder" type="ball"').replace(
-            'range="-2 1" limited="true"', ""), "joint 'shoulder', a ball joint"),
+        (
+            _with('name="shoulder" axis="1 2 3"', 'name="shoulder" type="ball"').replace(
+                'range="-2 1" limited="true"', ""
+            ),
+            "joint 'shoulder', a ball joint",
+        ),
         (_with('type="slide" axis="0 -1 0"', 'stiffness="2"'), "joint 'wrist' with a spring"),
         (_with('type="slide" axis="0 -1 0"', 'frictionloss="2"'), "joint 'wrist' with a spring"),
         (_with('type="slide" axis="0 -1 0"', 'ref="1"'), "joint 'wrist' with a spring"),
-        (_with('<joint name="wrist"', '<joint name="twin"/><joint name="wrist"'),
-         "joint 'twin' beside another"),
+        (
+            _with('<joint name="wrist"', '<joint name="twin"/><joint name="wrist"'),
+            "joint 'twin' beside another",
+        ),
         (_with('<body pos="0.4 0 0"', '<body gravcomp="1" pos="0.4 0 0"'), "gravcomp"),
         (MJCF.format(extra=ROPE), "tendon 'rope'"),
         (MJCF.format(extra=LOOP), r"equality 'loop' \(joint\)"),
         ("<mujoco><worldbody/></mujoco>", "without a joint"),
     ],
-)  # fmt: skip
+)
 def test_what_a_chain_lacks_is_refused_by_name(text, message) -> None:
     with pytest.raises(ValueError, match=message):
         mujoco_chain.chain(mujoco.MjModel.from_xml_string(text))

@@ -94,9 +94,13 @@ def test_the_numbers_are_those_of_the_chapter():
         )
         assert number(now, "smallest value") == pytest.approx(s[1], abs=6e-5)
         length = {0: None, 1: 1.0, 2: 1e-3}[rows]
-        wanted = s[0] / s[1] if length is None else kinematics.condition_number(
-            np.vstack((whole[:2], np.zeros((3, 2)), whole[5:])), length
-        )  # fmt: skip
+        wanted = (
+            s[0] / s[1]
+            if length is None
+            else kinematics.condition_number(
+                np.vstack((whole[:2], np.zeros((3, 2)), whole[5:])), length
+            )
+        )
         assert number(now, "condition number") == pytest.approx(wanted, abs=0.06)
 
 

@@ -96,8 +96,10 @@ def test_a_first_policy_meets_the_disc_as_often_as_predicted() -> None:
 
 
 def test_the_stored_learners_show_what_each_detail_and_reward_does() -> None:
-    usual, there = (dict(zip(p.series[0].y, p.series[0].x, strict=True))
-                    for p in charts.stored("details_that_matter"))  # fmt: skip
+    usual, there = (
+        dict(zip(p.series[0].y, p.series[0].x, strict=True))
+        for p in charts.stored("details_that_matter")
+    )
     whole, unscaled = usual.pop("as it is"), usual.pop("observations too")
     broken = {"lambda 0", "one epoch", "4 hidden", "discount 0.9"}
     assert {name for name, share in usual.items() if share < 0.9 * whole} == broken

@@ -86,9 +86,16 @@ def test_a_round_of_dagger_mends_it_as_soon_as_labels_are_not_perfect():
         for seed in range(60):
             rng, task = np.random.default_rng(seed), REGULATOR
             *_, last = dagger(
-                task, task.expert, linear, task.starts, steps, rng, rounds=1, label_noise=1e-3,
+                task,
+                task.expert,
+                linear,
+                task.starts,
+                steps,
+                rng,
+                rounds=1,
+                label_noise=1e-3,
                 number=400 // steps,
-            )  # fmt: skip
+            )
             good += abs(radius(last) - best) < 0.005
         assert least <= good / 60 <= most
 
@@ -177,11 +184,13 @@ def test_a_loss_without_end_stops_and_keeps_the_last_good_weights():
 def test_bad_data_are_refused_by_name():
     x, y = np.random.default_rng(0).standard_normal((2, 20, 2))
     for states, actions, told in (
-        (x[:0], y[:0], "demonstrated steps is 0"), (x[:1], y[:1], "demonstrated steps is 1"),
-        (x, y[:-1], r"actions.shape is \(19, 2\)"), (x * np.nan, y, r"states\[0, 0\] is nan"),
+        (x[:0], y[:0], "demonstrated steps is 0"),
+        (x[:1], y[:1], "demonstrated steps is 1"),
+        (x, y[:-1], r"actions.shape is \(19, 2\)"),
+        (x * np.nan, y, r"states\[0, 0\] is nan"),
         (x * [1.0, 0.0], y, r"variance of states\[:, 1\] is 0.0, allowed .* leave it out"),
         (x, 0.0 * y, r"variance of actions\[:, 0\]"),
-    ):  # fmt: skip
+    ):
         for make in (partial(clone, seed=0), nearest):
             with pytest.raises(ValueError, match=told):
                 make(states, actions)

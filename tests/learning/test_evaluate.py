@@ -93,9 +93,13 @@ def test_settings_are_those_of_the_library():
     mean = optimum(judge.reset(seed=10**6)[0]).mean()
     envs = PointReachVector(64, "potential", autoreset_mode="SameStep")
     curve = sb3.ppo(
-        envs, settings, lambda policy: evaluate(policy, judge, 10**6).returns.mean() / mean,
-        steps=61_440, seed=0, every=10,
-    )  # fmt: skip
+        envs,
+        settings,
+        lambda policy: evaluate(policy, judge, 10**6).returns.mean() / mean,
+        steps=61_440,
+        seed=0,
+        every=10,
+    )
     assert curve.steps.tolist() == [20_480, 40_960, 61_440]
     assert np.all(np.diff(curve.seconds) > 0.0)
     assert curve.scores[0] < 0.4 and 0.5 < curve.scores[-1] <= 1.0

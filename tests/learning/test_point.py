@@ -120,9 +120,11 @@ def test_the_other_rewards_and_units():
         for k, (_seen, rewards, over, alive) in enumerate(kept[:-1]):
             distance = np.hypot(*kept[k + 1][0][:, :2].T)
             wanted = {
-                "sparse": 0.0, "distance": -distance,
-                "hover": BONUS * (distance < NEAR), "once": BONUS * (k == 0) * (distance < NEAR),
-            }[reward]  # fmt: skip
+                "sparse": 0.0,
+                "distance": -distance,
+                "hover": BONUS * (distance < NEAR),
+                "once": BONUS * (k == 0) * (distance < NEAR),
+            }[reward]
             going = alive & ~over
             np.testing.assert_allclose(rewards[going], (wanted + np.zeros(30))[going], atol=1e-12)
             assert np.all(rewards[alive & over] >= 3.0 - RADIUS)

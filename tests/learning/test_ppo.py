@@ -190,10 +190,19 @@ def test_every_detail_can_be_turned_off():
 
     plain = divergence(256), divergence(512)
     changes: list[dict[str, Any]] = [
-        {"trace": 0.0}, {"epochs": 1}, {"discount": 0.5}, {"clip": math.inf}, {"entropy": 0.1},
-        {"longest_gradient": 1e-3}, {"normalise_advantages": False}, {"scale_rewards": False},
-        {"hidden": (4,)}, {"spread": 0.5}, {"value_weight": 0.0}, {"rate": 1e-4},
-    ]  # fmt: skip
+        {"trace": 0.0},
+        {"epochs": 1},
+        {"discount": 0.5},
+        {"clip": math.inf},
+        {"entropy": 0.1},
+        {"longest_gradient": 1e-3},
+        {"normalise_advantages": False},
+        {"scale_rewards": False},
+        {"hidden": (4,)},
+        {"spread": 0.5},
+        {"value_weight": 0.0},
+        {"rate": 1e-4},
+    ]
     assert all(divergence(256, **change) != plain[0] for change in changes)
     for name in ("anneal", "normalise_observations", "shared"):  # from the second iteration on
         off: dict[str, Any] = {name: False}

@@ -70,8 +70,15 @@ def test_the_first_to_finish_read_more_than_is_true():
 @pytest.mark.parametrize("preset", point.PRESETS)
 def test_a_run_ends_among_those_on_record(preset):
     """Another CPU ends elsewhere, within what ten seeds span and some more."""
-    slack = {"success": 0.2, "early": 0.15, "share": 0.2, "began": 0.15, "ended": 0.3,
-             "moved": 0.003, "excess": 0.15}  # fmt: skip
+    slack = {
+        "success": 0.2,
+        "early": 0.15,
+        "share": 0.2,
+        "began": 0.15,
+        "ended": 0.3,
+        "moved": 0.003,
+        "excess": 0.15,
+    }
     live, stored = presets.outcome(preset, 0), STORY[preset]
     assert live.keys() == stored.keys() == slack.keys()
     for name, value in live.items():
@@ -98,8 +105,7 @@ def test_no_return_is_above_the_optimum():
 
 def test_what_is_judged_is_one_episode_of_each_common_start():
     now, told = run("One epoch")
-    settings = Settings(
-        horizon=point.HORIZON, minibatches=4, hidden=(16, 16), rate=5e-3, epochs=1)  # fmt: skip
+    settings = Settings(horizon=point.HORIZON, minibatches=4, hidden=(16, 16), rate=5e-3, epochs=1)
     envs = PointReachVector(point.POINTS, "potential", autoreset_mode="SameStep")
     test = PointReachVector(point.STARTS, "potential", autoreset_mode="Disabled")
     steps = point.ITERATIONS * point.POINTS * point.HORIZON
@@ -154,12 +160,20 @@ def test_a_drag_along_a_chart_shows_an_iteration_to_its_end():
     panel.close()
 
 
-@pytest.mark.parametrize(("preset", "values", "least", "most"), [
-    ("The mean", {}, 0, 5), ("The mean", {"executed": 1}, 6, 25), ("A mixture", {}, 85, 100),
-    ("A flow", {}, 75, 95), ("A flow in one step", {}, 10, 40),
-    ("A flow in one step", {"sampled": 2}, 50, 75), ("Diffusion", {}, 70, 95),
-    ("Noise, eight blind steps", {}, 10, 27), ("Noise, eight blind steps", {"executed": 2}, 28, 50),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("preset", "values", "least", "most"),
+    [
+        ("The mean", {}, 0, 5),
+        ("The mean", {"executed": 1}, 6, 25),
+        ("A mixture", {}, 85, 100),
+        ("A flow", {}, 75, 95),
+        ("A flow in one step", {}, 10, 40),
+        ("A flow in one step", {"sampled": 2}, 50, 75),
+        ("Diffusion", {}, 70, 95),
+        ("Noise, eight blind steps", {}, 10, 27),
+        ("Noise, eight blind steps", {"executed": 2}, 28, 50),
+    ],
+)
 def test_a_hundred_runs_pass_the_disc_as_their_preset_says(preset, values, least, most):
     now = Experiment(two_ways.MODEL)
     now.choose(preset)

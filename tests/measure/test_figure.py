@@ -80,10 +80,16 @@ def test_a_method_looks_the_same_on_every_panel_and_others_take_what_is_left():
 
 def test_scale_ticks_limits_and_lines():
     panel = Panel(
-        "title", "step", "error", [Series("s", [3.0, 24.0], [1.0, 2.0])], "log",
-        lines=[("y", 1.5, "tolerance"), ("x", 6.0, "limit")], spans=[("x", 3.0, 4.0, "jammed")],
-        ticks=(3, 6, 12, 24), ylim=(0.1, None),
-    )  # fmt: skip
+        "title",
+        "step",
+        "error",
+        [Series("s", [3.0, 24.0], [1.0, 2.0])],
+        "log",
+        lines=[("y", 1.5, "tolerance"), ("x", 6.0, "limit")],
+        spans=[("x", 3.0, 4.0, "jammed")],
+        ticks=(3, 6, 12, 24),
+        ylim=(0.1, None),
+    )
     (ax,) = _axes(panel, title="over all")
     assert (ax.get_xscale(), ax.get_yscale(), ax.get_ylim()[0]) == ("log", "log", 0.1)
     assert [t.get_text() for t in ax.get_xticklabels()] == ["3", "6", "12", "24"]
@@ -163,18 +169,29 @@ def test_a_map_shows_its_boundary_with_theory_over_it():
 
 def test_the_text_is_the_notes_in_order():
     panels = [
-        Panel("", series=[Series("", [1.0], [1.0], note="two"), Series("", [1.0], [1.0])],
-              notes=["one"]),
+        Panel(
+            "",
+            series=[Series("", [1.0], [1.0], note="two"), Series("", [1.0], [1.0])],
+            notes=["one"],
+        ),
         Panel("words alone", notes=["three"]),
-    ]  # fmt: skip
+    ]
     assert text(panels) == "one\ntwo\nthree"
     assert len(_axes(*panels)) == 1
     assert len(document(panels)["panels"]) == 1
 
 
 def test_the_data_are_plain_json_and_come_back():
-    series = Series("s", np.array([1.0, 2.0]), [math.inf, 1.0 / 3.0], "rk4", theory=lambda x: x,
-                    low=[0.0, 0.1], high=[math.nan, 1.0], failed=1)  # fmt: skip
+    series = Series(
+        "s",
+        np.array([1.0, 2.0]),
+        [math.inf, 1.0 / 3.0],
+        "rk4",
+        theory=lambda x: x,
+        low=[0.0, 0.1],
+        high=[math.nan, 1.0],
+        failed=1,
+    )
     content = json_text(document([Panel("t", "x", "y", [series])]))
 
     def refuse(word):
@@ -199,11 +216,28 @@ def test_what_is_drawn_again_looks_the_same():
     grid = stability_map(lambda x, y: x * y, np.linspace(0.1, 2.0, 20), np.linspace(0.6, 2.0, 15))
     panels = [
         Panel("map", "x", "y", [Series("edge", [1.0], [1.0], "theory on a map", "--")], grid=grid),
-        Panel("curves", "x", "y", scale="log", lines=[("y", 1.5, "tolerance")], xlim=(1.0, None),
-              series=[Series("a", [1.0, 10.0], [1.0, 100.0], "rk4", theory=lambda x: x**2,
-                             tags=["one", "two"], hollow=True, extra=True)]),
+        Panel(
+            "curves",
+            "x",
+            "y",
+            scale="log",
+            lines=[("y", 1.5, "tolerance")],
+            xlim=(1.0, None),
+            series=[
+                Series(
+                    "a",
+                    [1.0, 10.0],
+                    [1.0, 100.0],
+                    "rk4",
+                    theory=lambda x: x**2,
+                    tags=["one", "two"],
+                    hollow=True,
+                    extra=True,
+                )
+            ],
+        ),
         Panel("bars", series=[Series("b", [1.0], ["name"], style="bar", tags=["1"])], ticks=[]),
-    ]  # fmt: skip
+    ]
     again = panels_of(from_json(json_text(document(panels))))
     within, values = grid.within(), np.clip(np.log10(grid.values), -0.5, 0.5)
     assert again[0].grid is not None and np.all(again[0].grid.within() == within)

@@ -48,8 +48,10 @@ def test_shares_count_a_failure_at_every_budget():
     found = Success("mine", np.array(COST), "steps")
     budgets = [0.5, 1.0, 2.0, 8.0, 1e9]
     assert found.shares(budgets).tolist() == [
-        [0.0, 0.25, 0.5, 0.75, 0.75], [0.0, 0.0, 0.5, 0.75, 1.0], [0.0, 0.25, 0.25, 0.25, 0.25],
-    ]  # fmt: skip
+        [0.0, 0.25, 0.5, 0.75, 0.75],
+        [0.0, 0.0, 0.5, 0.75, 1.0],
+        [0.0, 0.25, 0.25, 0.25, 0.25],
+    ]
     assert found.share(budgets).tolist() == [0.0, 0.25, 0.5, 0.75, 0.75]
     assert found.ever == 0.75
     low, high = found.band(budgets)

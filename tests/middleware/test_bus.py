@@ -79,17 +79,24 @@ def test_a_wire_carries_one_message_after_the_other():
 
 
 LINKS = st.builds(
-    Link, delay=st.sampled_from([0.0, 0.01]), jitter=st.sampled_from([0.0, 0.05]),
-    loss=st.sampled_from([0.0, 0.1, 0.5]), fragment=st.sampled_from([100, 1472]),
-    rate=st.sampled_from([math.inf, 1e4]), nack=st.sampled_from([0.0, 0.02]),
-)  # fmt: skip
+    Link,
+    delay=st.sampled_from([0.0, 0.01]),
+    jitter=st.sampled_from([0.0, 0.05]),
+    loss=st.sampled_from([0.0, 0.1, 0.5]),
+    fragment=st.sampled_from([100, 1472]),
+    rate=st.sampled_from([math.inf, 1e4]),
+    nack=st.sampled_from([0.0, 0.02]),
+)
 
 
 @examples(60)
 @given(
-    link=LINKS, seed=st.integers(0, 99), reliable=st.booleans(), depth=st.integers(1, 8),
+    link=LINKS,
+    seed=st.integers(0, 99),
+    reliable=st.booleans(),
+    depth=st.integers(1, 8),
     waits=st.lists(st.integers(0, 30), min_size=1, max_size=60),
-)  # fmt: skip
+)
 def test_no_message_comes_twice_or_out_of_order_or_vanishes(link, seed, reliable, depth, waits):
     kind = "reliable" if reliable else "best_effort"
 
@@ -168,11 +175,13 @@ def test_a_sample_lives_from_its_stamp_on_not_from_its_arrival():
 @pytest.mark.parametrize(
     ("offered", "requested", "gets"),
     [
-        (LATE, MANY, [2, 3, 4, 5]), (LATE, QoS(), [5]), (QoS(), QoS(), [5]),
+        (LATE, MANY, [2, 3, 4, 5]),
+        (LATE, QoS(), [5]),
+        (QoS(), QoS(), [5]),
         (QoS(depth=9, durability="transient_local", lifespan=0.25), MANY, [3, 4, 5]),
         (LATE, QoS("best_effort", durability="transient_local"), [5]),
     ],
-)  # fmt: skip
+)
 def test_what_a_late_reader_gets(offered, requested, gets):
     bus = Bus()
     writer = bus.node("a").writer("x", offered)
@@ -338,12 +347,16 @@ def test_the_same_nodes_run_in_virtual_and_in_real_time():
 @pytest.mark.parametrize(
     ("call", "match"),
     [
-        (lambda: Link(loss=1.0), "loss"), (lambda: Link(fragment=0), "fragment"),
-        (lambda: Link(rate=0.0), "rate"), (lambda: Link(delay=-1.0), "delay"),
-        (lambda: Bus(-1), "seed"), (lambda: Bus().node("a").timer(0.0, print), "period"),
-        (lambda: Bus().after(-1.0, print), "seconds"), (lambda: Bus().run(math.inf), "seconds"),
+        (lambda: Link(loss=1.0), "loss"),
+        (lambda: Link(fragment=0), "fragment"),
+        (lambda: Link(rate=0.0), "rate"),
+        (lambda: Link(delay=-1.0), "delay"),
+        (lambda: Bus(-1), "seed"),
+        (lambda: Bus().node("a").timer(0.0, print), "period"),
+        (lambda: Bus().after(-1.0, print), "seconds"),
+        (lambda: Bus().run(math.inf), "seconds"),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_refused(call, match):
     with pytest.raises(ValueError, match=match):
         call()

@@ -35,8 +35,9 @@ def test_exact_analysis_is_what_runs_and_bounds_are_below_it():
     assert (np.array(broken["random sets"].low) >= broken["Liu and Layland"].y).all()
     (stored, _) = charts.stored("task_sets")
     assert stored["exact"].y == stored["run"].y
-    assert np.all(np.array(stored["exact"].y)[np.array(stored["exact"].x)
-                                              < schedule.liu_layland(5)] == 1.0)  # fmt: skip
+    assert np.all(
+        np.array(stored["exact"].y)[np.array(stored["exact"].x) < schedule.liu_layland(5)] == 1.0
+    )
 
 
 def test_a_lock_waits_for_the_middle_task_unless_priority_is_handed_on():
@@ -73,9 +74,17 @@ def test_the_stored_loops_are_in_the_order_of_what_they_were_granted():
 
 def test_the_type_of_a_payload_and_not_the_wire_costs_most():
     (panel,) = charts.stored("round_trips")
-    at = {name: dict(zip(panel[name].x, panel[name].y, strict=True))
-          for name in ("threads", "Unix", "shared", "zenoh", "Cyclone DDS, reliable",
-                       "Cyclone DDS, sequence")}  # fmt: skip
+    at = {
+        name: dict(zip(panel[name].x, panel[name].y, strict=True))
+        for name in (
+            "threads",
+            "Unix",
+            "shared",
+            "zenoh",
+            "Cyclone DDS, reliable",
+            "Cyclone DDS, sequence",
+        )
+    }
     big = 921_600
     assert at["Cyclone DDS, sequence"][big] > 5.0 * at["Cyclone DDS, reliable"][big]
     assert at["shared"][big] < at["Unix"][big] < at["zenoh"][big]
@@ -96,9 +105,17 @@ def test_every_row_of_the_matrix_agrees_with_cyclone():
     found = re.match(r"(\d+) of (\d+) rows agree", first)
     assert found and found[1] == found[2] == str(len(rows)) and len(rows) >= 40
     assert {row.split(":")[0] for row in rows} >= {
-        "reliability", "durability", "deadline", "liveliness", "ownership", "destination_order",
-        "depth", "late joiner", "lifespan", "several",
-    }  # fmt: skip
+        "reliability",
+        "durability",
+        "deadline",
+        "liveliness",
+        "ownership",
+        "destination_order",
+        "depth",
+        "late joiner",
+        "lifespan",
+        "several",
+    }
 
 
 def test_sending_again_pays_only_on_a_short_way():

@@ -90,9 +90,11 @@ def test_ours_sets_what_it_says_name_by_name():
     picture = QoS("best_effort", depth=1)
     poses = QoS("best_effort", depth=1, deadline=0.1)
     status = QoS(
-        depth=1, durability="transient_local",
-        liveliness="manual_by_topic", liveliness_lease_duration=0.01,
-    )  # fmt: skip
+        depth=1,
+        durability="transient_local",
+        liveliness="manual_by_topic",
+        liveliness_lease_duration=0.01,
+    )
     assert ends == [
         {("/camera/image", "publisher"): picture},
         {("/camera/image", "subscription"): picture, ("/object_poses", "publisher"): poses},

@@ -30,14 +30,26 @@ def test_every_pair_is_judged_as_cyclone_does():
     assert [row for row in rows if not row.agree] == []
     tally = Counter(row.policy for row in rows)
     assert tally == {
-        "reliability": 4, "durability": 16, "liveliness": 9, "destination_order": 4,
-        "ownership": 4, "deadline": 9, "liveliness_lease_duration": 9, "several": 3,
-    }  # fmt: skip
+        "reliability": 4,
+        "durability": 16,
+        "liveliness": 9,
+        "destination_order": 4,
+        "ownership": 4,
+        "deadline": 9,
+        "liveliness_lease_duration": 9,
+        "several": 3,
+    }
     silent = Counter(row.policy for row in rows if row.named)
     assert silent == {  # one side of the diagonal; both of ownership, which has no order
-        "reliability": 1, "durability": 6, "liveliness": 3, "destination_order": 1,
-        "ownership": 2, "deadline": 3, "liveliness_lease_duration": 3, "several": 2,
-    }  # fmt: skip
+        "reliability": 1,
+        "durability": 6,
+        "liveliness": 3,
+        "destination_order": 1,
+        "ownership": 2,
+        "deadline": 3,
+        "liveliness_lease_duration": 3,
+        "several": 2,
+    }
     # Only one reliability pair is silent, and its reverse is heard.
     (lost,) = (row for row in rows if row.policy == "reliability" and row.named)
     assert (lost.offered, lost.requested) == ("best_effort", "reliable")

@@ -33,11 +33,15 @@ def test_a_short_callback_waits_for_a_long_one_in_every_order(order):
 
 WORKS = st.lists(
     st.tuples(
-        st.integers(1, 30), st.sampled_from([20, 33, 50, 90, 140, 300]), st.booleans(),
-        st.sampled_from(["a", "b", ""]), st.floats(0.0, 0.999),
+        st.integers(1, 30),
+        st.sampled_from([20, 33, 50, 90, 140, 300]),
+        st.booleans(),
+        st.sampled_from(["a", "b", ""]),
+        st.floats(0.0, 0.999),
     ),
-    min_size=1, max_size=5,
-)  # fmt: skip
+    min_size=1,
+    max_size=5,
+)
 
 
 @examples(100)
@@ -246,15 +250,21 @@ def test_a_queue_of_depth_d_makes_what_is_read_older_by_d_minus_1_periods(depth,
 @pytest.mark.parametrize(
     ("call", "match"),
     [
-        (lambda: Executor(Bus(), 0), "threads"), (lambda: Executor(Bus(), 1, "lifo"), "order"),
-        (lambda: Work("a", 0.0, 1.0), "execution of a"), (lambda: Work("a", 1.0, 1.0, "x"), "kind"),
-        (lambda: bounds([CONTROL, CAMERA, Work("c", 1, 2, group="c"), Work("d", 1, 2, group="")],
-                        threads=2), "at least one for each of 3 groups"),
+        (lambda: Executor(Bus(), 0), "threads"),
+        (lambda: Executor(Bus(), 1, "lifo"), "order"),
+        (lambda: Work("a", 0.0, 1.0), "execution of a"),
+        (lambda: Work("a", 1.0, 1.0, "x"), "kind"),
+        (
+            lambda: bounds(
+                [CONTROL, CAMERA, Work("c", 1, 2, group="c"), Work("d", 1, 2, group="")], threads=2
+            ),
+            "at least one for each of 3 groups",
+        ),
         (lambda: bounds([Work("c", 3, 2, group="")], threads=2), "reentrant"),
         (lambda: run_chain((Stage("a", 0.1),), (0.0,)), "first stage has a period"),
         (lambda: run_chain(CHAIN, (0.0,)), "phases"),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_refused(call, match):
     with pytest.raises(ValueError, match=match):
         call()

@@ -52,11 +52,14 @@ def test_a_writer_that_promises_less_often_than_is_asked_is_not_heard(name, poli
 
 
 ENDS = st.builds(
-    QoS, **{name: st.sampled_from(kinds) for name, kinds in KINDS.items()},
-    deadline=st.sampled_from(PERIODS), liveliness_lease_duration=st.sampled_from(PERIODS),
-    lifespan=st.sampled_from(PERIODS), depth=st.integers(1, 20),
+    QoS,
+    **{name: st.sampled_from(kinds) for name, kinds in KINDS.items()},
+    deadline=st.sampled_from(PERIODS),
+    liveliness_lease_duration=st.sampled_from(PERIODS),
+    lifespan=st.sampled_from(PERIODS),
+    depth=st.integers(1, 20),
     history=st.sampled_from(["keep_last", "keep_all"]),
-)  # fmt: skip
+)
 
 
 @examples(100)
@@ -64,10 +67,13 @@ ENDS = st.builds(
 def test_policies_fail_one_by_one_and_what_is_kept_never_matters(offered, requested, other):
     failing = set(compatible(offered, requested))
     alone = {
-        policy for field in fields(QoS)
-        for policy in compatible(QoS(**{field.name: getattr(offered, field.name)}),
-                                 QoS(**{field.name: getattr(requested, field.name)}))
-    }  # fmt: skip
+        policy
+        for field in fields(QoS)
+        for policy in compatible(
+            QoS(**{field.name: getattr(offered, field.name)}),
+            QoS(**{field.name: getattr(requested, field.name)}),
+        )
+    }
     assert failing == alone
     own = {name: getattr(other, name) for name in ("history", "depth", "lifespan")}
     assert set(compatible(replace(offered, **own), requested)) == failing
@@ -78,11 +84,14 @@ def test_policies_fail_one_by_one_and_what_is_kept_never_matters(offered, reques
 @pytest.mark.parametrize(
     ("given", "match"),
     [
-        ({"reliability": "Reliable"}, "reliability is 'Reliable'"), ({"depth": 0}, "depth is 0"),
-        ({"deadline": 0.0}, "deadline"), ({"lifespan": math.nan}, "lifespan"),
-        ({"liveliness_lease_duration": None}, "infinite for none"), ({"history": "all"}, "history"),
+        ({"reliability": "Reliable"}, "reliability is 'Reliable'"),
+        ({"depth": 0}, "depth is 0"),
+        ({"deadline": 0.0}, "deadline"),
+        ({"lifespan": math.nan}, "lifespan"),
+        ({"liveliness_lease_duration": None}, "infinite for none"),
+        ({"history": "all"}, "history"),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_refused(given, match):
     with pytest.raises(ValueError, match=match):
         QoS(**given)

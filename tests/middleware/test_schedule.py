@@ -18,7 +18,7 @@ from course.middleware.schedule import (
     response_times,
     run,
     utilization,
-)  # fmt: skip
+)
 from tests.budget import examples
 
 
@@ -88,9 +88,15 @@ def inversion(protocol, between=1):
     """High comes just after low has taken the lock, for 20 ms, and those between after that."""
     n = between + 2
     C = [HIGH] + [MIDDLE] * between + [LOW]
-    seen = run(C, [2.0] * n, 2.0, phase=[0.001] + [0.002] * between + [0.0],
-               section=[HIGH] + [0.0] * between + [LOW], lock=[0] + [-1] * between + [0],
-               protocol=protocol)  # fmt: skip
+    seen = run(
+        C,
+        [2.0] * n,
+        2.0,
+        phase=[0.001] + [0.002] * between + [0.0],
+        section=[HIGH] + [0.0] * between + [LOW],
+        lock=[0] + [-1] * between + [0],
+        protocol=protocol,
+    )
     return seen.longest[0] - HIGH
 
 
@@ -107,10 +113,17 @@ def test_a_task_waits_for_those_between_without_a_protocol_and_not_with_one():
 
 
 ROWS = st.lists(
-    st.tuples(st.integers(2, 20), st.integers(40, 200), st.floats(0.0, 1.0), st.floats(0.0, 1.0),
-              st.sampled_from([-1, 0, 1, 2]), st.integers(0, 60)),
-    min_size=2, max_size=6,
-)  # fmt: skip
+    st.tuples(
+        st.integers(2, 20),
+        st.integers(40, 200),
+        st.floats(0.0, 1.0),
+        st.floats(0.0, 1.0),
+        st.sampled_from([-1, 0, 1, 2]),
+        st.integers(0, 60),
+    ),
+    min_size=2,
+    max_size=6,
+)
 
 
 @examples(150)
@@ -131,9 +144,19 @@ def test_ceilings_wait_for_one_section_and_inheritance_for_one_of_each_lock():
     assert blocking(section, lock, "inheritance").tolist() == pytest.approx([0.02, 0.05, 0.03, 0.0])
     assert blocking(section, lock, "ceiling").tolist() == pytest.approx([0.02, 0.03, 0.03, 0.0])
     waits = [
-        run(C, [1.0] * 4, 1.0, [0.012, 0.011, 0.005, 0.0], 0.0, [0.01, 0.002, 0.0, 0.0], section,
-            lock, p).longest[1] for p in PROTOCOLS[1:]
-    ]  # fmt: skip
+        run(
+            C,
+            [1.0] * 4,
+            1.0,
+            [0.012, 0.011, 0.005, 0.0],
+            0.0,
+            [0.01, 0.002, 0.0, 0.0],
+            section,
+            lock,
+            p,
+        ).longest[1]
+        for p in PROTOCOLS[1:]
+    ]
     assert waits[1] < waits[0]
 
 

@@ -21,8 +21,12 @@ def on_the_bus(controls):
     wire = Link(sim.DELAY, rate=sim.RATE, fragment=sim.FRAGMENT)
     ends = [QoS("reliable", depth=1) for _ in range(2)]
     offered, requested = (PROFILES[controls[name]] for name in ("offered", "requested"))
-    requested = QoS(requested.reliability, depth=int(controls["depth"]),
-                    durability=requested.durability, deadline=requested.deadline)  # fmt: skip
+    requested = QoS(
+        requested.reliability,
+        depth=int(controls["depth"]),
+        durability=requested.durability,
+        deadline=requested.deadline,
+    )
     told = []
     pictures = camera.writer("image", offered)
     poses = perception.writer("poses", ends[0])
@@ -59,15 +63,18 @@ def on_the_bus(controls):
     return np.array(ran).T, told
 
 
-@pytest.mark.parametrize("values", [
-    {},
-    {"schedule": 1, "load": 30.0},
-    {"schedule": 1, "load": 60.0, "loop": 300.0},
-    {"load": 60.0, "depth": 10},
-    {"requested": 1},
-    {"offered": 3, "requested": 3, "load": 50.0},
-    {"offered": 1, "requested": 0, "loop": 100.0},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "values",
+    [
+        {},
+        {"schedule": 1, "load": 30.0},
+        {"schedule": 1, "load": 60.0, "loop": 300.0},
+        {"load": 60.0, "depth": 10},
+        {"requested": 1},
+        {"offered": 3, "requested": 3, "load": 50.0},
+        {"offered": 1, "requested": 0, "loop": 100.0},
+    ],
+)
 def test_a_run_is_what_the_bus_does(values):
     experiment = Experiment(sim.MODEL, **values)
     state, m = experiment.state, experiment.state["ticks"]
@@ -101,8 +108,13 @@ def test_no_tick_is_later_than_its_bound():
     @examples(20)
     @given(st.sampled_from((1, 2, 3)), st.integers(0, 16), st.integers(1, 10), st.booleans())
     def check(schedule, load, loop, heard):
-        experiment = Experiment(sim.MODEL, schedule=schedule, load=5.0 * load, loop=100.0 * loop,
-                                requested=0 if heard else 1)  # fmt: skip
+        experiment = Experiment(
+            sim.MODEL,
+            schedule=schedule,
+            load=5.0 * load,
+            loop=100.0 * loop,
+            requested=0 if heard else 1,
+        )
         most = sim.bound(experiment.controls)
         assert most < 0.0 or experiment.state["late"] <= most + 1e-9
 
@@ -116,7 +128,9 @@ def test_a_late_monitor_needs_both_ends_to_keep():
         (a, b, joins): bool(
             Experiment(sim.MODEL, topic=3, offered=a, requested=b, joins=joins).state["zone"]
         )
-        for a in range(4) for b in range(4) for joins in (0.0, 1.0)
-    }  # fmt: skip
+        for a in range(4)
+        for b in range(4)
+        for joins in (0.0, 1.0)
+    }
     assert [key for key, zone in seen.items() if zone and key[2]] == [(2, 2, 1.0)]
     assert seen[1, 1, 0.0] and not seen[1, 2, 0.0] and not seen[0, 1, 0.0]

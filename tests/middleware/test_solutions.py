@@ -93,9 +93,14 @@ def test_compatible_is_the_table_by_words_for_every_pair():
 
 
 ENTRIES = (
-    "reliability", "durability", "deadline", "liveliness", "liveliness_lease_duration",
-    "destination_order", "ownership",
-)  # fmt: skip
+    "reliability",
+    "durability",
+    "deadline",
+    "liveliness",
+    "liveliness_lease_duration",
+    "destination_order",
+    "ownership",
+)
 ALL = qos.ORDERS | qos.SAME
 
 

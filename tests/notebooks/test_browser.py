@@ -35,9 +35,15 @@ CHAPTER = ROOT / "notebooks" / "01_rigid_body.ipynb"
 EXTENSION = "tools.lab_extension"
 
 FLAGS = [
-    "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-    "--disable-background-networking", "--disable-component-update", "--disable-sync",
-]  # fmt: skip
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+]
 
 SETTINGS = {
     "@jupyterlab/apputils-extension:notification": {"fetchNews": "false", "checkForUpdates": False},
@@ -114,8 +120,10 @@ def notebook(path: Path) -> None:
             cell.outputs, cell.execution_count = [], None
     # Without the name of a kernel JupyterLab asks for one.
     content.metadata["kernelspec"] = {
-        "name": "python3", "display_name": "Python 3", "language": "python",
-    }  # fmt: skip
+        "name": "python3",
+        "display_name": "Python 3",
+        "language": "python",
+    }
     nbformat.write(content, path)
 
 
@@ -142,14 +150,24 @@ def jupyter_lab(folder: Path, extension: bool) -> Iterator[str]:
     with (folder / "server.log").open("w") as log:
         server = subprocess.Popen(
             [
-                sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root",
-                f"--ServerApp.root_dir={folder}", "--ServerApp.ip=127.0.0.1",
-                f"--ServerApp.port={port}", "--ServerApp.port_retries=0",
-                f"--IdentityProvider.token={token}", "--LabApp.expose_app_in_browser=True",
+                sys.executable,
+                "-m",
+                "jupyterlab",
+                "--no-browser",
+                "--allow-root",
+                f"--ServerApp.root_dir={folder}",
+                "--ServerApp.ip=127.0.0.1",
+                f"--ServerApp.port={port}",
+                "--ServerApp.port_retries=0",
+                f"--IdentityProvider.token={token}",
+                "--LabApp.expose_app_in_browser=True",
                 *options,
             ],
-            stdout=log, stderr=subprocess.STDOUT, env=environment, start_new_session=True,
-        )  # fmt: skip
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            env=environment,
+            start_new_session=True,
+        )
         address = f"http://127.0.0.1:{port}"
         try:
             wait_for_server(server, f"{address}/api/status?token={token}", folder / "server.log")
@@ -181,9 +199,13 @@ def open_page(profile: Path) -> Iterator[Any]:
 
     with sync_playwright() as playwright:
         context = playwright.chromium.launch_persistent_context(
-            str(profile), executable_path=chromium(), args=FLAGS, headless=True,
-            viewport={"width": 1280, "height": 800}, timeout=60_000,
-        )  # fmt: skip
+            str(profile),
+            executable_path=chromium(),
+            args=FLAGS,
+            headless=True,
+            viewport={"width": 1280, "height": 800},
+            timeout=60_000,
+        )
         try:
             page = context.pages[0] if context.pages else context.new_page()
             page.set_default_timeout(60_000)
@@ -408,8 +430,9 @@ def drag_the_tolerance(page: Any) -> None:
     page.mouse.move(0.0, box["y"] + 0.5 * box["height"], steps=8)
     page.mouse.up()
     page.wait_for_function(changed, arg=[words.element_handle(), before])
-    page.wait_for_function("words => words.innerText.includes('Nothing here')",
-                           arg=words.element_handle())  # fmt: skip
+    page.wait_for_function(
+        "words => words.innerText.includes('Nothing here')", arg=words.element_handle()
+    )
 
 
 def test_chapter_1_in_the_browser(tmp_path, capsys):

@@ -17,8 +17,12 @@ BUILT = {
 }
 CHAPTER = {f"{chapter.number:02d}_{chapter.topic}": chapter.topic for chapter in CHAPTERS}
 WRITTEN = sorted(set(BUILT) & set(CHAPTER))
-BOXES = {"Interview question": "info", "Interview tip": "success", "Debugging tip": "danger",
-         "Key insight": "warning"}  # fmt: skip
+BOXES = {
+    "Interview question": "info",
+    "Interview tip": "success",
+    "Debugging tip": "danger",
+    "Key insight": "warning",
+}
 
 
 def told(name: str) -> list[str]:

@@ -236,10 +236,13 @@ def test_plain_python_finds_the_same(monkeypatch):
 
     def all_of_it():
         return [
-            *back_project(depth, eye), *voxel_mean(points, 0.02), *dbscan(points, 0.02, 4),
-            *radius_search(points, points[:, :9], 0.03), components(depth, eye, 0.01),
+            *back_project(depth, eye),
+            *voxel_mean(points, 0.02),
+            *dbscan(points, 0.02, 4),
+            *radius_search(points, points[:, :9], 0.03),
+            components(depth, eye, 0.01),
             ransac_plane(points, 0.02, np.random.default_rng(0), most=20)[0],
-        ]  # fmt: skip
+        ]
 
     expected = all_of_it()
     monkeypatch.setattr(cloud, "_kernel", lambda function: function)

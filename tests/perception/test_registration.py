@@ -239,7 +239,7 @@ GOOD = np.eye(3)
         (lambda: icp(GOOD, BOX, (0, 0, 0, 2.0, 0, 0, 0)), "length of 1"),
         (lambda: from_matrix(icp(GOOD, BOX, iterations=0).R), "iterations"),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_named(call, words):
     with pytest.raises(ValueError, match=words):
         call()

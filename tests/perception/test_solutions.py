@@ -19,8 +19,15 @@ from solutions import perception as solutions
 from tests.budget import examples
 from tests.perception.draws import LONG, SMALL, at, blobs, scene
 
-NEW = ("back_project", "rigid_fit", "plane_ransac", "point_to_plane_step", "dbscan",
-       "blind_directions", "point_in_base")  # fmt: skip
+NEW = (
+    "back_project",
+    "rigid_fit",
+    "plane_ransac",
+    "point_to_plane_step",
+    "dbscan",
+    "blind_directions",
+    "point_in_base",
+)
 
 
 @pytest.fixture(autouse=True)
@@ -208,8 +215,9 @@ INTRINSICS = (LONG.fx, LONG.fy, LONG.cx, LONG.cy)
 
 def log(turn=0.0, speed=0.0):
     times = np.linspace(0.0, 1.0, 11)
-    return np.column_stack((times, 0.3 + speed * times, 0.0 * times, 0.5 + 0.0 * times,
-                            0.4 + turn * times))  # fmt: skip
+    return np.column_stack(
+        (times, 0.3 + speed * times, 0.0 * times, 0.5 + 0.0 * times, 0.4 + turn * times)
+    )
 
 
 @examples(30)

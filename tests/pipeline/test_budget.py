@@ -66,10 +66,15 @@ def test_the_signed_parts_add_up_and_the_squares_do_not(found):
 @pytest.mark.parametrize(
     "change",
     [
-        {"kp": 60.0}, {"kd": 3.0}, {"latency": 0.4}, {"frame": 0.2}, {"filtered": False},
-        {"phase": 0.02}, {"carried": True},
+        {"kp": 60.0},
+        {"kd": 3.0},
+        {"latency": 0.4},
+        {"frame": 0.2},
+        {"filtered": False},
+        {"phase": 0.02},
+        {"carried": True},
     ],
-)  # fmt: skip
+)
 def test_the_prediction_follows_the_settings(change):
     """With hardly any noise, so that a few runs show the mean to a tenth of a millimetre."""
     for ideal in ((), ("control",)):
@@ -106,15 +111,21 @@ def test_orders_and_bands_of_a_budget_made_by_hand():
     parts = {"a": (3e-3, 0.0), "b": (-3e-3, 0.0), "c": (0.0, 4e-3)}
     held = {
         some: np.sum([at for name, at in parts.items() if name not in some], axis=0)
-        .reshape(-1, 1).repeat(5, axis=1) * np.ones((2, 5)) if len(some) < 3 else np.zeros((2, 5))
+        .reshape(-1, 1)
+        .repeat(5, axis=1)
+        * np.ones((2, 5))
+        if len(some) < 3
+        else np.zeros((2, 5))
         for some in subsets(parts)
-    }  # fmt: skip
+    }
     made = Budget(
         tuple(parts), held, {some: (x[:, 0], np.zeros((2, 2))) for some, x in held.items()}
     )
     assert {name: round(1e6 * s, 9) for name, (s, *_) in made.shares(5).items()} == {
-        "a": 0.0, "b": 0.0, "c": 16.0,
-    }  # fmt: skip
+        "a": 0.0,
+        "b": 0.0,
+        "c": 16.0,
+    }
     assert made.orders() == []
     assert np.allclose(made.gap()[0], 0.0)
     assert made.rms(frozenset()) == pytest.approx((4e-3, 4e-3))

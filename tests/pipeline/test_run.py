@@ -132,9 +132,15 @@ def test_a_seed_gives_one_record_and_a_stop_on_the_way_changes_nothing():
 # --- the clock ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("frame, latency, overrun", [
-    (0.02, 0.007, "drop"), (0.02, 0.1, "pipelined"), (0.03, 0.1, "drop"), (0.1, 0.033, "queue"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "frame, latency, overrun",
+    [
+        (0.02, 0.007, "drop"),
+        (0.02, 0.1, "pipelined"),
+        (0.03, 0.1, "drop"),
+        (0.1, 0.033, "queue"),
+    ],
+)
 def test_ages_are_those_of_chapter_0_and_of_chapter_10s_bus(frame, latency, overrun):
     rule = {"drop": "skip", "queue": ""}.get(overrun, overrun)
     chain = [Stage("camera", latency, frame, overload=rule)]
@@ -248,8 +254,9 @@ def test_the_log_keeps_what_it_says():
     kept = math.exp(-0.002 / 0.02)
     np.testing.assert_allclose(
         smooth[1:-1, TORQUE:GAP],
-        kept * smooth[:-2, TORQUE:GAP] + (1.0 - kept) * smooth[1:-1, SENT:TORQUE], atol=1e-12,
-    )  # fmt: skip
+        kept * smooth[:-2, TORQUE:GAP] + (1.0 - kept) * smooth[1:-1, SENT:TORQUE],
+        atol=1e-12,
+    )
     held = run(Scenario(), repair(Settings(), "control")).log
     assert np.array_equal(held[1:, Q:V], held[1:, REFERENCE:SENT])
 
@@ -278,23 +285,26 @@ def test_disturbances_are_undone_where_a_stage_is_ideal():
 # --- bad input ------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("make, name", [
-    (lambda: Scenario(target=(1.2, 0.0)), "target"),
-    (lambda: Scenario(velocity=(0.3, 0.0)), "target"),
-    (lambda: Scenario(target=(0.62, 0.36)), "target"),
-    (lambda: Scenario(start=(0.5, 0.0)), "start"),
-    (lambda: Scenario(start=(math.nan, 0.0)), "start"),
-    (lambda: Scenario(seconds=-1.0), "seconds"),
-    (lambda: Scenario(arm=TwoLink(gravity=9.81)), "gravity"),
-    (lambda: Settings(control=0.001, physics=0.002), "control"),
-    (lambda: Settings(noise=-0.1), "noise"),
-    (lambda: Settings(physics=0.0), "physics"),
-    (lambda: Settings(law="pid"), "law"),
-    (lambda: Settings(overrun="panic"), "overrun"),
-    (lambda: repair(Settings(), "luck"), "stage"),
-    (lambda: run(SHORT, Settings(latency=0.6)), "latency"),
-    (lambda: run(SHORT, Settings(), seed=-1), "seed"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "make, name",
+    [
+        (lambda: Scenario(target=(1.2, 0.0)), "target"),
+        (lambda: Scenario(velocity=(0.3, 0.0)), "target"),
+        (lambda: Scenario(target=(0.62, 0.36)), "target"),
+        (lambda: Scenario(start=(0.5, 0.0)), "start"),
+        (lambda: Scenario(start=(math.nan, 0.0)), "start"),
+        (lambda: Scenario(seconds=-1.0), "seconds"),
+        (lambda: Scenario(arm=TwoLink(gravity=9.81)), "gravity"),
+        (lambda: Settings(control=0.001, physics=0.002), "control"),
+        (lambda: Settings(noise=-0.1), "noise"),
+        (lambda: Settings(physics=0.0), "physics"),
+        (lambda: Settings(law="pid"), "law"),
+        (lambda: Settings(overrun="panic"), "overrun"),
+        (lambda: repair(Settings(), "luck"), "stage"),
+        (lambda: run(SHORT, Settings(latency=0.6)), "latency"),
+        (lambda: run(SHORT, Settings(), seed=-1), "seed"),
+    ],
+)
 def test_bad_input_is_refused(make, name):
     with pytest.raises(ValueError, match=name):
         make()
@@ -304,8 +314,13 @@ def seeing(**changed):
     """A `perceive` of which something is wrong after the tenth frame."""
 
     def stage(sight, scenario, settings):
-        answer = dict(zip(("place", "spread", "frame", "stamp"),
-                          perceive(sight, scenario, settings), strict=True))  # fmt: skip
+        answer = dict(
+            zip(
+                ("place", "spread", "frame", "stamp"),
+                perceive(sight, scenario, settings),
+                strict=True,
+            )
+        )
         if sight.number >= 10:
             answer |= {k: f(sight) if callable(f) else f for k, f in changed.items()}
         return tuple(answer.values())
@@ -321,16 +336,19 @@ def late_nan(q, v, wanted, scenario, settings):
     return np.full(2, np.nan) if abs(wanted[1]).max() > 0 else np.zeros(2)
 
 
-@pytest.mark.parametrize("stages, reason", [
-    (seeing(place=np.full(2, np.nan)), "perceive: a place that is not finite"),
-    (seeing(spread=-np.eye(2)), "perceive: a covariance that is not positive"),
-    (seeing(spread=np.ones((2, 2))), "perceive: a covariance that is not positive"),
-    (seeing(frame="camera"), "perceive: another frame"),
-    (seeing(stamp=lambda s: s.captured + 200_000), "perceive: a stamp from the future"),
-    (Stages(plan=from_elsewhere), "plan: a path that does not begin where the arm should be"),
-    (Stages(control=late_nan), "control: a torque that is not finite"),
-    (Stages(move=lambda q, v, tau, dt, s: (q + 1e3, v)), "move: the arm diverged"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "stages, reason",
+    [
+        (seeing(place=np.full(2, np.nan)), "perceive: a place that is not finite"),
+        (seeing(spread=-np.eye(2)), "perceive: a covariance that is not positive"),
+        (seeing(spread=np.ones((2, 2))), "perceive: a covariance that is not positive"),
+        (seeing(frame="camera"), "perceive: another frame"),
+        (seeing(stamp=lambda s: s.captured + 200_000), "perceive: a stamp from the future"),
+        (Stages(plan=from_elsewhere), "plan: a path that does not begin where the arm should be"),
+        (Stages(control=late_nan), "control: a torque that is not finite"),
+        (Stages(move=lambda q, v, tau, dt, s: (q + 1e3, v)), "move: the arm diverged"),
+    ],
+)
 def test_a_stage_that_breaks_its_word_ends_the_run_and_is_named(stages, reason):
     record = run(SHORT, Settings(), stages)
     assert record.reason == reason and not record.success

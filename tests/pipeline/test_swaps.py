@@ -34,9 +34,14 @@ def paired(name, settings, seeds):
     return one, other, away[0] - away[1]
 
 
-@pytest.mark.parametrize("name, most, seeds", [
-    ("OMPL plans", 1e-3, 12), ("Pinocchio commands", 1e-9, 5), ("MuJoCo moves", 1e-4, 5),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "name, most, seeds",
+    [
+        ("OMPL plans", 1e-3, 12),
+        ("Pinocchio commands", 1e-9, 5),
+        ("MuJoCo moves", 1e-4, 5),
+    ],
+)
 def test_a_library_in_one_place_gives_the_same_success_and_error(name, most, seeds):
     law = "computed_torque" if "Pinocchio" in name else "pd"
     one, other, apart = paired(name, Settings(law=law), range(seeds))
@@ -45,9 +50,14 @@ def test_a_library_in_one_place_gives_the_same_success_and_error(name, most, see
     assert np.abs(apart).max() < most and abs(apart.mean()) <= band(apart) + most / 20.0
 
 
-@pytest.mark.parametrize("name, most, seeds", [
-    ("MuJoCo's rays", 1e-9, 2), ("Open3D perceives", 2e-3, 3), ("all of them", 2e-3, 2),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "name, most, seeds",
+    [
+        ("MuJoCo's rays", 1e-9, 2),
+        ("Open3D perceives", 2e-3, 3),
+        ("all of them", 2e-3, 2),
+    ],
+)
 def test_a_library_that_sees_gives_the_same_within_the_band(name, most, seeds):
     """Open3D's fit is off by less than 1 mm and scatters by 2 mm: so little does the end differ."""
     settings = Settings(frame=0.2, law="computed_torque", drift=(0.02, 0.02))

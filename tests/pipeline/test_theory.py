@@ -100,9 +100,11 @@ def test_a_tilted_table_pulls_the_tip_by_this_much():
 
 @examples(20)
 @given(
-    q2=st.floats(-math.pi, math.pi), kp=st.floats(2.0, 200.0), kd=st.floats(0.0, 20.0),
+    q2=st.floats(-math.pi, math.pi),
+    kp=st.floats(2.0, 200.0),
+    kd=st.floats(0.0, 20.0),
     more=st.floats(0.0, 1.0),
-)  # fmt: skip
+)
 def test_the_step_limit_is_that_of_the_eigenvalue(q2, kp, kd, more):
     arm, q = TwoLink(damping=(0.2, 0.2 + more)), (0.4, q2)
     limit = theory.step_limit(arm, q, kp, kd)
@@ -189,14 +191,17 @@ def test_share_of_plans_that_touch_a_disc_seen_in_the_wrong_place():
     assert np.all(narrow < wall)
 
 
-@pytest.mark.parametrize(("call", "match"), [
+@pytest.mark.parametrize(
+    ("call", "match"),
+    [
         (lambda: theory.look_noise(2.0, 0), "below 2"),
         (lambda: theory.look_noise(1.01, 1), "below 1"),
         (lambda: theory.modes(TwoLink(damping=(0.1, 0.2)), BENT, 25.0, 1.0), "damping"),
         (lambda: theory.collision_share(0.01, np.zeros((2, 2)), (1.0, 0.0)), "across the gap"),
         (lambda: theory.step_limit(ARM, BENT, 0.0, 1.0), "kp"),
         (lambda: theory.look_limit(-1), "frames"),
-])  # fmt: skip
+    ],
+)
 def test_bad_input_is_refused(call, match):
     with pytest.raises(ValueError, match=match):
         call()

@@ -34,9 +34,11 @@ def test_what_is_best_depends_on_what_is_kept():
 
 @examples(15)
 @given(
-    cost=st.floats(10.0, 400.0), effort=st.floats(0.0, 300.0), fall=st.floats(0.0, 5.0),
+    cost=st.floats(10.0, 400.0),
+    effort=st.floats(0.0, 300.0),
+    fall=st.floats(0.0, 5.0),
     horizon=st.floats(0.1, 5.0),
-)  # fmt: skip
+)
 def test_rescaled_it_is_the_same_task_up_to_the_step(cost, effort, fall, horizon):
     way, off = Way(horizon=horizon, cost=cost, effort=effort, fall=fall), []
     walk, run = always(way, 1.0, 0.0, 0.0), always(way, 2.0, effort, fall)

@@ -113,9 +113,15 @@ def test_no_point_moves_farther_than_the_bound_says(seed) -> None:
 def test_an_arm_of_one_link_meets_a_sphere_where_geometry_says() -> None:
     chain = planar([1.0])
     chain = type(chain)(
-        chain.parent, chain.placement, chain.mass, chain.centre, chain.inertia,
-        lower=-3.0, upper=3.0, tool=chain.tool,
-    )  # fmt: skip
+        chain.parent,
+        chain.placement,
+        chain.mass,
+        chain.centre,
+        chain.inertia,
+        lower=-3.0,
+        upper=3.0,
+        tool=chain.tool,
+    )
     link = [(0, (0, 0, 0), (1.0, 0, 0), 0.1)]
     ball = [(contact.sphere(0.2), [0.0, 0.8, 0, 1, 0, 0, 0])]
     world = capsule_arm(ball, chain, link)

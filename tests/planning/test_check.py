@@ -95,8 +95,10 @@ def test_a_function_is_judged_at_the_points_that_its_resolution_asks_for() -> No
 def test_it_is_of_its_own_code() -> None:
     tree = ast.parse(inspect.getsource(check))
     taken = {
-        name.name for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)
-        and (node.module or "").startswith("course.planning") for name in node.names
-    }  # fmt: skip
+        name.name
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("course.planning")
+        for name in node.names
+    }
     # Columns of tables are data: what can be called is code.
     assert {name for name in taken if callable(getattr(check, name))} == {"World", "asked"}

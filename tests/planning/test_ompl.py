@@ -20,16 +20,27 @@ QUICK = [scenes.gap(0.1), scenes.discs(), scenes.arm()]
 
 def ours(scene: scenes.Scene, method: str, seed: int, budget: int = BUDGET) -> Plan:
     return plan(
-        scene.world, scene.start, scene.goal, method=method, budget=budget, rng=seed,
+        scene.world,
+        scene.start,
+        scene.goal,
+        method=method,
+        budget=budget,
+        rng=seed,
         step=scene.step,
-    )  # fmt: skip
+    )
 
 
 def theirs(scene: scenes.Scene, method: str, seed: int, budget: int = BUDGET) -> Any:
     return ompl.solve(
-        scene.world.bounds, scene.start, scene.goal, method, scene.step, budget, seed,
+        scene.world.bounds,
+        scene.start,
+        scene.goal,
+        method,
+        scene.step,
+        budget,
+        seed,
         *ompl.tests(scene.world),
-    )  # fmt: skip
+    )
 
 
 def power(sample: np.ndarray, share: float = 0.95, draws: int = 200) -> float:
@@ -124,8 +135,10 @@ def test_rrt_star_is_as_long_after_the_same_samples() -> None:
     other = [theirs(scene, "rrt_star", seed, budget) for seed in seeds]
     for answer in other:
         assert check_path(scene.world, answer.path.T, scene.start, scene.goal)
-    lengths = [float(np.median([p.cost for p in mine])),
-               float(np.median([length(p.path.T) for p in other]))]  # fmt: skip
+    lengths = [
+        float(np.median([p.cost for p in mine])),
+        float(np.median([length(p.path.T) for p in other])),
+    ]
     assert lengths[0] == pytest.approx(lengths[1], rel=0.03)
     checks = [np.median([p.edge_checks for p in mine]), np.median([p.checks for p in other])]
     assert checks[0] == pytest.approx(checks[1], rel=0.25)
@@ -160,9 +173,16 @@ def test_points_along_an_edge_pass_what_an_exact_test_stops() -> None:
     wrong = 0
     for seed in range(1, 21):
         answer = ompl.solve(
-            scene.world.bounds, scene.start, scene.goal, "rrt_connect", scene.step, BUDGET, seed,
-            ompl.plain(scene.world), None,
-        )  # fmt: skip
+            scene.world.bounds,
+            scene.start,
+            scene.goal,
+            "rrt_connect",
+            scene.step,
+            BUDGET,
+            seed,
+            ompl.plain(scene.world),
+            None,
+        )
         path = None if answer.path is None else answer.path.T
         wrong += not check_path(scene.world, path, scene.start, scene.goal)
     assert wrong >= 15  # a wall of 0.05 m among points 0.14 m apart
@@ -180,8 +200,10 @@ def test_an_approximate_answer_is_true_there() -> None:
 def test_what_ompl_chooses_where_nothing_is_said() -> None:
     chosen = ompl.defaults()
     assert chosen == {
-        "planner": "LBKPIECE1", "range": pytest.approx(0.2), "resolution": 0.01,
+        "planner": "LBKPIECE1",
+        "range": pytest.approx(0.2),
+        "resolution": 0.01,
         "goal_bias": 0.05,
-    }  # fmt: skip
+    }
     with pytest.raises(ValueError, match="method"):
         theirs(SCENES[0], "prm", 1)

@@ -136,9 +136,15 @@ def test_queries_of_a_cached_roadmap_while_an_obstacle_moves(attach) -> None:
         start, goal = asked.query(rng)
         world = asked.disturbed(rng, start, goal) if k % 2 else asked.world
         found = plan(
-            world, start, goal, method="roadmap", roadmap=roadmap, attach=attach, rng=k,
+            world,
+            start,
+            goal,
+            method="roadmap",
+            roadmap=roadmap,
+            attach=attach,
+            rng=k,
             budget=20_000,
-        )  # fmt: skip
+        )
         assert found.path is not None and check_path(world, found.path, start, goal)
     assert (roadmap.status == BLOCKED).sum() == blocked  # what a passing ball blocks is not kept
     assert found.path is not None

@@ -27,7 +27,7 @@ from course.simulations.planning.growing import (
     SOLVED,
     SPENT,
     STAR,
-)  # fmt: skip
+)
 
 METHODS = (RRT, CONNECT, STAR, PRM)
 STEP, PLAN, SHORTCUT, RESET = (  # where one clicks
@@ -148,9 +148,14 @@ def test_the_notes_of_the_presets_hold():
     def samples(preset, **values):
         """Of five seeds the median; what is spent counts as more than any."""
         runs = [planned(preset, seed=seed, **values) for seed in range(5)]
-        return float(np.median([
-            r.state["counts"][SAMPLES] if r.state["became"] == SOLVED else math.inf for r in runs
-        ]))  # fmt: skip
+        return float(
+            np.median(
+                [
+                    r.state["counts"][SAMPLES] if r.state["became"] == SOLVED else math.inf
+                    for r in runs
+                ]
+            )
+        )
 
     trap = samples("Bug trap", method=RRT)
     assert samples("Bug trap", method=CONNECT) < 0.5 * trap

@@ -99,8 +99,10 @@ def test_what_is_called_free_is_proved_free_by_the_chapter_and_by_the_judge(rng,
     if share > 0.0:
         assert check_path(world, np.column_stack((a, a + share * (b - a))))
     if share < 1.0:
-        nudged = [check_path(world, (a + min(share + d, 1.0) * (b - a))[:, None])
-                  for d in (0.0, 1e-6, 1e-4, 1e-2)]  # fmt: skip
+        nudged = [
+            check_path(world, (a + min(share + d, 1.0) * (b - a))[:, None])
+            for d in (0.0, 1e-6, 1e-4, 1e-2)
+        ]
         assert not all(nudged) or np.abs(b - a).max() < 1e-3
 
 
@@ -112,8 +114,15 @@ def test_what_is_called_free_is_proved_free_by_the_chapter_and_by_the_judge(rng,
 def test_two_trees_are_those_of_the_chapter_with_the_same_draws(rng, seed, step):
     discs = clutter(rng)
     world = plane(BOUNDS, discs)
-    found = plan(world, scenes.START, scenes.GOAL, method="rrt_connect", budget=200,
-                 rng=np.random.default_rng(seed), step=step)  # fmt: skip
+    found = plan(
+        world,
+        scenes.START,
+        scenes.GOAL,
+        method="rrt_connect",
+        budget=200,
+        rng=np.random.default_rng(seed),
+        step=step,
+    )
     samples = np.random.default_rng(seed).uniform(BOUNDS[0], BOUNDS[1], (200, 2))
     path, sizes = solutions.rrt_connect(scenes.START, scenes.GOAL, discs, samples, step)
     assert found.solved == bool(len(path)) and sizes.sum() == found.nodes.shape[1]

@@ -23,9 +23,14 @@ SCENES = scenes.all_scenes()
 
 def asked(scene, method: str, budget=1500, rng=0, **options) -> Plan:
     return plan(
-        scene.world, scene.start, scene.goal, method=method, budget=budget, rng=rng,
+        scene.world,
+        scene.start,
+        scene.goal,
+        method=method,
+        budget=budget,
+        rng=rng,
         **{"step": scene.step, **options},
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.slow
@@ -56,9 +61,15 @@ def test_rrt_is_the_drill(seed: int, step: float) -> None:
         start, goal, discs, bounds, step, 400, np.random.default_rng(seed)
     )
     found = plan(
-        plane(bounds, discs), start, goal, method="rrt", budget=400,
-        rng=np.random.default_rng(seed), step=step, goal_bias=drills.GOAL_BIAS,
-    )  # fmt: skip
+        plane(bounds, discs),
+        start,
+        goal,
+        method="rrt",
+        budget=400,
+        rng=np.random.default_rng(seed),
+        step=step,
+        goal_bias=drills.GOAL_BIAS,
+    )
     np.testing.assert_allclose(found.nodes.T, nodes, atol=1e-12)
     assert np.array_equal(found.parents, parents) and found.samples == len(samples)
     assert found.solved == (path is not None)
@@ -97,9 +108,11 @@ def test_what_is_wrong_with_start_or_goal_is_named() -> None:
     world = plane(scenes.SQUARE, discs=[[5, 5, 1]])
     inside, outside, free = [5.0, 5.5], [5.0, 11.0], [1.0, 1.0]
     for begin, end, status in (
-        (inside, free, "start in collision"), (free, inside, "goal in collision"),
-        (outside, free, "start out of bounds"), (free, outside, "goal out of bounds"),
-    ):  # fmt: skip
+        (inside, free, "start in collision"),
+        (free, inside, "goal in collision"),
+        (outside, free, "start out of bounds"),
+        (free, outside, "goal out of bounds"),
+    ):
         for method in TREES:
             found = plan(world, begin, end, method=method)
             assert (found.status, found.path, found.samples) == (status, None, 0)
@@ -128,14 +141,21 @@ def test_a_region_is_reached_anywhere(method) -> None:
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        ({"start": [1.0]}, "start"), ({"goal": [1.0, np.nan]}, "goal"), ({"budget": 0}, "budget"),
-        ({"budget": 1.5}, "budget"), ({"method": "a_star"}, "method"), ({"step": 0.0}, "step"),
-        ({"goal_bias": 1.5}, "goal_bias"), ({"sampler": "sobol"}, "sampler"),
-        ({"stepp": 1.0}, "stepp"), ({"spread": -1.0}, "spread"), ({"world": 3}, "world"),
+        ({"start": [1.0]}, "start"),
+        ({"goal": [1.0, np.nan]}, "goal"),
+        ({"budget": 0}, "budget"),
+        ({"budget": 1.5}, "budget"),
+        ({"method": "a_star"}, "method"),
+        ({"step": 0.0}, "step"),
+        ({"goal_bias": 1.5}, "goal_bias"),
+        ({"sampler": "sobol"}, "sampler"),
+        ({"stepp": 1.0}, "stepp"),
+        ({"spread": -1.0}, "spread"),
+        ({"world": 3}, "world"),
         ({"goal": Region(np.ones(2), np.zeros(2))}, "goal.low"),
         ({"goal": Region(np.ones(2), 2 * np.ones(2)), "method": "informed_rrt_star"}, "goal"),
     ],
-)  # fmt: skip
+)
 def test_a_wrong_question_is_refused_and_named(change, named) -> None:
     question = {"world": plane(scenes.SQUARE), "start": [3.0, 3.0], "goal": [9.0, 9.0], **change}
     with pytest.raises(ValueError, match=named):
@@ -147,9 +167,12 @@ def test_a_wrong_question_is_refused_and_named(change, named) -> None:
 # --- RRT* -----------------------------------------------------------------------------------------
 
 ONE_DISC = scenes.Scene(
-    "one disc", plane(scenes.SQUARE, discs=[[5, 5, 2]]), np.array([1.0, 5.0]),
-    np.array([9.0, 5.0]), 2.0,
-)  # fmt: skip
+    "one disc",
+    plane(scenes.SQUARE, discs=[[5, 5, 2]]),
+    np.array([1.0, 5.0]),
+    np.array([9.0, 5.0]),
+    2.0,
+)
 # Two tangents of sqrt(d^2 - r^2) and the arc between them.
 OPTIMUM = 2 * math.sqrt(12) + 2 * (math.pi - 2 * math.acos(0.5))
 

@@ -22,7 +22,7 @@ from course.planning import (
     plane,
     scenes,
     state_free,
-)  # fmt: skip
+)
 from course.planning.worlds import CLEARANCE, FLOOR
 from tests.budget import examples
 

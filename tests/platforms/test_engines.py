@@ -81,10 +81,17 @@ def test_energy_in_the_closed_forms() -> None:
 def test_degrees_of_freedom_and_units() -> None:
     found = {name: (make().dof, make().unit) for name, make in SCENES.items()}
     assert found == {
-        "tumble": (6, "rad"), "chain": (6, "rad"), "arm": (7, "rad"), "drop": (6, "m"),
-        "rest": (6, "m"), "slide": (6, "m"), "brake": (6, "m"), "tower": (30, "m"),
-        "grasp": (8, "m"), "field": (384, "m"),
-    }  # fmt: skip
+        "tumble": (6, "rad"),
+        "chain": (6, "rad"),
+        "arm": (7, "rad"),
+        "drop": (6, "m"),
+        "rest": (6, "m"),
+        "slide": (6, "m"),
+        "brake": (6, "m"),
+        "tower": (30, "m"),
+        "grasp": (8, "m"),
+        "field": (384, "m"),
+    }
 
 
 def test_what_is_no_scene_is_refused() -> None:
@@ -125,8 +132,9 @@ def test_a_thrown_spinning_body_keeps_to_the_conventions(engine) -> None:
     np.testing.assert_allclose(state.v[:, 0], [1, 2, 3 - GRAVITY, 0, 0, 0.5], atol=1e-9)
     turn = np.array([math.cos(0.25), 0.0, -math.sin(0.25), 0.0])  # half a radian about -y
     w, x, y, z = turn
-    wanted = np.array([w * half - x * half, w * half + x * half, y * half + z * half,
-                       z * half - y * half])  # fmt: skip
+    wanted = np.array(
+        [w * half - x * half, w * half + x * half, y * half + z * half, z * half - y * half]
+    )
     found = state.q[3:, 0] * np.sign(state.q[3, 0] * wanted[0])
     np.testing.assert_allclose(found, wanted, atol=1e-9)
 
@@ -244,9 +252,13 @@ def test_contacts_are_the_same_whichever_body_is_told_first() -> None:
 def test_forces_are_told_by_their_parts() -> None:
     one = np.ones((3, 1))
     report = ContactReport(
-        np.array([[-1], [0]]), one, np.array([[0.0], [0.0], [1.0]]), np.zeros(1),
-        np.array([[3.0], [4.0], [-2.0]]), 0.0 * one,
-    )  # fmt: skip
+        np.array([[-1], [0]]),
+        one,
+        np.array([[0.0], [0.0], [1.0]]),
+        np.zeros(1),
+        np.array([[3.0], [4.0], [-2.0]]),
+        0.0 * one,
+    )
     assert report.normal_force == [-2.0]
     np.testing.assert_allclose(report.tangential_force[:, 0], [3.0, 4.0, 0.0])
     assert report.only(np.array([False])).gap.size == 0

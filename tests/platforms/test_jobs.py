@@ -32,8 +32,12 @@ def with_errors(scene: str, engine: str, error: float):
 def test_there_are_seven_jobs_and_the_page_shows_what_is_computed_for_each() -> None:
     assert set(jobs.JOBS) == {*MEASURED, *UNKNOWN} and len(jobs.JOBS) == 7
     page = json.loads((ROOT / "notebooks" / "03_platforms.ipynb").read_text(encoding="utf-8"))
-    shown = ["".join(o["data"].get("text/markdown", "")) for cell in page["cells"]
-             for o in cell.get("outputs", []) if "data" in o]  # fmt: skip
+    shown = [
+        "".join(o["data"].get("text/markdown", ""))
+        for cell in page["cells"]
+        for o in cell.get("outputs", [])
+        if "data" in o
+    ]
     (lines,) = (text.splitlines()[2:] for text in shown if text.startswith("| Job | Pick | Why |"))
     assert lines == ["| " + " | ".join((job, *jobs.told(job))) + " |" for job in jobs.JOBS]
 

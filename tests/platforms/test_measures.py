@@ -231,8 +231,9 @@ def test_creep_is_compliance_times_load_over_damping(cone: str) -> None:
 
 
 def test_the_law_of_creep_ends_where_an_edge_of_the_pyramid_lets_go() -> None:
-    measured, law = creeping(0.3, cone="pyramidal", impratio=1.0, solref=(0.02, 1.0),
-                             solimp=(0.9, 0.95, 0.001, 0.5, 2.0))  # fmt: skip
+    measured, law = creeping(
+        0.3, cone="pyramidal", impratio=1.0, solref=(0.02, 1.0), solimp=(0.9, 0.95, 0.001, 0.5, 2.0)
+    )
     assert measured > 1.2 * law
 
 

@@ -13,17 +13,43 @@ from tests import optional
 BY_NAME = {model.name: model for model in MODELS}
 # Of the readers besides ours, what is said of them in the course; "-" is any other row.
 EXPECTED = {
-    "Pinocchio": {"NaN mass": "warned", "triangle": "swallowed", "mimic": "swallowed",
-                  "zero axis": "swallowed", "swapped limits": "swallowed", "friction": "kept"},
-    "MuJoCo": {"infinite mass": "swallowed", "fixed negative": "repaired", "NaN axis": "warned",
-               "swapped limits": "repaired", "negative damping": "swallowed", "mimic": "kept",
-               "triangle": "refused", "friction": "kept"},
-    "Drake": {"negative mass": "warned", "triangle": "warned", "comma": "repaired",
-              "swapped limits": "refused", "friction": "warned", "mimic": "kept"},
-    "PyBullet": {"NaN mass": "swallowed", "negative mass": "swallowed", "zero axis": "swallowed",
-                 "triangle": "warned", "two parents": "crashed", "long line": "refused",
-                 "friction": "swallowed", "mimic": "swallowed"},
-}  # fmt: skip
+    "Pinocchio": {
+        "NaN mass": "warned",
+        "triangle": "swallowed",
+        "mimic": "swallowed",
+        "zero axis": "swallowed",
+        "swapped limits": "swallowed",
+        "friction": "kept",
+    },
+    "MuJoCo": {
+        "infinite mass": "swallowed",
+        "fixed negative": "repaired",
+        "NaN axis": "warned",
+        "swapped limits": "repaired",
+        "negative damping": "swallowed",
+        "mimic": "kept",
+        "triangle": "refused",
+        "friction": "kept",
+    },
+    "Drake": {
+        "negative mass": "warned",
+        "triangle": "warned",
+        "comma": "repaired",
+        "swapped limits": "refused",
+        "friction": "warned",
+        "mimic": "kept",
+    },
+    "PyBullet": {
+        "NaN mass": "swallowed",
+        "negative mass": "swallowed",
+        "zero axis": "swallowed",
+        "triangle": "warned",
+        "two parents": "crashed",
+        "long line": "refused",
+        "friction": "swallowed",
+        "mimic": "swallowed",
+    },
+}
 
 
 def test_there_are_models_of_each_kind_and_each_is_one_change_of_the_sound_one() -> None:
@@ -78,18 +104,28 @@ def test_what_a_reader_does(reader) -> None:
 
 def test_a_verdict_follows_from_what_was_loaded() -> None:
     sound = {
-        "masses": [1.0], "moments": [[0.02] * 3], "places": [[0.0] * 3], "axes": [[0, 1, 0]],
-        "limits": [[-1, 2]], "damping": [0.0], "friction": [], "dof": 2, "mimic": False,
-    }  # fmt: skip
+        "masses": [1.0],
+        "moments": [[0.02] * 3],
+        "places": [[0.0] * 3],
+        "axes": [[0, 1, 0]],
+        "limits": [[-1, 2]],
+        "damping": [0.0],
+        "friction": [],
+        "dof": 2,
+        "mimic": False,
+    }
     faulty, feature = BY_NAME["NaN mass"], BY_NAME["mimic"]
     assert verdict(faulty, Reading(crashed=True)) == "crashed"
     assert verdict(faulty, Reading(refused="no")) == "refused"
     assert verdict(faulty, Reading(said="hm", facts=sound)) == "warned"
     assert verdict(faulty, Reading(facts=sound)) == "repaired"
     for key, value in {
-        "masses": [float("nan")], "moments": [[0.02, 0.02, 0.2]], "axes": [[0, 0, 0]],
-        "limits": [[2, -1]], "damping": [-1.0],
-    }.items():  # fmt: skip
+        "masses": [float("nan")],
+        "moments": [[0.02, 0.02, 0.2]],
+        "axes": [[0, 0, 0]],
+        "limits": [[2, -1]],
+        "damping": [-1.0],
+    }.items():
         assert verdict(faulty, Reading(facts={**sound, key: value})) == "swallowed", key
     assert verdict(feature, Reading(facts=sound)) == "swallowed"
     assert verdict(feature, Reading(facts={**sound, "mimic": True})) == "kept"

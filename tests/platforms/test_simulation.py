@@ -56,8 +56,9 @@ def test_the_presets_show_what_their_notes_say():
 def test_an_area_depends_on_the_order_of_the_axes_and_the_axes_do_not():
     orders = [(0, *rest) for rest in itertools.permutations(range(1, 5))]
     assert sim.area(np.ones(5)) == pytest.approx(1.0)
-    sums = {order: sum(sim.area(FOUND.radar[e, list(order), 1]) for e in range(4))
-            for order in orders}  # fmt: skip
+    sums = {
+        order: sum(sim.area(FOUND.radar[e, list(order), 1]) for e in range(4)) for order in orders
+    }
     assert sums[tuple(sim.ORDERS[1].tolist())] == pytest.approx(max(sums.values()))
 
 

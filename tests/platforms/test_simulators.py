@@ -18,8 +18,12 @@ from course.oracles.quiet import quiet
 from course.platforms import AS_SHIPPED, FAIR, NO_CONTACTS, measures, prepared, scenes
 from tests import optional
 
-SEMI_IMPLICIT = {"own code": "semi_implicit_euler", "MuJoCo": "Euler", "Drake": "discrete",
-                 "PyBullet": "semi-implicit Euler"}  # fmt: skip
+SEMI_IMPLICIT = {
+    "own code": "semi_implicit_euler",
+    "MuJoCo": "Euler",
+    "Drake": "discrete",
+    "PyBullet": "semi-implicit Euler",
+}
 Version = namedtuple("Version", "major minor")
 OTHERS = [pytest.param(name, marks=pytest.mark.optional) for name in ("Drake", "PyBullet")]
 

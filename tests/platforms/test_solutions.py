@@ -147,8 +147,10 @@ def test_what_mujoco_loads_is_what_its_file_says_and_a_change_is_found():
     def link(k, inner=""):
         upper = inertias[k][[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
         full, mass = " ".join(map(str, upper.tolist())), str(masses[k])
-        return (f'<body name="{names[k]}"><joint/><inertial pos=".1 .2 0" mass="{mass}" '
-                f'fullinertia="{full}"/>{inner}</body>')  # fmt: skip
+        return (
+            f'<body name="{names[k]}"><joint/><inertial pos=".1 .2 0" mass="{mass}" '
+            f'fullinertia="{full}"/>{inner}</body>'
+        )
 
     tree = link(3, link(0) + link(5, link(1))) + link(4) + link(2)
     model = mujoco.MjModel.from_xml_string(f"<mujoco><worldbody>{tree}</worldbody></mujoco>")

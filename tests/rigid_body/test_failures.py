@@ -121,8 +121,10 @@ def test_boundary_of_alternating_steps(other):
     assert edge < 2.0
     measured = stability.limit(
         lambda h: drift.measured_pattern((h, other), 800)[0].max() < 1e6,
-        0.8 * edge, 1.02 * edge, rel=1e-3,
-    )  # fmt: skip
+        0.8 * edge,
+        1.02 * edge,
+        rel=1e-3,
+    )
     assert measured == pytest.approx(edge, rel=5e-3)
 
 
@@ -223,9 +225,14 @@ def test_the_ball_sinks_in_by_a_third_of_the_time_constant_times_its_speed():
 
 def test_the_chart_of_tunnelling_agrees_with_its_theory():
     left, right = build(
-        "tunnelling", ratios=(0.8, 2.0, 5.0), balls=10_000, swept=10, phases=100,
-        steps=(1e-3, 2e-3), walls=((0.02, 0.01),),
-    )  # fmt: skip
+        "tunnelling",
+        ratios=(0.8, 2.0, 5.0),
+        balls=10_000,
+        swept=10,
+        phases=100,
+        steps=(1e-3, 2e-3),
+        walls=((0.02, 0.01),),
+    )
     for label in ("point, checked", "MuJoCo, one-step"):
         assert left[label].y == pytest.approx(left[label].expected, abs=0.02)
     assert left["impact as an event"].y == [0.0, 0.0, 0.0]

@@ -452,9 +452,13 @@ def test_detected_late_is_of_first_order_and_resolved_is_exact() -> None:
                 y0, v0 = 0.1 + drop - 0.5 * G * shift**2, -G * shift
                 state = np.array([[0, y0, 0, 0, v0, 0.0]]).T
                 state, _ = advance_boxes(
-                    state, box_parameters(restitution=e), end / n, int(n),
-                    integrator="velocity_verlet", resolve_impacts=resolve,
-                )  # fmt: skip
+                    state,
+                    box_parameters(restitution=e),
+                    end / n,
+                    int(n),
+                    integrator="velocity_verlet",
+                    resolve_impacts=resolve,
+                )
                 later = u + shift
                 found.append(state[1, 0] - (0.1 + e * G * t1 * later - 0.5 * G * later**2))
             rms.append(np.sqrt(np.mean(np.square(found))))
@@ -606,9 +610,15 @@ def test_a_box_on_its_corner_falls_like_a_pendulum_and_comes_to_rest() -> None:
         ("semi_implicit_euler", (2e-4, 6e-6, 4e-7)),
     ):
         body = box(
-            radius * math.cos(arm + angle0), radius * math.sin(arm + angle0), angle0, 0, 0, 0,
-            friction=5.0, restitution=0.3,
-        )  # fmt: skip
+            radius * math.cos(arm + angle0),
+            radius * math.sin(arm + angle0),
+            angle0,
+            0,
+            0,
+            0,
+            friction=5.0,
+            restitution=0.3,
+        )
         for _ in range(1000):
             body.step(t / 1000, integrator=integrator)
         assert abs(body.state[2] - want[0]) < tolerance[0]
@@ -671,11 +681,20 @@ def test_energy_and_corners() -> None:
 @pytest.mark.parametrize(
     "name, value",
     [
-        ("mass", 0.0), ("mass", -1.0), ("mass", math.nan), ("width", 0.0), ("height", math.inf),
-        ("inertia", -1.0), ("friction", -0.1), ("restitution", 1.1), ("restitution", -0.1),
-        ("rest_speed", -1.0), ("state", np.zeros(5)), ("state", np.full(6, math.nan)),
+        ("mass", 0.0),
+        ("mass", -1.0),
+        ("mass", math.nan),
+        ("width", 0.0),
+        ("height", math.inf),
+        ("inertia", -1.0),
+        ("friction", -0.1),
+        ("restitution", 1.1),
+        ("restitution", -0.1),
+        ("rest_speed", -1.0),
+        ("state", np.zeros(5)),
+        ("state", np.full(6, math.nan)),
     ],
-)  # fmt: skip
+)
 def test_bad_parameters_are_named(name: str, value: Any) -> None:
     arguments: dict[str, Any] = {name: value}
     with pytest.raises(ValueError, match=name):

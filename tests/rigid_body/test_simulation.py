@@ -58,9 +58,11 @@ def test_restitution_sets_the_bounce_height(restitution):
     # A flat drop of 2 m: it hits at sqrt(2 h / g) and rises to e^2 h.
     fall = np.sqrt(2 * 2.0 / 9.8)
     state = after(
-        fall * (1.0 + restitution) + 0.002, restitution=restitution,
-        integrator="velocity Verlet", start=(0.0, 2.2, 0, 0, 0, 0),
-    )  # fmt: skip
+        fall * (1.0 + restitution) + 0.002,
+        restitution=restitution,
+        integrator="velocity Verlet",
+        start=(0.0, 2.2, 0, 0, 0, 0),
+    )
     assert height(state) - 0.2 == pytest.approx(2.0 * restitution**2, abs=1e-4)
 
 
@@ -85,9 +87,14 @@ def test_timestep_and_integrator_change_the_flight():
 def test_every_control_changes_the_picture():
     picture = Experiment(MODEL).picture().data.tobytes()
     for change in (
-        {"gravity": 9.9}, {"restitution": 0.71}, {"timestep": 2.5}, {"friction": 0.1},
-        {"integrator": "RK4"}, {"resolve_impacts": False}, {"start": FLAT},
-    ):  # fmt: skip
+        {"gravity": 9.9},
+        {"restitution": 0.71},
+        {"timestep": 2.5},
+        {"friction": 0.1},
+        {"integrator": "RK4"},
+        {"resolve_impacts": False},
+        {"start": FLAT},
+    ):
         assert Experiment(MODEL, **change).picture().data.tobytes() != picture, change
 
 

@@ -75,8 +75,10 @@ def chains(draw):
 def test_events_happen_when_a_grid_of_time_says_so(drawn):
     stages, offsets = drawn
     n, ticks = len(stages), 400
-    phases = [(o + k / n) * TICK / s.period if s.period else 0.0
-              for k, (s, o) in enumerate(zip(stages, offsets, strict=True))]  # fmt: skip
+    phases = [
+        (o + k / n) * TICK / s.period if s.period else 0.0
+        for k, (s, o) in enumerate(zip(stages, offsets, strict=True))
+    ]
     found = simulate(stages, phases, seconds=2 * ticks * TICK)
     published, captured = on_a_grid(stages, offsets, ticks)
     # Where results overtake one another the newest counts; the grid's order of equals is its own.
@@ -179,8 +181,11 @@ def test_clocks_that_drift_make_a_sawtooth(ppm):
     """Its height is one period T, its length T over the drift; the mean is right over a beat."""
     T = 1 / 30
     beat = T / (ppm * 1e-6)
-    run = simulate([Stage("camera", 0.001, T), Stage("reader", 1e-6, T * (1 + ppm * 1e-6))],
-                   [0.0, 0.3], seconds=2.2 * beat)  # fmt: skip
+    run = simulate(
+        [Stage("camera", 0.001, T), Stage("reader", 1e-6, T * (1 + ppm * 1e-6))],
+        [0.0, 0.3],
+        seconds=2.2 * beat,
+    )
     at_read = run.published - run.captured
     jumps = run.published[1:][np.abs(np.diff(at_read)) > 0.5 * T]
     assert np.diff(jumps) == pytest.approx(beat, rel=1e-3)
@@ -328,10 +333,12 @@ def test_the_graph_is_whole_and_its_loops_run_through_the_robot():
         (lambda: Edge("robot", "control", "q", 1.0, 1, 1, "firm"), "deadline of q"),
         (lambda: role.around("kitchen"), "box is 'kitchen'"),
         (lambda: check_stack(STACK[1:8]), "nothing into or out of"),
-        (lambda: check_stack([*STACK, Edge("control", "planning", "status", 1.0, 8)]),
-         "a loop among control, planning"),
+        (
+            lambda: check_stack([*STACK, Edge("control", "planning", "status", 1.0, 8)]),
+            "a loop among control, planning",
+        ),
     ],
-)  # fmt: skip
+)
 def test_bad_input_is_named(bad, words):
     with pytest.raises(ValueError, match=words):
         bad()

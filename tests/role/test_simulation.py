@@ -10,11 +10,17 @@ from course.simulations.role import MODEL, development, stack
 
 def stages(controls):
     """The chain that the controls describe."""
-    see = Stage("see", controls["seeing"] / 1000, 1 / 30, 1,
-                "pipelined" if controls["parallel"] else "skip")  # fmt: skip
+    see = Stage(
+        "see", controls["seeing"] / 1000, 1 / 30, 1, "pipelined" if controls["parallel"] else "skip"
+    )
     arrival, depth = controls["trigger"] == 1, int(controls["depth"])
-    plan = Stage("plan", stack.PLAN, None if arrival else 1 / controls["rate"], depth,
-                 "queue" if arrival else "skip")  # fmt: skip
+    plan = Stage(
+        "plan",
+        stack.PLAN,
+        None if arrival else 1 / controls["rate"],
+        depth,
+        "queue" if arrival else "skip",
+    )
     return see, plan, Stage("loop", stack.LOOP, 1 / controls["loop"])
 
 
@@ -23,10 +29,13 @@ def settings():
     rng = np.random.default_rng(4)
     for _ in range(12):
         yield {
-            "seeing": float(rng.integers(1, 25) * 5), "parallel": bool(rng.integers(2)),
-            "rate": float(rng.integers(2, 33) / 2), "depth": int(rng.integers(1, 11)),
-            "trigger": int(rng.integers(2)), "loop": float(rng.integers(1, 21) * 50),
-        }  # fmt: skip
+            "seeing": float(rng.integers(1, 25) * 5),
+            "parallel": bool(rng.integers(2)),
+            "rate": float(rng.integers(2, 33) / 2),
+            "depth": int(rng.integers(1, 11)),
+            "trigger": int(rng.integers(2)),
+            "loop": float(rng.integers(1, 21) * 50),
+        }
 
 
 @pytest.mark.parametrize("values", list(settings()))
@@ -42,8 +51,9 @@ def test_its_lines_are_those_of_the_closed_form(values):
     assert run.state["ages"].sum() == pytest.approx(1.0)
 
 
-@pytest.mark.parametrize("values", [{}, {"parallel": False, "seeing": 80.0}, {"depth": 4},
-                                    {"trigger": 1, "depth": 3}])  # fmt: skip
+@pytest.mark.parametrize(
+    "values", [{}, {"parallel": False, "seeing": 80.0}, {"depth": 4}, {"trigger": 1, "depth": 3}]
+)
 def test_its_run_is_that_of_the_chapters_simulation(values):
     run = Experiment(MODEL, **values, locked=True, phase=0.35, loop=500.0)
     other = simulate(stages(run.controls), [0.4, 0.35, 0.0], seconds=stack.SPAN)
@@ -78,8 +88,10 @@ def test_the_pulse_gets_older_by_the_time_that_passes():
 
 def test_faster_loops_have_wider_edges_and_rates_follow_the_sliders():
     slow, fast = Experiment(MODEL, loop=50.0, box=5), Experiment(MODEL, loop=1000.0, box=5)
-    rates = [[stack._rate(k, run.controls, 1 / 30, 0.1) for k in range(len(stack._FROM))]
-             for run in (slow, fast)]  # fmt: skip
+    rates = [
+        [stack._rate(k, run.controls, 1 / 30, 0.1) for k in range(len(stack._FROM))]
+        for run in (slow, fast)
+    ]
     assert sum(a != b for a, b in zip(*rates, strict=True)) == 4
     assert stack._rate(4, slow.controls, 1 / 15, 0.2) == pytest.approx(15.0)
     assert stack._rate(5, slow.controls, 1 / 15, 0.2) == pytest.approx(5.0)

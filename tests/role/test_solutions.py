@@ -13,8 +13,13 @@ from tests.budget import examples
 
 
 @examples(40)
-@given(st.lists(st.tuples(st.floats(0.001, 0.01), st.sampled_from((0.0, 0.02, 0.05, 0.11))),
-                min_size=1, max_size=6))  # fmt: skip
+@given(
+    st.lists(
+        st.tuples(st.floats(0.001, 0.01), st.sampled_from((0.0, 0.02, 0.05, 0.11))),
+        min_size=1,
+        max_size=6,
+    )
+)
 def test_ages_are_those_of_the_chapter(stages):
     C, T = np.array(stages).T
     T[0] = T[0] or 0.03
@@ -43,8 +48,9 @@ def test_the_critical_path_is_the_longest_of_all(seed):
     latency = {pair: t for pair, t in zip(pairs, taken, strict=True)}
     ways = [
         list(itertools.pairwise((0, *middle, n - 1)))
-        for k in range(n - 1) for middle in itertools.combinations(range(1, n - 1), k)
-    ]  # fmt: skip
+        for k in range(n - 1)
+        for middle in itertools.combinations(range(1, n - 1), k)
+    ]
     ways = [way for way in ways if all(pair in latency for pair in way)]
     longest = max(ways, key=lambda way: sum(latency[pair] for pair in way))
     late = [pairs.index(p) for p in longest if latency[p] > allowed[pairs.index(p)]]

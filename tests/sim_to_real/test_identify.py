@@ -41,8 +41,11 @@ def runs():
     return [fit(arm, record(seed=seed), GUESS, FREE) for seed in range(RUNS)]
 
 
-@given(st.floats(0.6, 1.6), st.lists(st.floats(-0.05, 0.05), min_size=3, max_size=3),
-       st.lists(st.floats(0.3, 3.0), min_size=2, max_size=2))  # fmt: skip
+@given(
+    st.floats(0.6, 1.6),
+    st.lists(st.floats(-0.05, 0.05), min_size=3, max_size=3),
+    st.lists(st.floats(0.3, 3.0), min_size=2, max_size=2),
+)
 @examples(6)
 def test_without_noise_the_truth_comes_back_from_afar(heavy, off, damping):
     factors = [*(heavy * (1.0 + x) for x in off), *damping]
@@ -138,9 +141,15 @@ def test_excitation_is_told_before_it_is_measured():
         assert (off < 2.0 * claimed).all()
 
 
-@pytest.mark.parametrize("changed", [
-    {"f1": 0.1, "f2": 0.05}, {"f1": 0.01, "f2": 0.005}, {"delay": 0.01}, {"delay": 0.0005},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"f1": 0.1, "f2": 0.05},
+        {"f1": 0.01, "f2": 0.005},
+        {"delay": 0.01},
+        {"delay": 0.0005},
+    ],
+)
 def test_the_interval_lies_when_the_model_does_and_the_residual_tells(changed):
     log = record(**changed)
     found = fit(arm, log, GUESS, FREE)
@@ -248,16 +257,22 @@ T = np.arange(5.0)
 Q, U = np.zeros((2, 5)), np.zeros((2, 4))
 GAP = np.array([0.0, 1.0, 2.0, 4.0, 5.0])
 NAN = np.full((2, 5), np.nan)
-BAD = {"times.size": lambda: Log(T[:2], Q[:, :2], U[:, :1]), "measured": lambda: Log(T, NAN, U),
-    "measured.shape": lambda: Log(T, Q[:, 1:], U), "command.shape": lambda: Log(T, Q, Q),
-    "times[-1] - times[0]": lambda: Log(0.0 * T, Q, U), "times[3]": lambda: Log(GAP, Q, U),
-    "sent[3]": lambda: Log(T, Q, U, 1.02 * T[:-1]), "log": lambda: fit(arm, Log(T[:3], Q[:1, :3],
-    U[:, :2]), GUESS, FREE), "free": lambda: fit(arm, record(), GUESS, {"mass": (0.0, 1.0)}),
+BAD = {
+    "times.size": lambda: Log(T[:2], Q[:, :2], U[:, :1]),
+    "measured": lambda: Log(T, NAN, U),
+    "measured.shape": lambda: Log(T, Q[:, 1:], U),
+    "command.shape": lambda: Log(T, Q, Q),
+    "times[-1] - times[0]": lambda: Log(0.0 * T, Q, U),
+    "times[3]": lambda: Log(GAP, Q, U),
+    "sent[3]": lambda: Log(T, Q, U, 1.02 * T[:-1]),
+    "log": lambda: fit(arm, Log(T[:3], Q[:1, :3], U[:, :2]), GUESS, FREE),
+    "free": lambda: fit(arm, record(), GUESS, {"mass": (0.0, 1.0)}),
     "free ": lambda: fit(arm, record(), GUESS, FREE | {"a": (1.0, 1.0)}),
     "start['a']": lambda: fit(arm, record(), GUESS, FREE | {"a": (1.0, 2.0)}),
-    "start": lambda: fit(arm, record(), GUESS | {"b": 0.14}, FREE), "noise": lambda: excitation(arm,
-    {"": record()}, GUESS, FREE, 0.0), "columns[0]": lambda: fit(arm, record(), GUESS | {"a": -1.0},
-    {"c1": (0.0, 1.0)})}  # fmt: skip
+    "start": lambda: fit(arm, record(), GUESS | {"b": 0.14}, FREE),
+    "noise": lambda: excitation(arm, {"": record()}, GUESS, FREE, 0.0),
+    "columns[0]": lambda: fit(arm, record(), GUESS | {"a": -1.0}, {"c1": (0.0, 1.0)}),
+}
 
 
 @pytest.mark.parametrize("name", BAD)

@@ -17,9 +17,11 @@ STEADY = (20.0, 5.0, 2.5, 8.0, 2.0, 0.8)
 
 @examples(10)
 @given(
-    mass=st.floats(0.5, 2.0), payload=st.floats(0.0, 1.0), viscous=st.floats(0.0, 3.0),
+    mass=st.floats(0.5, 2.0),
+    payload=st.floats(0.0, 1.0),
+    viscous=st.floats(0.0, 3.0),
     seed=st.integers(0, 1000),
-)  # fmt: skip
+)
 def test_without_dry_friction_it_is_the_two_links_of_chapter_4(mass, payload, viscous, seed):
     rng = np.random.default_rng(seed)
     arm = TwoLink(
@@ -28,8 +30,10 @@ def test_without_dry_friction_it_is_the_two_links_of_chapter_4(mass, payload, vi
     start, torques = rng.uniform(-1.0, 1.0, 4), rng.uniform(-2.0, 2.0, (40, 2))
     body = Plants(mass, payload, viscous).columns()
     got = driven(body, torques, start)
-    states = [control.rollouts(arm, torques[None], 0.01, (start[:2], start[2:]),
-        substeps=n) for n in (2, 40)]  # fmt: skip
+    states = [
+        control.rollouts(arm, torques[None], 0.01, (start[:2], start[2:]), substeps=n)
+        for n in (2, 40)
+    ]
     for (q, v), allowed in zip(states, (1e-11, 1e-4), strict=True):  # its own steps, and finer ones
         assert np.abs(got.q[:, 0] - q[:, :, 0].T).max() < allowed
         assert np.abs(got.v[:, 0] - v[:, :, 0].T).max() < 10.0 * allowed
@@ -37,9 +41,12 @@ def test_without_dry_friction_it_is_the_two_links_of_chapter_4(mass, payload, vi
 
 @examples(15)
 @given(
-    coulomb=st.floats(0.0, 0.6), delay=st.floats(0.0, 0.05), factor=st.floats(0.3, 1.2),
-    kp=st.floats(2.0, 12.0), goal=st.floats(-1.0, 1.0),
-)  # fmt: skip
+    coulomb=st.floats(0.0, 0.6),
+    delay=st.floats(0.0, 0.05),
+    factor=st.floats(0.3, 1.2),
+    kp=st.floats(2.0, 12.0),
+    goal=st.floats(-1.0, 1.0),
+)
 def test_with_the_other_joint_held_it_is_the_exact_joint_of_chapter_6(
     coulomb, delay, factor, kp, goal
 ):
@@ -48,8 +55,9 @@ def test_with_the_other_joint_held_it_is_the_exact_joint_of_chapter_6(
     body[5:7] = [[HELD], [coulomb]]
     gains = Gains(kp, 2.0, 0.8, plants.FILTER, -3.0, 3.0)
     joint = Joint(body[2, 0] / factor, body[4, 0] / factor, coulomb=coulomb / factor)
-    truth = run_joint(joint, Actuator(delay=delay), Encoder(), gains, 1.2 + goal, 0.01, 0.9,
-                      start=(1.2, 0.0, 0.0))  # fmt: skip
+    truth = run_joint(
+        joint, Actuator(delay=delay), Encoder(), gains, 1.2 + goal, 0.01, 0.9, start=(1.2, 0.0, 0.0)
+    )
     sent = driven(body, np.stack([0.0 * truth.command, truth.command], 1), (0.4, 1.2, 0, 0))
     assert np.all(sent.q[0] == 0.4)
     assert np.abs(sent.q[1, 0] - truth.q).max() < 1e-7
@@ -74,8 +82,10 @@ def test_the_policy_is_chapter_6s_controller_at_each_joint_and_its_commands_repl
 
 @examples(15)
 @given(
-    coulomb=st.floats(0.0, 1.0), payload=st.floats(0.0, 1.0), seed=st.integers(0, 1000),
-)  # fmt: skip
+    coulomb=st.floats(0.0, 1.0),
+    payload=st.floats(0.0, 1.0),
+    seed=st.integers(0, 1000),
+)
 def test_the_work_of_the_motors_is_motion_or_heat(coulomb, payload, seed):
     """Over each sample in which no joint turns back: torque and dry friction are constant then."""
     rng = np.random.default_rng(seed)
@@ -138,8 +148,9 @@ def test_one_stands_for_all_and_sets_of_gains_are_rows():
         alone = rollouts(many, sets[:, k], posed)
         assert np.array_equal(both.error[k], alone.error)
         assert both.rate[k] == alone.rate
-    picked = rollouts(many.take(np.arange(20) == 7), STEADY, Tasks(posed.start[:, 7:8],
-                      posed.goal[:, 7:8]))  # fmt: skip
+    picked = rollouts(
+        many.take(np.arange(20) == 7), STEADY, Tasks(posed.start[:, 7:8], posed.goal[:, 7:8])
+    )
     assert picked.success.shape == (1,)
 
 

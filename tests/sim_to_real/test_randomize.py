@@ -43,8 +43,12 @@ def test_every_array_is_that_of_a_model_compiled_with_the_new_values(seed: int) 
     model, data = scene()
     default = copy.copy(model)
     DomainRandomizer(model).randomize(data, np.random.default_rng(seed))
-    truth = oracle.recompiled(oracle.SCENE, factors(model, default), friction=model.geom_friction[0,
-        0], damping=model.dof_damping[model.jnt_dofadr])  # fmt: skip
+    truth = oracle.recompiled(
+        oracle.SCENE,
+        factors(model, default),
+        friction=model.geom_friction[0, 0],
+        damping=model.dof_damping[model.jnt_dofadr],
+    )
     ours, theirs = oracle.arrays(model), oracle.arrays(truth)
     assert ours.keys() == theirs.keys()
     for name in ours:
@@ -235,8 +239,10 @@ def test_dampings_and_mass_factors_have_the_distribution_asked_for() -> None:
 
 
 def test_a_damped_joint_stops_as_the_drawn_damping_says() -> None:
-    xml = ('<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="RK4"/><worldbody><body>'
-        '<joint axis="0 1 0"/><geom size="0.1" mass="1"/></body></worldbody></mujoco>')  # fmt: skip
+    xml = (
+        '<mujoco><option timestep="1e-3" gravity="0 0 0" integrator="RK4"/><worldbody><body>'
+        '<joint axis="0 1 0"/><geom size="0.1" mass="1"/></body></worldbody></mujoco>'
+    )
     model, data = scene(xml)
     DomainRandomizer(model).randomize(data, np.random.default_rng(10))
     data.qvel[0] = 2.0

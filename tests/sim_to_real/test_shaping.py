@@ -83,8 +83,10 @@ def test_the_grid_and_its_learner():
         assert np.abs(value.reshape(n, n) - expected).max() < 1e-12
     walk = grid(6)
     known = shaped(walk, value_iteration(walk).value)
-    runs = {name: [learning_steps(p, np.random.default_rng(seed), 10) for seed in range(5)]
-        for name, p in (("plain", walk), ("known", known))}  # fmt: skip
+    runs = {
+        name: [learning_steps(p, np.random.default_rng(seed), 10) for seed in range(5)]
+        for name, p in (("plain", walk), ("known", known))
+    }
     assert max(runs["known"]) < min(runs["plain"])
     assert np.isinf(learning_steps(walk, np.random.default_rng(0), 10, most=20))
 
@@ -95,8 +97,10 @@ def test_learning_with_a_potential_is_learning_that_starts_from_it(scale):
     walk, phi = grid(4, gamma=0.5), scale * np.arange(16) / 16.0
     phi[-1] = 0.0
     for seed in range(5):
-        runs = [learning_steps(p, np.random.default_rng(seed), 6, start=start) for p,
-            start in ((shaped(walk, phi), 0.0), (walk, phi))]  # fmt: skip
+        runs = [
+            learning_steps(p, np.random.default_rng(seed), 6, start=start)
+            for p, start in ((shaped(walk, phi), 0.0), (walk, phi))
+        ]
         assert runs[0] == runs[1] < np.inf
 
 

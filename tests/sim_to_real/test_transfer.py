@@ -85,8 +85,10 @@ def test_pairing_needs_fewer_and_its_interval_covers():
 
 @examples(20)
 @given(
-    gamma=st.floats(0.0, 0.98), eps=st.floats(0.001, 0.5), seed=st.integers(0, 10_000),
-)  # fmt: skip
+    gamma=st.floats(0.0, 0.98),
+    eps=st.floats(0.001, 0.5),
+    seed=st.integers(0, 10_000),
+)
 def test_no_pair_of_chains_passes_the_bound_and_the_worst_reaches_its_share(gamma, eps, seed):
     def value(P, r):
         return np.linalg.solve(np.eye(len(r)) - gamma * P, r)

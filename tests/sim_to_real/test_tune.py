@@ -35,9 +35,10 @@ def test_each_kind_of_range_has_its_distribution():
     )
     drawn = sampler(4000, np.random.default_rng(1))
     for values, low, high in (
-        (np.log(drawn.mass), np.log(0.5), np.log(2.0)), (drawn.payload, 0.1, 0.4),
+        (np.log(drawn.mass), np.log(0.5), np.log(2.0)),
+        (drawn.payload, 0.1, 0.4),
         (drawn.delay, 0.004, 0.031),
-    ):  # fmt: skip
+    ):
         assert stats.kstest(values, stats.uniform(low, high - low).cdf).pvalue > 1e-3
     assert np.all(drawn.torque == 1.0)
     whole = Ranges({"delay": (0.004, 0.031)}, {"delay": "whole"})(4000, np.random.default_rng(1))

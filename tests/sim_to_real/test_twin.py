@@ -33,8 +33,10 @@ def test_without_extras_it_is_our_arm_to_the_order_of_its_integrator():
     q, measured, sent = pushed(PLAIN)
     assert np.abs(q - ours(nominal().columns(), sent)).max() < 3e-6
     assert np.array_equal(q, measured)
-    errors = [np.abs(pushed(PLAIN, step, "implicitfast")[0] - ours(nominal().columns(),
-        sent)).max() for step in (2e-3, 1e-3)]  # fmt: skip
+    errors = [
+        np.abs(pushed(PLAIN, step, "implicitfast")[0] - ours(nominal().columns(), sent)).max()
+        for step in (2e-3, 1e-3)
+    ]
     assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.1)
     again = Twin(PLAIN, integrator="RK4").rollouts(GAINS, POSED)
     assert np.allclose(again.error, rollouts(nominal(), GAINS, POSED).error, atol=1e-5)

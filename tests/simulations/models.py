@@ -48,7 +48,8 @@ def drag(controls: Any, state: Any, x: float, y: float) -> None:
 
 
 WALK = Model(
-    "A walk", draw.Paper("A walk", WORDS, COLOURS),
+    "A walk",
+    draw.Paper("A walk", WORDS, COLOURS),
     Record(
         speed=slider("Speed", 1.0, 0.0, 2.0, 0.1, "m/s", live=True),
         seed=slider("Seed", 1, 0, 99, 1),
@@ -57,8 +58,12 @@ WALK = Model(
     ),
     Record(x=Field(0.0, unit="m"), seed=Field(np.uint64(0), shape=(1,))),
     {"Drift": Preset({}, "It drifts."), "Jump": Preset({"walk": "jump"}, "It jumps.")},
-    initial, advance, frame, drag, live_drag=True,
-)  # fmt: skip
+    initial,
+    advance,
+    frame,
+    drag,
+    live_drag=True,
+)
 
 
 MODELS: list[Any] = [pytest.param(WALK, id="walk")]

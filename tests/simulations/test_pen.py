@@ -48,8 +48,12 @@ def test_items_come_back_as_they_were_drawn():
     steps = [step for shape in SHAPES.values() for step in shape]
     items = list(draw.decode(drawn(*steps)))
     assert [item.kind for item in items] == [
-        draw.LINE, draw.POLYGON, draw.DISC, draw.ARROW, draw.TEXT,
-    ]  # fmt: skip
+        draw.LINE,
+        draw.POLYGON,
+        draw.DISC,
+        draw.ARROW,
+        draw.TEXT,
+    ]
     assert items[0].style == (RED, 3.0, 0.5, 4.0, 2.0)
     assert items[1].points.T.tolist() == [[0, 0], [1, 0], [1, 1]]
     assert items[3].points.T.tolist() == [[0, 0], [1, 1]]
@@ -73,8 +77,12 @@ def test_an_area_takes_values_to_its_place_until_the_window_is_back():
 
 def test_axes_have_grid_ticks_and_labels_and_leave_the_area_as_it_was():
     area = ((0.0, 2.0, 0.5, 1.5), (0.0, 10.0, -0.5, 0.5))
-    picture = drawn((draw.area, *area), (draw.axes, ENERGY, ODD, JOULE, 2, 2), (draw.line, RED),
-                    (draw.point, 5.0, 0.0))  # fmt: skip
+    picture = drawn(
+        (draw.area, *area),
+        (draw.axes, ENERGY, ODD, JOULE, 2, 2),
+        (draw.line, RED),
+        (draw.point, 5.0, 0.0),
+    )
     items = list(draw.decode(picture))
     words = {item.words: item for item in items if item.kind == draw.TEXT}
     assert {"0", "5", "10", "−0.5", "0.0", "0.5", "energy", " J"} <= set(words)
@@ -94,14 +102,23 @@ def test_readouts_are_numbers_by_name():
 @pytest.mark.parametrize(
     ("value", "form", "text"),
     [
-        (1.005, 2, "1.00"), (2.5, 0, "3"), (-2.5, 0, "−3"), (-0.001, 2, "0.00"), (3, 0, "3"),
-        (0.0, draw.SIGNED + 1, "+0.0"), (2.0, draw.SIGNED, "+2"), (-2.0, draw.SIGNED, "−2"),
-        (-1e-9, draw.SIGNED + 2, "+0.00"), (153307.0000005, 7, "153307.0000005"),
-        (1.5e9, draw.EXPONENT + 1, "1.5e9"), (9.99e-7, draw.EXPONENT + 1, "1.0e−6"),
-        (0.0, draw.EXPONENT + 2, "0.00e0"), (2e21, 1, "2.0e21"), 
+        (1.005, 2, "1.00"),
+        (2.5, 0, "3"),
+        (-2.5, 0, "−3"),
+        (-0.001, 2, "0.00"),
+        (3, 0, "3"),
+        (0.0, draw.SIGNED + 1, "+0.0"),
+        (2.0, draw.SIGNED, "+2"),
+        (-2.0, draw.SIGNED, "−2"),
+        (-1e-9, draw.SIGNED + 2, "+0.00"),
+        (153307.0000005, 7, "153307.0000005"),
+        (1.5e9, draw.EXPONENT + 1, "1.5e9"),
+        (9.99e-7, draw.EXPONENT + 1, "1.0e−6"),
+        (0.0, draw.EXPONENT + 2, "0.00e0"),
+        (2e21, 1, "2.0e21"),
         (1e20, 9, "1" + 20 * "0" + "." + 9 * "0"),
     ],
-)  # fmt: skip
+)
 def test_numbers_as_they_are_written(value, form, text):
     assert draw.written(value, form) == text
 
@@ -190,7 +207,7 @@ def test_a_history_forgets_its_older_half():
         (lambda: list(draw.decode(draw.Picture(paper(), np.array([1.0, 8.0])))), "8 numbers"),
         (lambda: list(draw.decode(draw.Picture(paper(), np.array([0.0, 1.0, 3.0])))), "kind 0"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_drawn_is_named(make, named):
     with pytest.raises(ValueError, match=named):
         make()
@@ -207,8 +224,9 @@ def colour_at(pixels, x, y):  # 100 pixels per unit, row 0 on top
 
 
 def test_png_has_the_colours_where_the_world_has_them():
-    pixels = image(drawn((draw.box, 0.0, 1.0, 0.0, 1.0, RED), (draw.disc, 0.5, BLUE),
-                         (draw.point, 2.0, 1.0)))  # fmt: skip
+    pixels = image(
+        drawn((draw.box, 0.0, 1.0, 0.0, 1.0, RED), (draw.disc, 0.5, BLUE), (draw.point, 2.0, 1.0))
+    )
     assert pixels.shape[:2] == (200, 400)
     assert colour_at(pixels, 0.5, 0.5) == [1, 0, 0]
     for x, y in ((2.0, 1.0), (2.4, 1.0), (2.0, 1.4)):

@@ -41,11 +41,23 @@ def test_a_record_is_changed_in_place_and_reset():
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"speed": 2.1}, {"speed": -0.1}, {"speed": np.nan}, {"speed": "1"}, {"speed": (1.0, 2.0)},
-        {"count": 2.5}, {"count": 10}, {"kind": "third"}, {"kind": 2}, {"kind": -1}, {"on": 2},
-        {"start": (0.0, -6.0)}, {"start": 1.0}, {"start": (0.0, np.inf)}, {"pace": 1.0},
+        {"speed": 2.1},
+        {"speed": -0.1},
+        {"speed": np.nan},
+        {"speed": "1"},
+        {"speed": (1.0, 2.0)},
+        {"count": 2.5},
+        {"count": 10},
+        {"kind": "third"},
+        {"kind": 2},
+        {"kind": -1},
+        {"on": 2},
+        {"start": (0.0, -6.0)},
+        {"start": 1.0},
+        {"start": (0.0, np.inf)},
+        {"pace": 1.0},
     ],
-)  # fmt: skip
+)
 def test_a_wrong_value_is_named_and_nothing_is_changed(wrong):
     record = RECORD.new()
     with pytest.raises(ValueError, match=next(iter(wrong))):

@@ -27,9 +27,16 @@ def advance(state, controls, seconds):
 
 
 BOX = Model(
-    "A box", PAPER, Record(**space.camera(0.3, 0.2)), Record(time=Field(0.0)),
-    {"A box": Preset({}, "Drag it.")}, lambda controls, state: None, advance, frame, **space.ORBIT,
-)  # fmt: skip
+    "A box",
+    PAPER,
+    Record(**space.camera(0.3, 0.2)),
+    Record(time=Field(0.0)),
+    {"A box": Preset({}, "Drag it.")},
+    lambda controls, state: None,
+    advance,
+    frame,
+    **space.ORBIT,
+)
 
 
 def eye_of(**values):
@@ -105,9 +112,13 @@ def test_keys_turn_the_view_and_come_nearer():
             int(np.sign(round(a - b, 9))) for a, b in zip(now, (0.3, 0.2, 5.0), strict=True)
         ]
     assert changed == {
-        "ArrowLeft": [1, 0, 0], "ArrowRight": [-1, 0, 0], "ArrowUp": [0, -1, 0],
-        "ArrowDown": [0, 1, 0], "+": [0, 0, -1], "-": [0, 0, 1],
-    }  # fmt: skip
+        "ArrowLeft": [1, 0, 0],
+        "ArrowRight": [-1, 0, 0],
+        "ArrowUp": [0, -1, 0],
+        "ArrowDown": [0, 1, 0],
+        "+": [0, 0, -1],
+        "-": [0, 0, 1],
+    }
 
 
 def test_solids_are_closed():

@@ -10,9 +10,12 @@ def test_the_published_stream():
     # First five numbers of splitmix64.c (Vigna, 2015) for the seed 1234567.
     seed = np.array([1234567], np.uint64)
     wanted = [
-        6457827717110365317, 3203168211198807973, 9817491932198370423, 4593380528125082431,
+        6457827717110365317,
+        3203168211198807973,
+        9817491932198370423,
+        4593380528125082431,
         16408922859458223821,
-    ]  # fmt: skip
+    ]
     assert splitmix.integers(seed, 2).tolist() == wanted[:2]
     assert splitmix.integers(seed, 0).tolist() == []
     assert splitmix.integers(seed, 3).tolist() == wanted[2:]

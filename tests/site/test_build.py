@@ -108,8 +108,13 @@ def test_pictures_and_simulations_of_a_page_are_those_of_its_notebook(
 def test_what_a_preset_was_chosen_for_starts_with_it(site: Path) -> None:
     places = soup(site / "02_contact.html").select(".course-live")
     assert [place.get("data-preset") for place in places] == [
-        None, "Tunnelling", "Pull-back", "Explosion", "Slip", "Stick",
-    ]  # fmt: skip
+        None,
+        "Tunnelling",
+        "Pull-back",
+        "Explosion",
+        "Slip",
+        "Stick",
+    ]
 
 
 def test_no_page_shows_an_unfilled_field(site: Path) -> None:
@@ -263,12 +268,19 @@ def test_a_page_is_small(site: Path) -> None:
 
 # A word of each and the page that is about it.
 WORDS = {
-    "quaternion": "01_rigid_body", "complementarity": "02_contact", "drake": "03_platforms",
-    "manipulability": "04_kinematics", "roadmap": "05_planning", "impedance": "06_control",
-    "voxel": "07_perception", "randomisation": "08_sim_to_real", "diffusion": "09_learning",
-    "watchdog": "10_middleware", "work_precision_oscillator": "charts",
+    "quaternion": "01_rigid_body",
+    "complementarity": "02_contact",
+    "drake": "03_platforms",
+    "manipulability": "04_kinematics",
+    "roadmap": "05_planning",
+    "impedance": "06_control",
+    "voxel": "07_perception",
+    "randomisation": "08_sim_to_real",
+    "diffusion": "09_learning",
+    "watchdog": "10_middleware",
+    "work_precision_oscillator": "charts",
     "top_condition": "claims",
-}  # fmt: skip
+}
 
 
 def test_the_index_of_the_search_knows_where_words_are(site: Path) -> None:

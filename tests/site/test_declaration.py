@@ -82,8 +82,10 @@ def test_a_declaration_is_what_the_model_declares(name: str, monkeypatch: Any) -
         assert each["label"] == field.label and each["live"] == field.live
         assert (each["choices"], each["switch"]) == (list(field.choices), field.switch)
         assert (each["step"], each["unit"], each["decimals"]) == (
-            field.step, field.unit, field.decimals,
-        )  # fmt: skip
+            field.step,
+            field.unit,
+            field.decimals,
+        )
         # A slider gets to both ends: its steps divide the way between them.
         if field.step:
             steps = (field.high - field.low) / field.step
@@ -195,8 +197,12 @@ def test_a_recording_knows_what_it_was_made_from(monkeypatch: Any, tmp_path: Any
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_text(text)
     assert {path.name for path in films.reached("walk")} == {
-        "__init__.py", "walk.py", "far.py", "data.toml", "other.py"
-    }  # fmt: skip
+        "__init__.py",
+        "walk.py",
+        "far.py",
+        "data.toml",
+        "other.py",
+    }
     before = films.fingerprint("walk")
     (tmp_path / "simulations/walk.py").write_text('"""It walks."""\nfrom course.topic import far\n')
     (tmp_path / "nobody.py").write_text("x = 2\n")

@@ -22,9 +22,12 @@ N, STEPS, EPISODE = 2, 8, 3
 MODES = [mode.value for mode in AutoresetMode]
 NAMES = sorted(
     {*wrappers.__all__}
-    | {name for name, kind in vars(wrappers).items()
-       if inspect.isclass(kind) and issubclass(kind, VectorWrapper)}
-)  # fmt: skip
+    | {
+        name
+        for name, kind in vars(wrappers).items()
+        if inspect.isclass(kind) and issubclass(kind, VectorWrapper)
+    }
+)
 
 
 class Pixels(gymnasium.Env):
@@ -67,9 +70,14 @@ def mujoco_arm() -> MujocoArmReach:
 
 # Wrappers that need a package of the extra `wrappers`.
 NEED_MORE = {
-    "ArrayConversion", "HumanRendering", "JaxToNumpy", "JaxToTorch", "NumpyToTorch", "RecordVideo",
+    "ArrayConversion",
+    "HumanRendering",
+    "JaxToNumpy",
+    "JaxToTorch",
+    "NumpyToTorch",
+    "RecordVideo",
     "ResizeObservation",
-}  # fmt: skip
+}
 
 SINGLES = {"arm": drawn_arm, "MuJoCo": mujoco_arm, "image": Pixels, "nested": Nested}
 
@@ -106,12 +114,21 @@ def arguments(name: str, kind: type, folder: str) -> dict[str, Any]:
     """What a wrapper asks for, by the names of its parameters: a new one needs no entry here."""
     known: dict[str, Any] = {
         "func": np.negative,
-        "observation_space": None, "action_space": None,
-        "filter_keys": ["x"], "shape": (2, 4), "dtype": np.float32,
-        "min_obs": 0, "max_obs": 100, "min_action": -0.5, "max_action": 0.5,
-        "min_reward": -0.4, "max_reward": 0.3,
-        "video_folder": folder, "env_xp": np, "target_xp": np,
-    }  # fmt: skip
+        "observation_space": None,
+        "action_space": None,
+        "filter_keys": ["x"],
+        "shape": (2, 4),
+        "dtype": np.float32,
+        "min_obs": 0,
+        "max_obs": 100,
+        "min_action": -0.5,
+        "max_action": 0.5,
+        "min_reward": -0.4,
+        "max_reward": 0.3,
+        "video_folder": folder,
+        "env_xp": np,
+        "target_xp": np,
+    }
     found: dict[str, Any] = {}
     for parameter in [*inspect.signature(kind).parameters.values()][1:]:
         if parameter.name == "wrapper":

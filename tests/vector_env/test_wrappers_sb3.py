@@ -62,8 +62,9 @@ def test_the_adapter_is_the_librarys_own_loop(library, case: str) -> None:
     truth, ours = library.DummyVecEnv([single] * 3), sb3.vec_env(batch(3))
     assert isinstance(ours, library.VecEnv)
     assert (ours.observation_space, ours.action_space) == (
-        truth.observation_space, truth.action_space
-    )  # fmt: skip
+        truth.observation_space,
+        truth.action_space,
+    )
     assert ours.render_mode == truth.render_mode
     ended = 0
     for again in range(2):

@@ -48,8 +48,9 @@ def broad_phase(
     repeats: int = 5,
 ) -> Iterator[Panel]:
     """Overlap tests, which no machine changes, and times; sweeping one axis, three crowds."""
-    counts = Panel("Overlap tests of one sweep, and the pairs that are left", "boxes N", "count",
-                   scale="log")  # fmt: skip
+    counts = Panel(
+        "Overlap tests of one sweep, and the pairs that are left", "boxes N", "count", scale="log"
+    )
     for kind, theory in THEORY.items():
         n = [size for size in sizes if kind != "aligned" or size <= aligned]
         tests, pairs, swaps = [], [], []
@@ -65,8 +66,15 @@ def broad_phase(
         note = f"{kind:<8} tests N^{exponent:.2f}, theory N^{theory:.2f}; pairs N^{grown:.2f}"
         if kind == "spread":
             note += f"; swaps after a move of 1 % N^{swapped:.2f}"
-        counts.series.append(Series(f"tests, {WORDS[kind]}: $N^{{{exponent:.2f}}}$", n, tests,
-                                    theory=_law(n, tests, theory), note=note))  # fmt: skip
+        counts.series.append(
+            Series(
+                f"tests, {WORDS[kind]}: $N^{{{exponent:.2f}}}$",
+                n,
+                tests,
+                theory=_law(n, tests, theory),
+                note=note,
+            )
+        )
         if kind == "spread":
             label = f"swaps after a move of 1 %: $N^{{{swapped:.2f}}}$"
             counts.series += [
@@ -74,8 +82,9 @@ def broad_phase(
                 Series(label, n, swaps, style="--"),
             ]
     yield counts
-    times = Panel("The same pairs, spread in a cube: time of a call", "boxes N", "time [s]",
-                  scale="log")  # fmt: skip
+    times = Panel(
+        "The same pairs, spread in a cube: time of a call", "boxes N", "time [s]", scale="log"
+    )
     found: dict[str, list[tuple[int, Timing]]] = {}
     for size in sizes:
         rng = np.random.default_rng(size)
@@ -98,12 +107,18 @@ def broad_phase(
         # Small sizes measure what a call costs by itself.
         large = [k for k, size in enumerate(n) if size >= 1000] or list(range(len(n)))
         slope = _power([n[k] for k in large], [median[k] for k in large]) if large[1:] else 0.0
-        times.series.append(Series(
-            f"{name}: $N^{{{slope:.2f}}}$" if slope else name, n, median, name,
-            low=[timing.low for _, timing in rows], high=[timing.high for _, timing in rows],
-            note=f"{name:<16} " + ", ".join(f"{a}: {1e3 * b:.3g} ms" for a, b in
-                                            zip(n, median, strict=True)),
-        ))  # fmt: skip
+        times.series.append(
+            Series(
+                f"{name}: $N^{{{slope:.2f}}}$" if slope else name,
+                n,
+                median,
+                name,
+                low=[timing.low for _, timing in rows],
+                high=[timing.high for _, timing in rows],
+                note=f"{name:<16} "
+                + ", ".join(f"{a}: {1e3 * b:.3g} ms" for a, b in zip(n, median, strict=True)),
+            )
+        )
     times.footer = machine(max(timing.busy for rows in found.values() for _, timing in rows))
     yield times
 
@@ -156,8 +171,12 @@ def narrow_phase(count: int = 2000, repeats: int = 7, boxes: int = 2000) -> Iter
     shapes = kinds()
     for apart in (True, False):
         what = "apart: distance" if apart else "in each other: depth"
-        panel = Panel(f"Shapes {what}", "time of Coal / time of the course", scale="log x",
-                      lines=[("x", 1.0, "")])  # fmt: skip
+        panel = Panel(
+            f"Shapes {what}",
+            "time of Coal / time of the course",
+            scale="log x",
+            lines=[("x", 1.0, "")],
+        )
         names, bare, built, worst = [], [], [], 0.0
         for first, second in itertools.combinations_with_replacement(shapes, 2):
             a, b = shapes[first], shapes[second]
@@ -200,9 +219,13 @@ def box_scenes(n: int) -> dict[str, tuple[Array, Array]]:
 
 def _box_panel(n: int, repeats: int) -> Panel:
     box = kinds()["box"]
-    panel = Panel("Two boxes: speed and error, against every feature", "time of a pair [s]",
-                  "largest error / size", scale="log",
-                  lines=[("y", 1e-9, "asked of a planner: a nanometre on a metre")])  # fmt: skip
+    panel = Panel(
+        "Two boxes: speed and error, against every feature",
+        "time of a pair [s]",
+        "largest error / size",
+        scale="log",
+        lines=[("y", 1e-9, "asked of a planner: a nanometre on a metre")],
+    )
     rows: dict[str, list[tuple[float, float]]] = {}
     scenes = box_scenes(n)
     tight, loose = coal.Pair(box, box), coal.Pair(box, box, None)
@@ -226,11 +249,18 @@ def _box_panel(n: int, repeats: int) -> Panel:
             panel.notes.append(f"{name:<24} {1e6 * np.median(cost):6.1f} us a pair: the truth here")
             continue
         # An exact zero has no place on a logarithm: it is drawn at the rounding of the size.
-        panel.series.append(Series(
-            name, cost, np.maximum(error, 1e-17), name, "", tags=list(scenes),
-            note=f"{name:<24} " + ", ".join(f"{scene}: {e:.1e}" for scene, e in
-                                            zip(scenes, error, strict=True)),
-        ))  # fmt: skip
+        panel.series.append(
+            Series(
+                name,
+                cost,
+                np.maximum(error, 1e-17),
+                name,
+                "",
+                tags=list(scenes),
+                note=f"{name:<24} "
+                + ", ".join(f"{scene}: {e:.1e}" for scene, e in zip(scenes, error, strict=True)),
+            )
+        )
     panel.footer = machine()
     return panel
 
@@ -277,9 +307,14 @@ def tunnelling_limit(
     """The least speed at which a ball comes through a wall, by step: two limits, and two cures."""
     speeds = np.geomspace(1.0, 400.0, grid)
     soft = math.e * REACH / (DMAX * TIMECONST)
-    panel = Panel("A ball of 20 mm radius at a wall of 10 mm: the least speed that comes through",
-                  "step [s]", "speed [m/s]", scale="log", theory="geometric limit (2 r + w) / dt",
-                  lines=[("y", soft, "soft limit e (r + w/2) / (dmax timeconst)")])  # fmt: skip
+    panel = Panel(
+        "A ball of 20 mm radius at a wall of 10 mm: the least speed that comes through",
+        "step [s]",
+        "speed [m/s]",
+        scale="log",
+        theory="geometric limit (2 r + w) / dt",
+        lines=[("y", soft, "soft limit e (r + w/2) / (dmax timeconst)")],
+    )
     ratio = float(speeds[1] / speeds[0])
     panel.notes.append(f"speeds on a grid of {100 * (ratio - 1):.0f} %; soft limit {soft:.2f} m/s")
     # A run of MuJoCo takes long; elsewhere many phases find the first that slips through.
@@ -301,6 +336,7 @@ def tunnelling_limit(
             for dt, v in zip(steps, found, strict=True)
         )
         theory = (lambda dt: 2 * REACH / dt) if passes is checked else None
-        panel.series.append(Series(name, list(steps), found, name, theory=theory,
-                                   note=f"{name:<24} {shown}"))  # fmt: skip
+        panel.series.append(
+            Series(name, list(steps), found, name, theory=theory, note=f"{name:<24} {shown}")
+        )
     yield panel

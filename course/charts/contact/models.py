@@ -67,29 +67,56 @@ QUESTIONS = {
         "Where does a block stop, sent off at 1 m/s and 22.5 degrees?",
         scenes.block(0.0, _MU, _SENT),
         lambda options: mujoco_contact.block(options, 0.0, _SENT),
-        lambda q: q[:2], np.array(_SENT) / (2.0 * _MU * GRAVITY), 2e-3),
+        lambda q: q[:2],
+        np.array(_SENT) / (2.0 * _MU * GRAVITY),
+        2e-3,
+    ),
     "incline": Question(
         "How far does a block slide down 40 degrees in 0.24 s?",
-        scenes.block(_SLOPE, _MU), lambda options: mujoco_contact.block(options, _SLOPE),
-        lambda q: q[:1], np.array([0.5 * _ALONG * DURATION**2]), 1e-3),
+        scenes.block(_SLOPE, _MU),
+        lambda options: mujoco_contact.block(options, _SLOPE),
+        lambda q: q[:1],
+        np.array([0.5 * _ALONG * DURATION**2]),
+        1e-3,
+    ),
     "heavy": Question(
-        "How deep does 1 kg sink under 100 kg?", scenes.tower([1.0, 100.0]),
+        "How deep does 1 kg sink under 100 kg?",
+        scenes.tower([1.0, 100.0]),
         lambda options: mujoco_contact.tower(replace(options, condim=1), [1.0, 100.0]),
-        lambda q: q, np.zeros(2), 1e-3, 2e6),
+        lambda q: q,
+        np.zeros(2),
+        1e-3,
+        2e6,
+    ),
     "glass": Question(
-        "How far does a held glass slip in 0.24 s?", scenes.pinch(5.0, 0.25),
+        "How far does a held glass slip in 0.24 s?",
+        scenes.pinch(5.0, 0.25),
         lambda options: mujoco_contact.pinch(replace(options, friction=(0.25, 0.005, 0.0001))),
-        lambda q: q[3:], np.zeros(1), 1e-3, lightest=0.05),
+        lambda q: q[3:],
+        np.zeros(1),
+        1e-3,
+        lightest=0.05,
+    ),
     "legs": Question(
-        "How deep do a table's four legs sink, the load off its middle?", scenes.table(LOAD),
+        "How deep do a table's four legs sink, the load off its middle?",
+        scenes.table(LOAD),
         lambda options: mujoco_contact.table(replace(options, condim=1), LOAD),
-        lambda q: scenes.table().jacobian[:, 0] @ q, np.zeros(4), 1e-3),
-}  # fmt: skip
+        lambda q: scenes.table().jacobian[:, 0] @ q,
+        np.zeros(4),
+        1e-3,
+    ),
+}
 Theory = Callable[[float], float]
 _ROUNDING = 1e-12  # m; what is nearer is drawn here
 # What is drawn of thirteen; the others can be switched on.
-DRAWN = ("penalty", "sweeps, compiled loop", "true cone (Newton)", "convex cone",
-         "MuJoCo Newton, elliptic", "MuJoCo PGS, pyramidal")  # fmt: skip
+DRAWN = (
+    "penalty",
+    "sweeps, compiled loop",
+    "true cone (Newton)",
+    "convex cone",
+    "MuJoCo Newton, elliptic",
+    "MuJoCo PGS, pyramidal",
+)
 STEPS = (2e-2, 1e-2, 5e-3, 2e-3, 1e-3, 5e-4, 2e-4, 1e-4)
 OURS: dict[str, tuple[str, dict[str, Any]]] = {
     "penalty": ("penalty", {}),
@@ -173,13 +200,21 @@ def work_precision(
     methods.append(_compiled(question, steps))
     methods += [_mujocos(*which, question, steps) for which in SOLVERS]
     return measure(
-        [replace(method, extra=method.name not in DRAWN) for method in methods
-         if names is None or method.name in names],
+        [
+            replace(method, extra=method.name not in DRAWN)
+            for method in methods
+            if names is None or method.name in names
+        ],
         question.truth,
         lambda answer, truth: max(float(np.linalg.norm(answer - truth)), _ROUNDING),
-        reference_check=question.answer(check), tolerance=question.tolerance, failed_above=0.3,
-        repeats=repeats, sample_time=0.0, question=question.text, error_unit="m",
-    )  # fmt: skip
+        reference_check=question.answer(check),
+        tolerance=question.tolerance,
+        failed_above=0.3,
+        repeats=repeats,
+        sample_time=0.0,
+        question=question.text,
+        error_unit="m",
+    )
 
 
 def _chart_of(name: str) -> None:
@@ -282,10 +317,11 @@ def contact_table(dt: float = 2e-3, repeats: int = 3) -> Iterator[Panel]:
     yield panel
     legs = {name: force.round(2).tolist() for name, force in leg_forces(dt).items()}
     yield Panel(
-        "What a table's legs carry [N]", data=list(legs.items()),
+        "What a table's legs carry [N]",
+        data=list(legs.items()),
         notes=["legs of the table, in turn around it, load off the middle [N]"]
         + [f"carry    {name:<33} " + " ".join(f"{x:8.2f}" for x in f) for name, f in legs.items()],
-    )  # fmt: skip
+    )
 
 
 # --- the penalty step -----------------------------------------------------------------------------
@@ -339,8 +375,13 @@ def measured_limit(zeta: float, scheme: str) -> float:
 def calm(zeta: float, ratio: float, refsafe: bool, time: float = 0.02) -> bool:
     """Whether a ball of 1 kg in MuJoCo's contact, a thousandth off its rest, comes to rest, for a
     damping ratio, a step over the time constant, the flag and the time constant [s]."""
-    options = Options(ratio * time, condim=1, solref=(time, zeta),
-                      solimp=(0.9, 0.9, 0.001, 0.5, 2.0), refsafe=refsafe)  # fmt: skip
+    options = Options(
+        ratio * time,
+        condim=1,
+        solref=(time, zeta),
+        solimp=(0.9, 0.9, 0.001, 0.5, 2.0),
+        refsafe=refsafe,
+    )
     runner = mujoco_contact.tower(options, [1.0])
     # Of constant impedance d: (1 - d) g = d k d r.
     stiffness = options.softness().stiffness(options.solref, options.dt)[0]
@@ -361,9 +402,12 @@ SAVED = 1.0 / math.sqrt(8.0)  # damping ratio from which `soft_limit` is above r
 def _clamped(zetas: Sequence[float]) -> Panel:
     """MuJoCo's limit with refsafe and without."""
     panel = Panel(
-        "MuJoCo's soft contact: refsafe on and off", "damping ratio", "step / time constant",
-        ylim=(0.0, 1.2), lines=[("y", 0.5, "clamp"), ("x", SAVED, "cured from here on")],
-    )  # fmt: skip
+        "MuJoCo's soft contact: refsafe on and off",
+        "damping ratio",
+        "step / time constant",
+        ylim=(0.0, 1.2),
+        lines=[("y", 0.5, "clamp"), ("x", SAVED, "cured from here on")],
+    )
 
     def limited(zeta: float, safe: bool) -> float:
         near = soft_limit(zeta)
@@ -392,8 +436,12 @@ def contact_penalty_limit(
         edge = np.array([step_limit(zeta, scheme) for zeta in y])
         panel = Panel(
             f"{scheme} Euler: damping {'helps' if scheme == 'explicit' else 'hurts'}",
-            "omega dt", "damping ratio", grid=grown, xlim=(x[0], x[-1]), ylim=(y[0], y[-1]),
-        )  # fmt: skip
+            "omega dt",
+            "damping ratio",
+            grid=grown,
+            xlim=(x[0], x[-1]),
+            ylim=(y[0], y[-1]),
+        )
         panel.series.append(Series("theory", edge, y, "theory on a map", "--", marker=""))
         for zeta in (0.1, 0.5, 1.0, 1.5):
             found = measured_limit(zeta, scheme)
@@ -421,9 +469,14 @@ def cube_limit(springs: int = 2, stiffness: float = 1e4) -> float:
     rows = np.column_stack((np.ones(springs), side))[:, None]
     load = np.array([-10.0 * springs * stiffness, 0.0])  # at rest 10 deep: no spring lets go
     scene = Scene(
-        np.diag([1.0, 1.0 / 6.0]), rows, np.full(springs, -10.0), load,
-        np.zeros((springs, 0)), np.zeros(2), np.zeros(2),
-    )  # fmt: skip
+        np.diag([1.0, 1.0 / 6.0]),
+        rows,
+        np.full(springs, -10.0),
+        load,
+        np.zeros((springs, 0)),
+        np.zeros(2),
+        np.zeros(2),
+    )
 
     def stable(dt: float) -> bool:
         def step(state: Array) -> Array:
@@ -493,10 +546,22 @@ def contact_sweeps(
         panel.series.append(series(label, key, ratios, found, last, law))
     yield panel
     found = [sweeps_needed([1.0] * n, tolerance) for n in heights]
-    equal = series("equal tower", "sweeps, true cone", [float(n) for n in heights], found, 3,
-                   lambda m: (2.0 * m / math.pi) ** 2 * log)  # fmt: skip
-    yield Panel("Equal towers: sweeps grow with the square", "bodies", "sweeps to 1e-6", [equal],
-                scale="log", ticks=[float(n) for n in heights])  # fmt: skip
+    equal = series(
+        "equal tower",
+        "sweeps, true cone",
+        [float(n) for n in heights],
+        found,
+        3,
+        lambda m: (2.0 * m / math.pi) ** 2 * log,
+    )
+    yield Panel(
+        "Equal towers: sweeps grow with the square",
+        "bodies",
+        "sweeps to 1e-6",
+        [equal],
+        scale="log",
+        ticks=[float(n) for n in heights],
+    )
 
 
 # --- steering -------------------------------------------------------------------------------------
@@ -544,8 +609,10 @@ def contact_steering(
         return (end if a <= 45.0 else 90.0 - end) - a
 
     def boxed(a: float) -> float:
-        return math.degrees(math.atan2(math.sin(math.radians(a)) ** 2,
-                                       math.cos(math.radians(a)) ** 2)) - a  # fmt: skip
+        return (
+            math.degrees(math.atan2(math.sin(math.radians(a)) ** 2, math.cos(math.radians(a)) ** 2))
+            - a
+        )
 
     t = np.array(degrees)
     asked: dict[str, tuple[str, dict[str, Any]]] = {
@@ -557,22 +624,34 @@ def contact_steering(
     }
     found = {name: [stopped(who, a, dt, **how) for a in t] for name, (who, how) in asked.items()}
     theories = [
-        ("way to the stop over Coulomb's", "stretched",
-         {"exact pyramid (LCP)": stretched, "box of limits (LCP)": shortened}),
-        ("direction at rest, less that of the start [degrees]", "turned",
-         {"exact pyramid (LCP)": turned, "box of limits (LCP)": boxed}),
-    ]  # fmt: skip
+        (
+            "way to the stop over Coulomb's",
+            "stretched",
+            {"exact pyramid (LCP)": stretched, "box of limits (LCP)": shortened},
+        ),
+        (
+            "direction at rest, less that of the start [degrees]",
+            "turned",
+            {"exact pyramid (LCP)": turned, "box of limits (LCP)": boxed},
+        ),
+    ]
     at = [int(np.argmin(np.abs(t - a))) for a in (22.5, 45.0)]
     for which, (what, short, laws) in enumerate(theories):
         panel = Panel(f"The way of a braking block is {short}", "sent off at [degrees]", what)
         for label, pairs in found.items():
             y = np.array([pair[which] - which * a for pair, a in zip(pairs, t, strict=True)])
-            panel.series.append(Series(
-                label, t, y, label, theory=laws.get(label),
-                hollow="MuJoCo" in label,
-                note=f"{short:<9} {label:<26} at 22.5 degrees {y[at[0]]:8.4f}, "
-                f"at 45 degrees {y[at[1]]:8.4f}",
-            ))  # fmt: skip
+            panel.series.append(
+                Series(
+                    label,
+                    t,
+                    y,
+                    label,
+                    theory=laws.get(label),
+                    hollow="MuJoCo" in label,
+                    note=f"{short:<9} {label:<26} at 22.5 degrees {y[at[0]]:8.4f}, "
+                    f"at 45 degrees {y[at[1]]:8.4f}",
+                )
+            )
         yield panel
 
 
@@ -590,9 +669,14 @@ def pushed(speed: float, how: str, dt: float = 5e-3, softness: float = 0.0) -> f
         softness: [W], times the step.
     """
     scene = Scene(
-        np.eye(2), np.array([[[-1.0, 1.0]]]), np.array([0.1]), np.zeros(2), np.zeros((1, 0)),
-        np.zeros(2), np.array([speed, 0.0]),
-    )  # fmt: skip
+        np.eye(2),
+        np.array([[[-1.0, 1.0]]]),
+        np.array([0.1]),
+        np.zeros(2),
+        np.zeros((1, 0)),
+        np.zeros(2),
+        np.array([speed, 0.0]),
+    )
     steps = round(0.5 / dt)
     if how == "penalty":
         return float(run(scene, "penalty", dt, steps, stiffness=2e3, damping=60.0).q[1, -1])
@@ -640,9 +724,12 @@ def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
     rng = np.random.default_rng(0)
     speeds = np.linspace(0.1, 0.4, points)
     panel = Panel(
-        "A finger pushes a block: does it learn to push?", "speed of the finger [m/s]",
-        "derivative of where the block ends [s]", ylim=(-0.5, 0.75), lines=[("x", 0.2, "touch")],
-    )  # fmt: skip
+        "A finger pushes a block: does it learn to push?",
+        "speed of the finger [m/s]",
+        "derivative of where the block ends [s]",
+        ylim=(-0.5, 0.75),
+        lines=[("x", 0.2, "touch")],
+    )
     ways: dict[str, tuple[str, Callable[[float], float]]] = {
         "rigid": ("true cone (Newton)", lambda p: slope(lambda s: pushed(s, "rigid"), p, 1e-5)),
         "penalty": ("penalty", lambda p: slope(lambda s: pushed(s, "penalty"), p, 1e-5)),
@@ -658,21 +745,31 @@ def contact_gradients(points: int = 31, draws: int = 100) -> Iterator[Panel]:
         before, after = y[speeds < 0.19], y[speeds > 0.21]
         panel.series.append(
             Series(
-                label, speeds, y, key,
+                label,
+                speeds,
+                y,
+                key,
                 note=f"{label:<20} before touch {np.mean(before):7.4f}, after it "
                 f"{np.median(after):7.4f} (median)",
             )
-        )  # fmt: skip
+        )
     yield panel
     starts = np.linspace(0.3, 0.5, 600)
     panel = Panel(
         "A bounce at the end of its step",
-        "distance of the start from the wall [m]", "where it is after 1 s [m]",
-    )  # fmt: skip
+        "distance of the start from the wall [m]",
+        "where it is after 1 s [m]",
+    )
     panel.series.append(
-        Series("stepped", starts, np.array([rebound(s) for s in starts]), "sweeps, true cone",
-               marker="", note="derivative of the end by the start, truth 1 (the end is start - 1)")
-    )  # fmt: skip
+        Series(
+            "stepped",
+            starts,
+            np.array([rebound(s) for s in starts]),
+            "sweeps, true cone",
+            marker="",
+            note="derivative of the end by the start, truth 1 (the end is start - 1)",
+        )
+    )
     panel.series.append(Series("true", starts, starts - 1.0, "theory", "--", marker=""))
     own = [slope(rebound, s, 1e-7) for s in rng.uniform(0.3, 0.5, 50)]
     mean = [smoothed_slope(rebound, s, 0.05, rng, draws) for s in rng.uniform(0.3, 0.5, 20)]

@@ -62,22 +62,35 @@ def delay_limit(
     late = np.geomspace(1e-4, 0.1, delays)
     system = sampled.joint_system(J, B)
     exact = [sampled.ultimate_gain(*system, DT, D)[0] for D in late]
-    panel = Panel("Every late millisecond costs gain", "delay [s]", "largest kp [N m/rad]",
-                  scale="log")  # fmt: skip
+    panel = Panel(
+        "Every late millisecond costs gain", "delay [s]", "largest kp [N m/rad]", scale="log"
+    )
 
     def theory(D: float) -> float:
         return sampled.delay_limit(J, B, D + 0.5 * DT)[0]
 
     off = max(abs(k / theory(D) - 1.0) for D, k in zip(late, exact, strict=True))
     panel.series = [
-        Series("the loop's matrix", late, exact, "", "", theory=theory,
-               note=f"P with delay: w tan(w (D + dt/2)) = b/J is within {off:.1e} of the matrix"),
+        Series(
+            "the loop's matrix",
+            late,
+            exact,
+            "",
+            "",
+            theory=theory,
+            note=f"P with delay: w tan(w (D + dt/2)) = b/J is within {off:.1e} of the matrix",
+        ),
         Series("slow limit b/(D + dt/2)", late, B / (late + 0.5 * DT), "", "--", marker=""),
-    ]  # fmt: skip
+    ]
     yield panel
 
-    panel = Panel("A simulator's own steps hide the hold", "steps in a sample",
-                  "largest kp [N m/rad]", scale="log", ticks=steps)  # fmt: skip
+    panel = Panel(
+        "A simulator's own steps hide the hold",
+        "steps in a sample",
+        "largest kp [N m/rad]",
+        scale="log",
+        ticks=steps,
+    )
 
     def by_matrix(n: int) -> float:
         plant = sampled.stepped(J, B, DT, n)
@@ -93,11 +106,17 @@ def delay_limit(
     panel.lines = [("y", real, "the joint itself")]
     panel.series = [
         Series("MuJoCo, implicitfast", steps, found, "MuJoCo", "", hollow=True),
-        Series("its steps as a matrix", steps, matrix, "", "--",
-               note=f"limit of P at {1 / DT:g} Hz: exact {real:.0f} N m/rad; MuJoCo with one step "
-               f"a sample {found[0]:.3g}, with ten {found[steps.index(10)]:.0f}; the matrix of its "
-               f"steps within {off:.1e}"),
-    ]  # fmt: skip
+        Series(
+            "its steps as a matrix",
+            steps,
+            matrix,
+            "",
+            "--",
+            note=f"limit of P at {1 / DT:g} Hz: exact {real:.0f} N m/rad; MuJoCo with one step "
+            f"a sample {found[0]:.3g}, with ten {found[steps.index(10)]:.0f}; the matrix of its "
+            f"steps within {off:.1e}",
+        ),
+    ]
     yield panel
 
 
@@ -109,8 +128,13 @@ def pd_triangles(points: int = 60) -> Iterator[Panel]:
         points: of each curve.
     """
     V = np.linspace(0.02, 1.98, points)
-    panel = Panel("The rate's delay shrinks the triangle", "kd dt / J", "kp dt^2 / J",
-                  theory="closed form", ylim=(0.0, 4.2))  # fmt: skip
+    panel = Panel(
+        "The rate's delay shrinks the triangle",
+        "kd dt / J",
+        "kp dt^2 / J",
+        theory="closed form",
+        ylim=(0.0, 4.2),
+    )
     for words, kind, rate, late in (
         ("rate exact", "exact", "exact", 0.0),
         ("rate by difference", "difference", "filtered", 0.0),
@@ -120,28 +144,48 @@ def pd_triangles(points: int = 60) -> Iterator[Panel]:
         plant = sampled.held(*sampled.joint_system(1.0), 1.0, late)
         top = [
             largest(functools.partial(loop_growth, plant, kd=kd, rate=rate), 1e-9, 8.0)
-            if loop_growth(plant, 1e-9, kd, rate) <= sampled.STABLE else math.nan for kd in V
-        ]  # fmt: skip
+            if loop_growth(plant, 1e-9, kd, rate) <= sampled.STABLE
+            else math.nan
+            for kd in V
+        ]
         closed = functools.partial(sampled.pd_limit, inertia=1.0, dt=1.0, rate=kind)
         panel.series.append(
-            Series(words, V, top, "", "", theory=closed if kind else None,
-                   note=f"PD on an inertia, {words:<26} tip at {np.nanmax(top):.3f} J/dt^2")
-        )  # fmt: skip
+            Series(
+                words,
+                V,
+                top,
+                "",
+                "",
+                theory=closed if kind else None,
+                note=f"PD on an inertia, {words:<26} tip at {np.nanmax(top):.3f} J/dt^2",
+            )
+        )
     yield panel
-    panel = Panel("MuJoCo's position servo is another loop", "kv dt / J", "kp dt^2 / J",
-                  ylim=(0.0, 8.0))  # fmt: skip
+    panel = Panel(
+        "MuJoCo's position servo is another loop", "kv dt / J", "kp dt^2 / J", ylim=(0.0, 8.0)
+    )
     kvs = np.linspace(0.0, 1.9, 9)
     for integrator in ("Euler", "implicitfast", "discrete"):
         top = [largest(functools.partial(servo_growth, integrator, kv=kv), 1e-6, 1e4) for kv in kvs]
         words = "no limit below 1e4" if min(top) >= 1e4 else f"{top[0]:.0f} {top[-1] - top[0]:+.1f}"
         panel.series.append(
-            Series(f"MuJoCo {integrator}", kvs, np.where(np.array(top) >= 1e4, np.inf, top),
-                   f"MuJoCo {integrator}", note=f"position servo, {integrator:<13} {words}")
-        )  # fmt: skip
+            Series(
+                f"MuJoCo {integrator}",
+                kvs,
+                np.where(np.array(top) >= 1e4, np.inf, top),
+                f"MuJoCo {integrator}",
+                note=f"position servo, {integrator:<13} {words}",
+            )
+        )
     panel.series.append(
-        Series("sampled PD, rate exact", kvs, [sampled.pd_limit(k, 1.0, 1.0) for k in kvs],
-               "theory", "--")
-    )  # fmt: skip
+        Series(
+            "sampled PD, rate exact",
+            kvs,
+            [sampled.pd_limit(k, 1.0, 1.0) for k in kvs],
+            "theory",
+            "--",
+        )
+    )
     yield panel
 
 
@@ -161,8 +205,12 @@ def rate_estimates(samples: int = 40_000) -> Iterator[Panel]:
     """
     noise = np.random.default_rng(3).standard_normal(samples)
     t = DT * np.arange(4000)
-    panel = Panel("A rate costs lag or noise", "lag under a steady acceleration [s]",
-                  "noise of the rate, per noise of the angle [1/s]", scale="log")  # fmt: skip
+    panel = Panel(
+        "A rate costs lag or noise",
+        "lag under a steady acceleration [s]",
+        "noise of the rate, per noise of the angle [1/s]",
+        scale="log",
+    )
     for words, kind, taus in (
         ("difference", "filtered", (0.0,)),
         ("filtered difference", "filtered", np.geomspace(5e-4, 0.05, 9)),
@@ -171,9 +219,14 @@ def rate_estimates(samples: int = 40_000) -> Iterator[Panel]:
         lag = [t[-1] - rates(0.5 * t**2, DT, kind, tau)[-1] for tau in taus]
         found = [float(np.std(rates(noise, DT, kind, tau)[2000:])) for tau in taus]
         panel.series.append(
-            Series(words, lag, found, note=f"{words:<20} lag {1e3 * lag[0]:.2f} to "
-                   f"{1e3 * lag[-1]:.1f} ms, noise {found[0]:.0f} to {found[-1]:.1f} /s")
-        )  # fmt: skip
+            Series(
+                words,
+                lag,
+                found,
+                note=f"{words:<20} lag {1e3 * lag[0]:.2f} to "
+                f"{1e3 * lag[-1]:.1f} ms, noise {found[0]:.0f} to {found[-1]:.1f} /s",
+            )
+        )
     yield panel
 
 
@@ -231,15 +284,22 @@ def saturation_region(points: int = 81, share: float = 0.5) -> Iterator[Panel]:
     theta, speed = np.linspace(-1.2, 1.2, points), np.linspace(-1.2, 1.2, points)
     good = caught(theta[None, :], speed[:, None], share)
     panel = Panel(
-        "Where a weak motor catches a pendulum: purple", "from upright [rad]", "speed [sqrt(g/l)]",
+        "Where a weak motor catches a pendulum: purple",
+        "from upright [rad]",
+        "speed [sqrt(g/l)]",
         grid=stability.Map(theta, speed, np.where(good, 0.5, 2.0), quantity="0.5 caught, 2 not"),
-    )  # fmt: skip
+    )
     edge, flat = edge_of_rest(share), edge_of_rest(share, linear=True)
     panel.series = [
-        Series("linear theory: angle + speed = u/(m g l)", theta, share - theta, "theory on a map",
-               "--"),
+        Series(
+            "linear theory: angle + speed = u/(m g l)",
+            theta,
+            share - theta,
+            "theory on a map",
+            "--",
+        ),
         Series("from rest: arcsine of u/(m g l)", [math.asin(share)], [0.0], "chosen", ""),
-    ]  # fmt: skip
+    ]
     panel.ylim = (-1.2, 1.2)
     panel.notes = [
         f"from rest, torque {share:g} m g l: caught up to {edge:.6f} rad, theory "
@@ -263,8 +323,15 @@ def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
     taus = np.geomspace(1e-4, 0.03, points)
 
     def ripple(tau: float) -> float:
-        run = run_joint(Joint(0.05, 0.1, 0.4), Actuator(delay=DT), Encoder(bits, 0.2 * line),
-                        Gains(kp, 0.0, kd, tau), 0.3, DT, 4.0)  # fmt: skip
+        run = run_joint(
+            Joint(0.05, 0.1, 0.4),
+            Actuator(delay=DT),
+            Encoder(bits, 0.2 * line),
+            Gains(kp, 0.0, kd, tau),
+            0.3,
+            DT,
+            4.0,
+        )
         return float(np.ptp(run.command[2000:]))
 
     def bound(tau: float) -> float:
@@ -280,13 +347,22 @@ def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
         theory="2 (kd/(tau + dt) + kp) line",
     )
     panel.series = [
-        Series(f"{bits} bits, kd = {kd:g}", taus, found, "", theory=bound,
-               note=f"ripple of {bits} bits: at most {share:.2f} of the bound")
-    ]  # fmt: skip
+        Series(
+            f"{bits} bits, kd = {kd:g}",
+            taus,
+            found,
+            "",
+            theory=bound,
+            note=f"ripple of {bits} bits: at most {share:.2f} of the bound",
+        )
+    ]
     yield panel
 
-    panel = Panel("Static friction makes an integral hunt",
-                  "static over Coulomb friction", "swing about the target [mrad]")  # fmt: skip
+    panel = Panel(
+        "Static friction makes an integral hunt",
+        "static over Coulomb friction",
+        "swing about the target [mrad]",
+    )
     ratios = np.linspace(1.0, 3.0, points)
 
     def hunting(ratio: float, ki: float) -> float:
@@ -298,10 +374,14 @@ def ripple_and_hunting(points: int = 9) -> Iterator[Panel]:
         swing = [hunting(r, ki) for r in ratios]
         at = swing[int(np.argmin(np.abs(ratios - 2.0)))]
         panel.series.append(
-            Series(f"ki = {ki:g}", ratios, swing,
-                   note=f"hunting with ki = {ki:<5g} {swing[0]:.3f} mrad at equal friction, "
-                   f"{at:.1f} at twice the static")
-        )  # fmt: skip
+            Series(
+                f"ki = {ki:g}",
+                ratios,
+                swing,
+                note=f"hunting with ki = {ki:<5g} {swing[0]:.3f} mrad at equal friction, "
+                f"{at:.1f} at twice the static",
+            )
+        )
     yield panel
 
 
@@ -375,12 +455,18 @@ def ziegler_nichols_rows(points: int = 15) -> Iterator[Panel]:
     for name in (*ROWS, "placed"):
         found = [placed(D) if name == "placed" else ziegler_nichols(name, D) for D in delays]
         over = [f.overshoot if f.growth < 1.0 else math.inf for f in found]
-        panel.series.append(Series(name if name != "placed" else "PD, three equal poles", delays,
-                                   over))  # fmt: skip
+        panel.series.append(
+            Series(name if name != "placed" else "PD, three equal poles", delays, over)
+        )
         for D, f in zip(delays[:: max(1, points // 3)], found[:: max(1, points // 3)], strict=True):
             left = f.margins()
-            held = "unstable" if f.growth >= 1.0 else (
-                f"gain margin {left.gain:4.2f}  phase {left.phase:4.2f} rad  overshoot "
-                f"{f.overshoot:4.0%}  settled after {f.settling / D:5.1f} D")  # fmt: skip
+            held = (
+                "unstable"
+                if f.growth >= 1.0
+                else (
+                    f"gain margin {left.gain:4.2f}  phase {left.phase:4.2f} rad  overshoot "
+                    f"{f.overshoot:4.0%}  settled after {f.settling / D:5.1f} D"
+                )
+            )
             panel.notes.append(f"{name:<7} delay {D:6.3g}  {held}")
     yield panel

@@ -52,9 +52,13 @@ def _driven(seen, sent, target, rate, joints, dt):
 
 
 def record(
-    models: Sequence[JointModel], seconds: float = 6.0, dt: float = 2e-3,
-    noise: ArrayLike = 3e-5, seed: int = 0, speed: float = 1.0,
-) -> list[Log]:  # fmt: skip
+    models: Sequence[JointModel],
+    seconds: float = 6.0,
+    dt: float = 2e-3,
+    noise: ArrayLike = 3e-5,
+    seed: int = 0,
+    speed: float = 1.0,
+) -> list[Log]:
     """One log for each model, all under the same PD loop on the same motion.
 
     The truth is stepped by Runge-Kutta ten times finer than the log; Coulomb friction turns round
@@ -107,8 +111,12 @@ def what_a_log_tells(
         causes: drawn for each of the seven of the right one.
     """
     rng = np.random.default_rng(3)
-    panel = Panel("Integrate, do not differentiate", "noise of the angle [rad]",
-                  "error of the inertia", scale="log")  # fmt: skip
+    panel = Panel(
+        "Integrate, do not differentiate",
+        "noise of the angle [rad]",
+        "error of the inertia",
+        scale="log",
+    )
     models = [changed(rng, "inertia")[1] for _ in range(joints)]
     off: dict[str, list[Array]] = {"integral form": [], "second differences": []}
     for noise in noises:
@@ -121,28 +129,44 @@ def what_a_log_tells(
     for name, rows in off.items():
         y = [float(np.median(row)) for row in rows]
         panel.series.append(
-            Series(name, noises, y, low=[row.min() for row in rows], high=[r.max() for r in rows],
-                   note=f"{name:<20} error of the inertia {y[0]:.1e} at {noises[0]:.0e} rad of "
-                   f"noise, {y[-1]:.1e} at {noises[-1]:.0e}")
-        )  # fmt: skip
+            Series(
+                name,
+                noises,
+                y,
+                low=[row.min() for row in rows],
+                high=[r.max() for r in rows],
+                note=f"{name:<20} error of the inertia {y[0]:.1e} at {noises[0]:.0e} rad of "
+                f"noise, {y[-1]:.1e} at {noises[-1]:.0e}",
+            )
+        )
     yield panel
 
-    panel = Panel("One of seven causes", "noise of the angle [rad]", "share named alone",
-                  scale="log x")  # fmt: skip
+    panel = Panel(
+        "One of seven causes", "noise of the angle [rad]", "share named alone", scale="log x"
+    )
     cases = [(cause, *changed(rng, cause)) for cause in CAUSES for _ in range(causes)]
     named: dict[str, list[float]] = {cause: [] for cause in CAUSES}
     for noise in noises:
         logs = record([truth for *_, truth in cases], noise=noise, seed=2)
-        right = np.array([diagnose(log, model).causes == (cause,)
-                          for log, (cause, model, _) in zip(logs, cases, strict=True)])  # fmt: skip
+        right = np.array(
+            [
+                diagnose(log, model).causes == (cause,)
+                for log, (cause, model, _) in zip(logs, cases, strict=True)
+            ]
+        )
         for cause, share in zip(CAUSES, right.reshape(len(CAUSES), -1).mean(axis=1), strict=True):
             named[cause].append(float(share))
     for cause, y in named.items():
         row = ", ".join(f"{100 * share:.0f}" for share in y)
         panel.series.append(
-            Series(cause, noises, y, extra=cause == "limit",
-                   note=f"{cause:<10} named alone, % over the noise: {row}")
-        )  # fmt: skip
+            Series(
+                cause,
+                noises,
+                y,
+                extra=cause == "limit",
+                note=f"{cause:<10} named alone, % over the noise: {row}",
+            )
+        )
     yield panel
 
 
@@ -163,18 +187,27 @@ def learned_beside_adaptive(
     panel = Panel("Learned or adapted", "seconds of data", "largest error [rad]", scale="log y")
     found: dict[str, list[list[float]]] = {"trained motion": [], "a larger one": []}
     for seed in range(seeds):
-        laws = learn(first, lambda law: track(tracking.ARM, law, tracking.motion, dt, 4.0),
-                     np.random.default_rng(seed), rounds)  # fmt: skip
+        laws = learn(
+            first,
+            lambda law: track(tracking.ARM, law, tracking.motion, dt, 4.0),
+            np.random.default_rng(seed),
+            rounds,
+        )
         for name, size in zip(found, (1.0, outside), strict=True):
             found[name].append([min(tracking.error(law, dt, size=size), 9.0) for law in laws])
     for name, rows in found.items():
         y = np.median(rows, axis=0)
         panel.series.append(
-            Series(f"learned, {name}", data, y, low=np.min(rows, axis=0),
-                   high=np.max(rows, axis=0),
-                   note=f"learned, {name}: {y[0]:.2g} rad, after {rounds} rounds {y[-1]:.2g} "
-                   f"({np.min(rows, axis=0)[-1]:.2g} to {np.max(rows, axis=0)[-1]:.2g})")
-        )  # fmt: skip
+            Series(
+                f"learned, {name}",
+                data,
+                y,
+                low=np.min(rows, axis=0),
+                high=np.max(rows, axis=0),
+                note=f"learned, {name}: {y[0]:.2g} rad, after {rounds} rounds {y[-1]:.2g} "
+                f"({np.min(rows, axis=0)[-1]:.2g} to {np.max(rows, axis=0)[-1]:.2g})",
+            )
+        )
     for name, size in zip(found, (1.0, outside), strict=True):
         law = tracking.adaptive(tracking.WRONG, dt)
         error = tracking.error(law, dt, size=size)

@@ -56,9 +56,14 @@ class Loop:
     def mujoco(self, substeps: int = 10, integrator: str = "implicitfast") -> MotorJoint:
         """MuJoCo's joint."""
         return MotorJoint(
-            self.inertia, self.damping, self.dt, self.load,
-            substeps=substeps, friction=self.friction, integrator=integrator,
-        )  # fmt: skip
+            self.inertia,
+            self.damping,
+            self.dt,
+            self.load,
+            substeps=substeps,
+            friction=self.friction,
+            integrator=integrator,
+        )
 
 
 # With these gains three poles of the continuous loop lie at -8 rad/s, the filter left out.
@@ -150,13 +155,17 @@ def pid_stability(nx: int = 125, ny: int = 117) -> Iterator[Panel]:
         for x in few
     ]
     panel = Panel(
-        "A slower loop stands less gain", "sample time [s]", "factor on all gains", grid=found,
-    )  # fmt: skip
+        "A slower loop stands less gain",
+        "sample time [s]",
+        "factor on all gains",
+        grid=found,
+    )
     panel.series = [
-        Series("theory: the loop's matrix", dt, [theory(float(x)) for x in dt], "theory on a map",
-               "--"),
+        Series(
+            "theory: the loop's matrix", dt, [theory(float(x)) for x in dt], "theory on a map", "--"
+        ),
         Series("MuJoCo, ten steps a sample", few, marks, "MuJoCo", ""),
-    ]  # fmt: skip
+    ]
     by_gain = theory(LOOP.dt), gain_limit(LOOP, measured_growth)
     by_rate = rate_limit(LOOP, theoretical_growth), rate_limit(LOOP, measured_growth)
     off = max(abs(mark / theory(x) - 1.0) for x, mark in zip(few, marks, strict=True))
@@ -256,23 +265,46 @@ def jam_scene() -> Scene:
         ),
         degrees_of_freedom=("angle",),
         modelled=(
-            Modelled("the jam", lambda: abs(overshoot(jam=0.0) - answer), "rad",
-                     against="the exact joint, never jammed"),
-            Modelled("the torque limit", lambda: abs(overshoot(limit=1e6) - answer), "rad",
-                     against="the exact joint, no limit"),
-            Modelled("damping", lambda: abs(overshoot(damping=0.0) - answer), "rad",
-                     against="the exact joint without"),
-            Modelled("the load", lambda: abs(overshoot(load=0.0) - answer), "rad",
-                     against="the exact joint without"),
+            Modelled(
+                "the jam",
+                lambda: abs(overshoot(jam=0.0) - answer),
+                "rad",
+                against="the exact joint, never jammed",
+            ),
+            Modelled(
+                "the torque limit",
+                lambda: abs(overshoot(limit=1e6) - answer),
+                "rad",
+                against="the exact joint, no limit",
+            ),
+            Modelled(
+                "damping",
+                lambda: abs(overshoot(damping=0.0) - answer),
+                "rad",
+                against="the exact joint without",
+            ),
+            Modelled(
+                "the load",
+                lambda: abs(overshoot(load=0.0) - answer),
+                "rad",
+                against="the exact joint without",
+            ),
         ),
         left_out=(
-            LeftOut("a jam that gives way", lambda: abs(stepping - answer), "rad",
-                    against="MuJoCo, ten steps a sample"),
-            LeftOut("dry friction, 1 % of the motor",
-                    lambda: abs(overshoot(rubbing.mujoco()) - stepping), "rad",
-                    against="MuJoCo, friction loss"),
+            LeftOut(
+                "a jam that gives way",
+                lambda: abs(stepping - answer),
+                "rad",
+                against="MuJoCo, ten steps a sample",
+            ),
+            LeftOut(
+                "dry friction, 1 % of the motor",
+                lambda: abs(overshoot(rubbing.mujoco()) - stepping),
+                "rad",
+                against="MuJoCo, friction loss",
+            ),
         ),
-    )  # fmt: skip
+    )
 
 
 @chart
@@ -284,7 +316,7 @@ def pid_windup() -> Iterator[Panel]:
             ("The integral of a jam has to be unwound", "angle [rad]"),
             ("It holds the command at the limit", "command [N m]"),
         )
-    )  # fmt: skip
+    )
     left.lines = [("y", STEP, "set-point")]
     for key, kind in (("conditional integration", PID), ("no anti-windup", WindingPID)):
         for model, joint in (("exact", LOOP.joint()), ("MuJoCo", LOOP.mujoco())):
@@ -292,10 +324,18 @@ def pid_windup() -> Iterator[Panel]:
             found, label = recovery(times, angles), f"{key}, {model}"
             style, width = ("-", 1.2) if model == "exact" else (":", 2.5)
             left.series.append(
-                Series(label, times, angles, key, style, marker="", width=width,
-                       note=f"{label:<32} {found.overshoot:.3f} rad past the set-point, settled "
-                       f"after {found.time:.2f} s")
-            )  # fmt: skip
+                Series(
+                    label,
+                    times,
+                    angles,
+                    key,
+                    style,
+                    marker="",
+                    width=width,
+                    note=f"{label:<32} {found.overshoot:.3f} rad past the set-point, settled "
+                    f"after {found.time:.2f} s",
+                )
+            )
             right.series.append(
                 Series(label, times[:-1], commands, key, style, marker="", width=width)
             )

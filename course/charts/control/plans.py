@@ -53,9 +53,11 @@ def cost(x: Array, samples: int = 0, limit: float = WEAK, most: int = 1500) -> t
 
 @chart
 def mpc_where(
-    points: int = 13, samples: Sequence[int] = (10, 20, 40), repeats: int = 5,
+    points: int = 13,
+    samples: Sequence[int] = (10, 20, 40),
+    repeats: int = 5,
     clock: Callable[[], float] = time.process_time,
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """MPC beside the clipped regulator: what it saves over the distance, and its time.
 
     Args:
@@ -65,18 +67,26 @@ def mpc_where(
     """
     far = np.geomspace(0.01, 10.0, points)
     clipped = [cost(np.array([x, 0.0])) for x in far]
-    panel = Panel("Where the limit binds both ways, a plan pays", "distance [m]",
-                  "cost of the clipped regulator over MPC's", scale="log x")  # fmt: skip
+    panel = Panel(
+        "Where the limit binds both ways, a plan pays",
+        "distance [m]",
+        "cost of the clipped regulator over MPC's",
+        scale="log x",
+    )
     first = far[[sides for _, sides in clipped].index(2)]
     panel.lines = [("x", float(first), "both limits met")]
     for n in samples:
         ratio = [c / cost(np.array([x, 0.0]), n)[0] for x, (c, _) in zip(far, clipped, strict=True)]
         near = max(abs(r - 1) for r, (_, sides) in zip(ratio, clipped, strict=True) if sides < 2)
         panel.series.append(
-            Series(f"{n * STEP:g} s ahead", far, ratio,
-                   note=f"{n} samples ahead: up to {max(ratio):.2f} times cheaper; the same to "
-                   f"{near:.0e} where the limit binds on one side at most")
-        )  # fmt: skip
+            Series(
+                f"{n * STEP:g} s ahead",
+                far,
+                ratio,
+                note=f"{n} samples ahead: up to {max(ratio):.2f} times cheaper; the same to "
+                f"{near:.0e} where the limit binds on one side at most",
+            )
+        )
     yield panel
 
     x = np.array([2.0, 0.0])
@@ -88,15 +98,24 @@ def mpc_where(
         runs[f"warm {n}"] = functools.partial(mpc, plan, x, WEAK, last)
     timed = interleaved([calls(run, clock=clock) for run in runs.values()], repeats=repeats)
     spent = {name: 1e6 * found.median for name, found in zip(runs, timed, strict=True)}
-    panel = Panel("What a command costs", "samples ahead", "time of a command [us]", scale="log",
-                  ticks=samples)  # fmt: skip
+    panel = Panel(
+        "What a command costs",
+        "samples ahead",
+        "time of a command [us]",
+        scale="log",
+        ticks=samples,
+    )
     for name in ("cold", "warm"):
         y = [spent[f"{name} {n}"] for n in samples]
         panel.series.append(
-            Series(f"MPC, {name} start", samples, y,
-                   note=f"MPC, {name} start: {y[0]:.0f} us at {samples[0]} samples, {y[-1]:.0f} at "
-                   f"{samples[-1]}; the clipped regulator {spent['saturated LQR']:.1f} us")
-        )  # fmt: skip
+            Series(
+                f"MPC, {name} start",
+                samples,
+                y,
+                note=f"MPC, {name} start: {y[0]:.0f} us at {samples[0]} samples, {y[-1]:.0f} at "
+                f"{samples[-1]}; the clipped regulator {spent['saturated LQR']:.1f} us",
+            )
+        )
     panel.lines = [("y", spent["saturated LQR"], "clipped regulator")]
     yield panel
 
@@ -132,8 +151,9 @@ def swings_up(samples: int, ahead: int, seed: int, plans: int = 70, dt: float = 
                 total += 1.0 - np.cos(q) + 0.02 * v**2
             return total
 
-        plan = mppi(judged, plan, rng, samples=samples, spread=limit, temperature=0.5,
-                    limit=limit).plan  # fmt: skip
+        plan = mppi(
+            judged, plan, rng, samples=samples, spread=limit, temperature=0.5, limit=limit
+        ).plan
         q, v = move(q, v, plan[0])
         plan = shifted(plan)
     return bool(abs(np.sin(q[0])) < 0.3 and np.cos(q[0]) > 0.0 and abs(v[0]) < 1.0)
@@ -142,8 +162,9 @@ def swings_up(samples: int, ahead: int, seed: int, plans: int = 70, dt: float = 
 @chart
 def swing_up(
     samples: Sequence[int] = (2, 4, 8, 16, 32, 64, 256),
-    ahead: Sequence[int] = (3, 5, 8, 12, 16, 20, 30), seeds: int = 20,
-) -> Iterator[Panel]:  # fmt: skip
+    ahead: Sequence[int] = (3, 5, 8, 12, 16, 20, 30),
+    seeds: int = 20,
+) -> Iterator[Panel]:
     """How often MPPI swings a weak pendulum up: over its tries, and over how far it looks.
 
     Args:
@@ -155,23 +176,42 @@ def swing_up(
         ("Further ahead", "samples of the horizon", ahead, {"samples": 64}),
     ):
         name = "ahead" if "samples" in fixed else "samples"
-        won = [sum(swings_up(**{name: n, **fixed, "seed": s}) for s in range(seeds))
-               for n in values]  # fmt: skip
+        won = [
+            sum(swings_up(**{name: n, **fixed, "seed": s}) for s in range(seeds)) for n in values
+        ]
         low, high = wilson(won, seeds)
         share = np.array(won) / seeds
         with_what = ", ".join(f"{n} {k}" for k, n in fixed.items()).replace("samples", "tries")
         row = ", ".join(f"{n}: {s:.0%}" for n, s in zip(values, share, strict=True))
-        yield Panel(f"{title} ({with_what})", words, "share of runs upright", scale="log x",
-                    ticks=values, series=[Series("", values, share, "MPPI", low=low, high=high,
-                    note=f"upright by {words}, {with_what}: {row}")])  # fmt: skip
+        yield Panel(
+            f"{title} ({with_what})",
+            words,
+            "share of runs upright",
+            scale="log x",
+            ticks=values,
+            series=[
+                Series(
+                    "",
+                    values,
+                    share,
+                    "MPPI",
+                    low=low,
+                    high=high,
+                    note=f"upright by {words}, {with_what}: {row}",
+                )
+            ],
+        )
 
 
 @chart
 def control_speed(
-    plans: Sequence[int] = (16, 64, 256, 1024), samples: int = 50,
-    sizes: Sequence[int] = (2, 4, 8), systems: int = 1000, repeats: int = 5,
+    plans: Sequence[int] = (16, 64, 256, 1024),
+    samples: int = 50,
+    sizes: Sequence[int] = (2, 4, 8),
+    systems: int = 1000,
+    repeats: int = 5,
     clock: Callable[[], float] = time.process_time,
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """Rollouts beside `mujoco.batch` on one core, regulators and boxes beside SciPy's.
 
     Args:
@@ -197,8 +237,9 @@ def control_speed(
             rates[name].append(n * samples / found.median)
     ratio = np.array(rates["course"]) / rates["mujoco.batch"]
     note = f"{np.median(ratio):.0f} times mujoco.batch on one core ({ratio.min():.0f} to "
-    panel = Panel("Rollouts of two links", "plans at a time", "samples a second", scale="log",
-                  ticks=plans)  # fmt: skip
+    panel = Panel(
+        "Rollouts of two links", "plans at a time", "samples a second", scale="log", ticks=plans
+    )
     panel.series = [Series(name, plans, y, name) for name, y in rates.items()]
     panel.notes = [f"{note}{ratio.max():.0f}); largest difference {off:.0e} rad"]
     yield panel
@@ -225,8 +266,10 @@ def _beside_scipy(
     from scipy.linalg import solve_discrete_are
     from scipy.optimize import lsq_linear
 
-    rng, panel = np.random.default_rng(0), Panel("One answer", "size", "time [us]", scale="log",
-                                                 ticks=sizes)  # fmt: skip
+    rng, panel = (
+        np.random.default_rng(0),
+        Panel("One answer", "size", "time [us]", scale="log", ticks=sizes),
+    )
     names = ("regulator", "SciPy's Riccati", "box", "SciPy's BVLS")
     spent: dict[str, list[float]] = {name: [] for name in names}
     worst, apart = np.zeros(2), 0.0

@@ -41,8 +41,9 @@ def force_edge_mujoco(
 ) -> float:
     """The same by runs in MuJoCo, pressed with a force so large that it never leaves the wall."""
     whole, press = round(delay / DT), 20.0
-    probe = mujoco.Probe(ARM.mass, ARM.damping, wall, DT, wall=kind, impedance=impedance,
-                         substeps=substeps)  # fmt: skip
+    probe = mujoco.Probe(
+        ARM.mass, ARM.damping, wall, DT, wall=kind, impedance=impedance, substeps=substeps
+    )
 
     def holds(gain: float) -> float:
         probe.reset(press / wall, 1e-2 * press / wall / DT * 1e-2)
@@ -73,8 +74,11 @@ def stiffest(wall: float, delay: float = DELAY, damping: float = 0.0) -> float:
 def stiffest_damped(wall: float, delay: float = DELAY, points: int = 25) -> float:
     """The same with the best active damping."""
     tried = np.append(0.0, np.geomspace(20.0, 6e3, points))
-    return max(stiffest(wall, delay, float(d)) for d in tried
-               if growth(TouchLaw(1.0, float(d)), wall, delay) <= 1.0)  # fmt: skip
+    return max(
+        stiffest(wall, delay, float(d))
+        for d in tried
+        if growth(TouchLaw(1.0, float(d)), wall, delay) <= 1.0
+    )
 
 
 def lightest(wall: float, delay: float = 0.0, damping: float = 1.0) -> float:
@@ -98,44 +102,80 @@ def touching(points: int = 13) -> Iterator[Panel]:
     """
     walls = np.geomspace(1e2, 1e6, points)
     few = walls[:: max(1, points // 4)]
-    panel = Panel("A force loop on a wall, and on a simulated contact", "wall [N/m]",
-                  "largest gain on the force", scale="log")  # fmt: skip
+    panel = Panel(
+        "A force loop on a wall, and on a simulated contact",
+        "wall [N/m]",
+        "largest gain on the force",
+        scale="log",
+    )
     exact = [force_edge(k) for k in walls]
     panel.series = [
-        Series("the loop's matrix", walls, exact, "",
-               theory=lambda k: sampled.force_limit(ARM.damping, k, DELAY + 0.5 * DT)),
-        Series("MuJoCo, spring", few, [force_edge_mujoco(k, DELAY, "spring", 10) for k in few],
-               "MuJoCo", "", hollow=True),
-    ]  # fmt: skip
+        Series(
+            "the loop's matrix",
+            walls,
+            exact,
+            "",
+            theory=lambda k: sampled.force_limit(ARM.damping, k, DELAY + 0.5 * DT),
+        ),
+        Series(
+            "MuJoCo, spring",
+            few,
+            [force_edge_mujoco(k, DELAY, "spring", 10) for k in few],
+            "MuJoCo",
+            "",
+            hollow=True,
+        ),
+    ]
     for d in (0.02, 0.9):
         panel.series.append(
-            Series(f"MuJoCo, contact d = {d:g}", few,
-                   [force_edge_mujoco(k, DELAY, "contact", 1, d) for k in few])
-        )  # fmt: skip
+            Series(
+                f"MuJoCo, contact d = {d:g}",
+                few,
+                [force_edge_mujoco(k, DELAY, "contact", 1, d) for k in few],
+            )
+        )
     at = int(np.argmin(np.abs(walls - 1e5)))
     panel.notes = [
         f"P on the force at {walls[at]:.0e} N/m and {1e3 * DELAY:g} ms: gain {exact[at]:.3f}"
     ]
     yield panel
 
-    panel = Panel("Damping by the law lifts stiffness, delay takes it", "wall [N/m]",
-                  "largest stiffness [N/m]", scale="log")  # fmt: skip
+    panel = Panel(
+        "Damping by the law lifts stiffness, delay takes it",
+        "wall [N/m]",
+        "largest stiffness [N/m]",
+        scale="log",
+    )
     for delay in (0.0, DELAY):
         own = [stiffest(k, delay) for k in walls]
         active = [stiffest_damped(k, delay) for k in walls]
         bound = sampled.passive_stiffness(ARM.damping, DT, delay)
         panel.series += [
-            Series(f"own friction, {1e3 * delay:g} ms", walls, own, "", "--",
-                   note=f"impedance, {1e3 * delay:g} ms late: own friction {min(own):.0f} to "
-                   f"{max(own):.0f} N/m, passive bound {bound:.0f}"),
-            Series(f"best active damping, {1e3 * delay:g} ms", walls, active,
-                   note=f"impedance, {1e3 * delay:g} ms late, active damping: {active[0]:.2g} N/m "
-                   f"at {walls[0]:.0e}, {active[-1]:.2g} at {walls[-1]:.0e}"),
-        ]  # fmt: skip
+            Series(
+                f"own friction, {1e3 * delay:g} ms",
+                walls,
+                own,
+                "",
+                "--",
+                note=f"impedance, {1e3 * delay:g} ms late: own friction {min(own):.0f} to "
+                f"{max(own):.0f} N/m, passive bound {bound:.0f}",
+            ),
+            Series(
+                f"best active damping, {1e3 * delay:g} ms",
+                walls,
+                active,
+                note=f"impedance, {1e3 * delay:g} ms late, active damping: {active[0]:.2g} N/m "
+                f"at {walls[0]:.0e}, {active[-1]:.2g} at {walls[-1]:.0e}",
+            ),
+        ]
     yield panel
 
-    panel = Panel("Admittance: the stiffer the wall, the heavier", "wall [N/m]",
-                  "least virtual mass [kg]", scale="log")  # fmt: skip
+    panel = Panel(
+        "Admittance: the stiffer the wall, the heavier",
+        "wall [N/m]",
+        "least virtual mass [kg]",
+        scale="log",
+    )
     light = [lightest(k) for k in walls]
     panel.lines = [("y", ARM.mass, "the arm's own mass")]
     panel.series = [Series("admittance over a stiff inner loop", walls, light)]
@@ -176,8 +216,9 @@ def first_peak(law: TouchLaw, arm: Probe = ARM, wall: float = WALL) -> float:
     """The first peak of the force when the set-point runs into the wall at `SPEED` [N]."""
     t = DT * np.arange(800)
     probe = replace(arm, wall=wall)
-    run = run_touch(probe, law, np.minimum(SPEED * t - 0.02, 0.02), DT, 0.8, delay=DELAY,
-                    start=(-0.02, SPEED))  # fmt: skip
+    run = run_touch(
+        probe, law, np.minimum(SPEED * t - 0.02, 0.02), DT, 0.8, delay=DELAY, start=(-0.02, SPEED)
+    )
     hit = int(np.argmax(run.torque > 0.0))
     later = run.torque[hit:]
     down = np.flatnonzero(np.diff(later) < 0.0)
@@ -191,10 +232,18 @@ def surface_error(law: TouchLaw, off: float = 2e-3) -> float:
     """
     place = 10.0 / law.stiffness + 10.0 / WALL if law.stiffness and not law.mass else 0.0
     force = [
-        run_touch(replace(ARM, wall=WALL, wall_damping=50.0), law, place, DT, 8.0, delay=DELAY,
-                  start=(0.0, 0.0), surface=np.full(8000, -x)).torque[-1]
+        run_touch(
+            replace(ARM, wall=WALL, wall_damping=50.0),
+            law,
+            place,
+            DT,
+            8.0,
+            delay=DELAY,
+            start=(0.0, 0.0),
+            surface=np.full(8000, -x),
+        ).torque[-1]
         for x in (0.0, off)
-    ]  # fmt: skip
+    ]
     return float(force[1] - force[0])
 
 
@@ -210,8 +259,12 @@ def gain_margin(law: TouchLaw, wall: float = WALL) -> float:
     def scaled(factor: float) -> TouchLaw:
         if law.mass:
             return replace(law, mass=law.mass / factor, give=law.give / factor)
-        return replace(law, stiffness=factor * law.stiffness, damping=factor * law.damping,
-                       force_gain=factor * law.force_gain)  # fmt: skip
+        return replace(
+            law,
+            stiffness=factor * law.stiffness,
+            damping=factor * law.damping,
+            force_gain=factor * law.force_gain,
+        )
 
     return largest(lambda x: growth(scaled(x), wall), 0.01, 1e3)
 
@@ -222,8 +275,9 @@ def touch_scene() -> Scene:
     answer = first_peak(law)
 
     def by_mujoco(kind: str) -> float:
-        probe = mujoco.Probe(ARM.mass, ARM.damping, WALL, DT, wall=kind, impedance=0.02,
-                             substeps=10)  # fmt: skip
+        probe = mujoco.Probe(
+            ARM.mass, ARM.damping, WALL, DT, wall=kind, impedance=0.02, substeps=10
+        )
         probe.reset(-0.02, SPEED)
         sent, peak = [0.0, 0.0, 0.0], 0.0
         for k in range(600):
@@ -240,22 +294,40 @@ def touch_scene() -> Scene:
         tolerance=Tolerance(1.0, "N", "a tenth of the force that is wanted in contact"),
         degrees_of_freedom=("place along the normal",),
         modelled=(
-            Modelled("the wall's give", lambda: abs(first_peak(law, wall=10 * WALL) - answer), "N",
-                     against="the exact probe, ten times stiffer"),
-            Modelled("the law while it touches",
-                     lambda: abs(first_peak(TouchLaw()) - answer), "N", against="no law"),
+            Modelled(
+                "the wall's give",
+                lambda: abs(first_peak(law, wall=10 * WALL) - answer),
+                "N",
+                against="the exact probe, ten times stiffer",
+            ),
+            Modelled(
+                "the law while it touches",
+                lambda: abs(first_peak(TouchLaw()) - answer),
+                "N",
+                against="no law",
+            ),
         ),
         left_out=(
-            LeftOut("stepping, and a contact of MuJoCo", lambda: abs(by_mujoco("contact") - answer),
-                    "N", against="MuJoCo, ten steps a sample, d = 0.02"),
-            LeftOut("the loss in a real wall of 10 N s/m",
-                    lambda: abs(first_peak(law, replace(ARM, wall_damping=10.0)) - answer), "N",
-                    against="the exact probe with it"),
-            LeftOut("a tenth of the arm's friction",
-                    lambda: abs(first_peak(law, replace(ARM, damping=22.0)) - answer), "N",
-                    against="the exact probe with it"),
+            LeftOut(
+                "stepping, and a contact of MuJoCo",
+                lambda: abs(by_mujoco("contact") - answer),
+                "N",
+                against="MuJoCo, ten steps a sample, d = 0.02",
+            ),
+            LeftOut(
+                "the loss in a real wall of 10 N s/m",
+                lambda: abs(first_peak(law, replace(ARM, wall_damping=10.0)) - answer),
+                "N",
+                against="the exact probe with it",
+            ),
+            LeftOut(
+                "a tenth of the arm's friction",
+                lambda: abs(first_peak(law, replace(ARM, damping=22.0)) - answer),
+                "N",
+                against="the exact probe with it",
+            ),
         ),
-    )  # fmt: skip
+    )
 
 
 def slowest(law: TouchLaw, wall: float = WALL) -> float:
@@ -282,8 +354,11 @@ def row(name: str) -> dict[str, float]:
 def sentence(name: str) -> str:
     """One row of the table of regimes, as a sentence of its own figures."""
     law, found = REGIMES[name], row(name)
-    expected = f" (springs in series {series_stiffness(law):.1f})" if (
-        law.stiffness and not law.mass) else ""  # fmt: skip
+    expected = (
+        f" (springs in series {series_stiffness(law):.1f})"
+        if (law.stiffness and not law.mass)
+        else ""
+    )
     where = "along the wall" if name in TANGENT else "free"
     free = "nothing to follow" if math.isnan(found["free_mm"]) else f"{found['free_mm']:.1f} mm"
     return (
@@ -312,11 +387,15 @@ def contact_regimes(points: int = 9) -> Iterator[Panel]:
         peaks = [first_peak(TouchLaw(k), arm) for k in stiffness]
         theory = SPEED * math.sqrt(mass * WALL)
         panel.series.append(
-            Series(f"{mass:g} kg", stiffness, peaks,
-                   theory=functools.partial(_undamped, theory),
-                   note=f"first peak of {mass:g} kg: {peaks[0]:.1f} N with {stiffness[0]:.0f} N/m, "
-                   f"speed sqrt(m ke) = {theory:.1f} N")
-        )  # fmt: skip
+            Series(
+                f"{mass:g} kg",
+                stiffness,
+                peaks,
+                theory=functools.partial(_undamped, theory),
+                note=f"first peak of {mass:g} kg: {peaks[0]:.1f} N with {stiffness[0]:.0f} N/m, "
+                f"speed sqrt(m ke) = {theory:.1f} N",
+            )
+        )
     panel.theory = "speed sqrt(m ke)"
     panel.notes = [sentence(name) for name in REGIMES] + [touch_scene().table()]
     yield panel

@@ -32,14 +32,21 @@ def motion(times: ArrayLike, size: float = 1.0, speed: float = 1.0) -> list[Arra
     """A smooth motion of both joints: angles, rates, accelerations, each (2, T)."""
     w = speed * np.array([[2.0], [3.0]])
     wave, depth = w * np.asarray(times) + [[0.3], [1.0]], size * np.array([[0.8], [0.5]])
-    return [depth * np.sin(wave) + [[0.0], [0.6]], depth * w * np.cos(wave),
-            -depth * w**2 * np.sin(wave)]  # fmt: skip
+    return [
+        depth * np.sin(wave) + [[0.0], [0.6]],
+        depth * w * np.cos(wave),
+        -depth * w**2 * np.sin(wave),
+    ]
 
 
 def error(
-    law: Any, dt: float, seconds: float = SECONDS, arm: TwoLink = ARM, last: float = 2.0,
+    law: Any,
+    dt: float,
+    seconds: float = SECONDS,
+    arm: TwoLink = ARM,
+    last: float = 2.0,
     **how: float,
-) -> float:  # fmt: skip
+) -> float:
     """Largest error of an angle at the samples of the last seconds [rad]; infinite if it falls."""
     run = track(arm, law, partial(motion, **how), dt, seconds)
     worst = np.abs(run.q[:, :-1] - run.setpoint)[:, -round(last / dt) :].max()
@@ -61,8 +68,10 @@ class Along:
         q, v, a = motion(times + 0.5 * dt)
         self.ahead = model.inverse_dynamics(q, v, a)
         self.k, chain = 0, model.chain()
-        self.small = [self._held(linearise(chain, *x.T, gravity=DOWN))
-                      for x in np.stack([q, v, self.ahead], axis=2).transpose(1, 0, 2)]  # fmt: skip
+        self.small = [
+            self._held(linearise(chain, *x.T, gravity=DOWN))
+            for x in np.stack([q, v, self.ahead], axis=2).transpose(1, 0, 2)
+        ]
 
     def _held(self, system: tuple[Array, Array]) -> tuple[Array, Array]:
         whole, total = np.zeros((6, 6)), np.eye(6)
@@ -150,9 +159,13 @@ LAWS: dict[str, Callable[[TwoLink, float], Any]] = {
 
 
 def rounds_until(
-    bar: float, model: TwoLink, seed: int, rounds: int = 4, shown: TwoLink | None = None,
+    bar: float,
+    model: TwoLink,
+    seed: int,
+    rounds: int = 4,
+    shown: TwoLink | None = None,
     dt: float = 8e-3,
-) -> float:  # fmt: skip
+) -> float:
     """Rounds of collecting and fitting until a law's largest error is below a bar; or infinite.
 
     With `shown` that model's law collects first.
@@ -180,9 +193,10 @@ FOLLOW: dict[str, Callable[..., Callable[[], Array]]] = {
 
 @chart(columns=2)
 def tracking_laws(
-    rates: Sequence[int] = (125, 250, 500, 1000), repeats: int = 3,
+    rates: Sequence[int] = (125, 250, 500, 1000),
+    repeats: int = 3,
     clock: Callable[[], float] = time.process_time,
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """Error over samples a second with the right and a wrong model, and over computing time.
 
     Args:
@@ -192,16 +206,27 @@ def tracking_laws(
     """
     errors: dict[tuple[str, str], list[float]] = {}
     for words, model in (("right", ARM), ("wrong", WRONG)):
-        panel = Panel(f"The model {words}", "samples a second", "largest error [rad]",
-                      scale="log", ticks=rates)  # fmt: skip
+        panel = Panel(
+            f"The model {words}",
+            "samples a second",
+            "largest error [rad]",
+            scale="log",
+            ticks=rates,
+        )
         for name, law in LAWS.items():
             found = [error(law(model, 1.0 / f), 1.0 / f) for f in rates]
             errors[words, name] = found
             panel.series.append(
-                Series(name, rates, found, name, extra=name in ("PD", "MPC"),
-                       note=f"{name:<20} model {words}: {found[0]:.1e} rad at {rates[0]} Hz, "
-                       f"{found[-1]:.1e} at {rates[-1]}")
-            )  # fmt: skip
+                Series(
+                    name,
+                    rates,
+                    found,
+                    name,
+                    extra=name in ("PD", "MPC"),
+                    note=f"{name:<20} model {words}: {found[0]:.1e} rad at {rates[0]} Hz, "
+                    f"{found[-1]:.1e} at {rates[-1]}",
+                )
+            )
         yield panel
     yield _costs(rates, errors, repeats, clock)
 
@@ -220,8 +245,10 @@ def _costs(
         dt, length = 1.0 / f, {name: (40 if name in SLOW else 400) / f for name in (*LAWS, *FOLLOW)}
         whole = np.array(motion(dt * (np.arange(round(SECONDS * f)) + 0.5)))
         aim = motion(dt * np.arange(whole.shape[2] + 1))[0].T
-        runs = {name: calls(_run, law(ARM, dt), dt, length[name], clock=clock)
-                for name, law in LAWS.items()}  # fmt: skip
+        runs = {
+            name: calls(_run, law(ARM, dt), dt, length[name], clock=clock)
+            for name, law in LAWS.items()
+        }
         for name, of in FOLLOW.items():
             far = np.abs(of(whole, *gains, dt=dt)() - aim)[-round(2.0 * f) :]
             off.setdefault(name, []).append(float(far.max()))
@@ -229,17 +256,28 @@ def _costs(
         timed = interleaved(list(runs.values()), repeats=repeats, sample=3e-3)
         for name, found in zip(runs, timed, strict=True):
             spent.setdefault(name, []).append(found.median / length[name])
-    panel = Panel("What it costs, the model right", "computing time for a second [s]",
-                  "largest error [rad]", scale="log", lines=[("x", 1.0, "real time")])  # fmt: skip
+    panel = Panel(
+        "What it costs, the model right",
+        "computing time for a second [s]",
+        "largest error [rad]",
+        scale="log",
+        lines=[("x", 1.0, "real time")],
+    )
     for name, x in spent.items():
         ratio = np.median(np.array(x) / spent["half-sample preview"])
         panel.series.append(
-            Series(name, x, off[name], name, hollow=name in FOLLOW,
-                   extra=name in ("PD", "PD + gravity", "computed torque", "adaptive law"),
-                   note=f"{name:<20} {1e6 * x[-1] / rates[-1]:7.1f} us a sample with the arm's "
-                   f"motion, {ratio:6.1f} times the compiled loop with preview; "
-                   f"{off[name][-1]:.4e} rad at {rates[-1]} Hz")
-        )  # fmt: skip
+            Series(
+                name,
+                x,
+                off[name],
+                name,
+                hollow=name in FOLLOW,
+                extra=name in ("PD", "PD + gravity", "computed torque", "adaptive law"),
+                note=f"{name:<20} {1e6 * x[-1] / rates[-1]:7.1f} us a sample with the arm's "
+                f"motion, {ratio:6.1f} times the compiled loop with preview; "
+                f"{off[name][-1]:.4e} rad at {rates[-1]} Hz",
+            )
+        )
     return panel
 
 

@@ -33,9 +33,11 @@ ASKED = {
 
 @chart
 def arm_throughput(
-    sizes: Sequence[int] = (1, 10, 100, 1000, 10_000, 100_000), most: int = 10_000,
-    repeats: int = 7, clock: Callable[[], float] = time.process_time,
-) -> Iterator[Panel]:  # fmt: skip
+    sizes: Sequence[int] = (1, 10, 100, 1000, 10_000, 100_000),
+    most: int = 10_000,
+    repeats: int = 7,
+    clock: Callable[[], float] = time.process_time,
+) -> Iterator[Panel]:
     """States of the 7-R arm a second, in batches of N: the course, Pinocchio, MuJoCo.
 
     Libraries are called once a state, up to N = `most`, from where their time a state is the same;
@@ -127,18 +129,34 @@ def reaching_arm() -> Scene:
         tolerance=Tolerance(TOLERANCE, "m", "a tenth of the radius of the reaching task's target"),
         degrees_of_freedom=("shoulder", "elbow"),
         modelled=(
-            Modelled("coupling of the joints", lambda: _off(uncoupled()), "m",
-                     against="two joints on their own"),
-            Modelled("friction", lambda: _off(tip(ARM.chain(), closed(
-                replace(ARM, damping=(0.0, 0.0))))[:3]), "m", against="closed form without"),
+            Modelled(
+                "coupling of the joints",
+                lambda: _off(uncoupled()),
+                "m",
+                against="two joints on their own",
+            ),
+            Modelled(
+                "friction",
+                lambda: _off(tip(ARM.chain(), closed(replace(ARM, damping=(0.0, 0.0))))[:3]),
+                "m",
+                against="closed form without",
+            ),
         ),
         left_out=(
-            LeftOut("base out of level by 0.01 deg", lambda: _off(spatial(np.radians(0.01))), "m",
-                    against="MuJoCo in space"),
-            LeftOut("elbow axis skewed by 0.03 deg", lambda: _off(spatial(skew=np.radians(0.03))),
-                    "m", against="MuJoCo in space"),
+            LeftOut(
+                "base out of level by 0.01 deg",
+                lambda: _off(spatial(np.radians(0.01))),
+                "m",
+                against="MuJoCo in space",
+            ),
+            LeftOut(
+                "elbow axis skewed by 0.03 deg",
+                lambda: _off(spatial(skew=np.radians(0.03))),
+                "m",
+                against="MuJoCo in space",
+            ),
         ),
-    )  # fmt: skip
+    )
 
 
 @chart
@@ -148,9 +166,13 @@ def two_links_enough(angles: Sequence[float] = tuple(np.logspace(-3, 1, 17))) ->
     Args:
         angles: of the faults [degrees].
     """
-    panel = Panel("When are two links in a plane enough?", "fault [degrees]",
-                  "error of the tip after 1 s [m]", scale="log",
-                  lines=[("y", TOLERANCE, "tolerance")])  # fmt: skip
+    panel = Panel(
+        "When are two links in a plane enough?",
+        "fault [degrees]",
+        "error of the tip after 1 s [m]",
+        scale="log",
+        lines=[("y", TOLERANCE, "tolerance")],
+    )
     for name, fault in (
         ("base out of level", lambda x: spatial(tilt=x)),
         ("elbow axis skewed", lambda x: spatial(skew=x)),

@@ -18,7 +18,7 @@ from course.kinematics import (
     tip,
     two_link_ik,
     within,
-)  # fmt: skip
+)
 from course.kinematics.inverse import METHODS
 from course.measure.figure import Panel, Series
 from course.measure.success import collect
@@ -101,8 +101,9 @@ def ik_success(
     }
     budgets = np.logspace(-4.3, 0.5, 70)
     for title, poses in sets.items():
-        panel = Panel(title, "time for a pose [s]", "share of the poses solved", scale="log x",
-                      ylim=(0, 1.02))  # fmt: skip
+        panel = Panel(
+            title, "time for a pose [s]", "share of the poses solved", scale="log x", ylim=(0, 1.02)
+        )
         rates, whole = {}, np.array(poses).T
         for name, solve in (ours | theirs).items():
             some, tried = (poses, seeds) if name in ours else (poses[:slow], seeds[:1])
@@ -124,8 +125,10 @@ def ik_success(
                 f"{found.starts.mean():.1f} starts and {found.iterations.mean():.0f} steps each"
             )
         best = rates["nearest of a table"]
-        panel.notes += [f"{name:<31} {rate:10.3g} solved a second, table is {best / rate:6.1f} "
-                        "times that" for name, rate in rates.items()]  # fmt: skip
+        panel.notes += [
+            f"{name:<31} {rate:10.3g} solved a second, table is {best / rate:6.1f} times that"
+            for name, rate in rates.items()
+        ]
         yield panel
     far = ik(arm, np.array(beyond(arm, slow, 0)).T, restarts=10)
     shares = {str(r): float(np.mean(far.reason == r)) for r in np.unique(far.reason)}
@@ -163,9 +166,14 @@ def ik_residual(
             there = [k for k, e in zip(budgets, left, strict=True) if e < 1e-6]
             said = f"below 1e-6 after {there[0]} steps" if there else f"{left[-1]:.1e} at the end"
             panel.series.append(
-                Series(method, budgets, np.maximum(left, 1e-17), method,
-                       note=f"{title:<34} {method:<20} {said}")
-            )  # fmt: skip
+                Series(
+                    method,
+                    budgets,
+                    np.maximum(left, 1e-17),
+                    method,
+                    note=f"{title:<34} {method:<20} {said}",
+                )
+            )
         yield panel
 
 
@@ -192,9 +200,12 @@ def trained(
     )
     angles, seen = 2 * chain.n, len(rows)
     net = torch.nn.Sequential(
-        torch.nn.Linear(seen, width), torch.nn.SiLU(), torch.nn.Linear(width, width),
-        torch.nn.SiLU(), torch.nn.Linear(width, heads * angles),
-    )  # fmt: skip
+        torch.nn.Linear(seen, width),
+        torch.nn.SiLU(),
+        torch.nn.Linear(width, width),
+        torch.nn.SiLU(),
+        torch.nn.Linear(width, heads * angles),
+    )
     optimiser = torch.optim.Adam(net.parameters(), 2e-3)
     slower = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
     for _ in range(steps):
@@ -247,9 +258,12 @@ def covered(curve: Array, found: Array, near: float = 0.3) -> float:
 
 @chart
 def learned_seeds(
-    targets: int = 1000, steps: int = 1500, table: int = 10_000,
-    draws: Sequence[int] = (1, 2, 4, 8, 16, 32, 64, 128), points: int = 40,
-) -> Iterator[Panel]:  # fmt: skip
+    targets: int = 1000,
+    steps: int = 1500,
+    table: int = 10_000,
+    draws: Sequence[int] = (1, 2, 4, 8, 16, 32, 64, 128),
+    points: int = 40,
+) -> Iterator[Panel]:
     """What a learned solver must beat: starts for Levenberg-Marquardt, and the answers covered.
 
     On the left `targets` of the 7-R arm, with so many steps of training and a table of so many
@@ -264,13 +278,21 @@ def learned_seeds(
         "network's starts": solver(arm, network),
     }
     budgets = np.unique(np.round(np.logspace(0.3, 3.5, 60)))
-    left = Panel("7-R arm: solved within a budget", "steps of Levenberg-Marquardt",
-                 "share of targets solved", scale="log x")  # fmt: skip
+    left = Panel(
+        "7-R arm: solved within a budget",
+        "steps of Levenberg-Marquardt",
+        "share of targets solved",
+        scale="log x",
+    )
     problems = reachable(arm, targets, 2)
-    alone = [np.linalg.norm((tip(arm, network(pose, rng)) - pose[:, None])[:3], axis=0).min()
-             for pose in problems]  # fmt: skip
-    left.notes = [f"the network learned for {took:.0f} s; alone the best of its proposals is "
-                  f"{np.median(alone):.3f} m off in the median"]  # fmt: skip
+    alone = [
+        np.linalg.norm((tip(arm, network(pose, rng)) - pose[:, None])[:3], axis=0).min()
+        for pose in problems
+    ]
+    left.notes = [
+        f"the network learned for {took:.0f} s; alone the best of its proposals is "
+        f"{np.median(alone):.3f} m off in the median"
+    ]
     for name, solve in ways.items():
         found, _ = collect(name, solve, problems, (0,), "steps")
         left.series.append(found.series(budgets, name))
@@ -292,8 +314,12 @@ def learned_seeds(
     def learned(goal: Array, k: int) -> Array:
         return proposals(goal, rng)[:, :k]
 
-    right = Panel("3-R arm: answers found of a known curve", "starts, each solved",
-                  "share of the curve within 0.3 rad", scale="log x")  # fmt: skip
+    right = Panel(
+        "3-R arm: answers found of a known curve",
+        "starts, each solved",
+        "share of the curve within 0.3 rad",
+        scale="log x",
+    )
     for (name, _), seeds in zip(ways.items(), (uniform, nearest, learned), strict=True):
         shares = np.zeros((len(draws), points))
         for j, goal in enumerate(goals):
@@ -308,8 +334,13 @@ def learned_seeds(
                 shares[i, j] = covered(curve, kept) if kept.size else 0.0
         mean = shares.mean(axis=1)
         right.series.append(
-            Series(name, draws, mean, name,
-                   note=f"{name:<20} covers {mean[len(draws) // 2]:.0%} of the answers with "
-                   f"{draws[len(draws) // 2]} starts, {mean[-1]:.0%} with {draws[-1]}")
-        )  # fmt: skip
+            Series(
+                name,
+                draws,
+                mean,
+                name,
+                note=f"{name:<20} covers {mean[len(draws) // 2]:.0%} of the answers with "
+                f"{draws[len(draws) // 2]} starts, {mean[-1]:.0%} with {draws[-1]}",
+            )
+        )
     yield right

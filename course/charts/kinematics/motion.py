@@ -98,19 +98,27 @@ def jacobian_precision(
         "complex step": (complex_step, lambda h: h * h * third / 6 + eps),
     }
     left = Panel(
-        "Differences lose digits on both sides of their best step", "step h [rad]",
-        "largest error of the Jacobian [m/rad]", scale="log",
+        "Differences lose digits on both sides of their best step",
+        "step h [rad]",
+        "largest error of the Jacobian [m/rad]",
+        scale="log",
         theory="next term of Taylor + rounding / h",
-    )  # fmt: skip
+    )
     best: dict[str, tuple[float, Callable[[], Any]]] = {}
     for name, (method, theory) in methods.items():
         errors = [error(method(f, q, h)) for h in steps]
         h = steps[int(np.argmin(errors))]
         best[name] = min(errors), functools.partial(method, f, q, h)
         left.series.append(
-            Series(name, steps, errors, name, theory=theory,
-                   note=f"{name:<14} best step {h:.0e} rad, error {min(errors):.1e}")
-        )  # fmt: skip
+            Series(
+                name,
+                steps,
+                errors,
+                name,
+                theory=theory,
+                note=f"{name:<14} best step {h:.0e} rad, error {min(errors):.1e}",
+            )
+        )
     yield left
 
     ways = {
@@ -120,16 +128,29 @@ def jacobian_precision(
     }
     timed = interleaved([calls(run) for _, run in ways.values()], repeats=repeats, sample=0.01)
     right = Panel(
-        "The analytic one costs least", "time of one Jacobian [s]", left.y,
-        scale="log", footer=machine(max(t.busy for t in timed)),
-    )  # fmt: skip
+        "The analytic one costs least",
+        "time of one Jacobian [s]",
+        left.y,
+        scale="log",
+        footer=machine(max(t.busy for t in timed)),
+    )
     for (name, (wrong, _)), time in zip(ways.items(), timed, strict=True):
         ratio = time.median / timed[-1].median
         right.series.append(
-            Series(name, [time.median], [wrong], name, "", low=[time.low], high=[time.high],
-                   across=True, size=8, note=f"{name:<14} error {wrong:.1e}, "
-                   f"{ratio:5.1f} times the time of the analytic one")
-        )  # fmt: skip
+            Series(
+                name,
+                [time.median],
+                [wrong],
+                name,
+                "",
+                low=[time.low],
+                high=[time.high],
+                across=True,
+                size=8,
+                note=f"{name:<14} error {wrong:.1e}, "
+                f"{ratio:5.1f} times the time of the analytic one",
+            )
+        )
     yield right
 
 
@@ -166,9 +187,12 @@ def null_space_step(
         return x + np.einsum("kij,jk->ik", back, pose_error(home, tip(arm, x)))
 
     panel = Panel(
-        "A step in the null space moves the tip by c h^2", "length of the step h [rad]",
-        "median motion of the tip [m]", scale="log", theory="c h^2",
-    )  # fmt: skip
+        "A step in the null space moves the tip by c h^2",
+        "length of the step h [rad]",
+        "median motion of the tip [m]",
+        scale="log",
+        theory="c h^2",
+    )
     ways: dict[str, Any] = {
         "exact projector": lambda h: q + h * v,
         "exact projector, then one IK step": lambda h: mended(q + h * v),
@@ -181,10 +205,15 @@ def null_space_step(
         seen = (moved > 1e-13) & (np.array(steps) < 0.2)
         order = np.polyfit(np.log(np.array(steps)[seen]), np.log(moved[seen]), 1)[0]
         panel.series.append(
-            Series(f"{name}: order {order:.1f}", steps, moved, key,
-                   theory=(lambda h: c * h * h) if key == "null space" else None,
-                   note=f"{name:<34} order {order:.2f}")
-        )  # fmt: skip
+            Series(
+                f"{name}: order {order:.1f}",
+                steps,
+                moved,
+                key,
+                theory=(lambda h: c * h * h) if key == "null space" else None,
+                note=f"{name:<34} order {order:.2f}",
+            )
+        )
     panel.notes = [f"c = {c:.4f} m in the median of {q.shape[1]} postures of the 7-R arm"]
     yield panel
 
@@ -230,18 +259,23 @@ def damping_map(
     bend, damping = np.logspace(-4, 0, nx), np.logspace(-3, 0, ny)
     arm, most = planar(ARM), RATE / SPEED
     grid = stability_map(
-        lambda x, y: gain(jacobian(arm, np.array([0.0, x]))[:2], y) / most, bend, damping,
+        lambda x, y: gain(jacobian(arm, np.array([0.0, x]))[:2], y) / most,
+        bend,
+        damping,
         quantity="joint rate over its limit",
-    )  # fmt: skip
+    )
     # In theory the direction of s_min decides: s / (s^2 + lambda^2) = most.
     s = np.array([np.linalg.svd(jacobian(arm, np.array([0.0, x]))[:2])[1][-1] for x in bend])
     needed = np.sqrt(np.maximum(s / most - s * s, 1e-12))
     peak = 1 / (2 * most)
     left = Panel(
-        f"A tip at {SPEED:g} m/s, joints of {RATE:g} rad/s", "elbow from stretched [rad]",
-        "damping lambda [m/rad]", scale="log", grid=grid,
+        f"A tip at {SPEED:g} m/s, joints of {RATE:g} rad/s",
+        "elbow from stretched [rad]",
+        "damping lambda [m/rad]",
+        scale="log",
+        grid=grid,
         ylim=(damping[0], damping[-1]),
-    )  # fmt: skip
+    )
     left.series = [
         Series("theory: s / (s^2 + lambda^2) = limit", bend, needed, "theory on a map", "--"),
         Series("1 / (2 lambda) = limit", bend, 0 * bend + peak, "theory on a map", ":"),
@@ -254,14 +288,21 @@ def damping_map(
     yield left
 
     right = Panel(
-        "What damping costs a tip led past the folded arm", "damping lambda [m/rad]",
-        "largest tracking error [m]", scale="log",
-    )  # fmt: skip
+        "What damping costs a tip led past the folded arm",
+        "damping lambda [m/rad]",
+        "largest tracking error [m]",
+        scale="log",
+    )
     for gap, key in ((1e-2, ""), (1e-3, ""), (1e-4, "")):
         off, largest = np.array([past_the_hole(x, gap) for x in dampings]).T
         right.series.append(
-            Series(f"{1e3 * gap:g} mm from the hole", dampings, off, key,
-                   note=f"{1e3 * gap:g} mm from the hole: error {off[0]:.1e} to {off[-1]:.1e} m, "
-                   f"largest joint step {largest[0]:.3g} to {largest[-1]:.3g} rad")
-        )  # fmt: skip
+            Series(
+                f"{1e3 * gap:g} mm from the hole",
+                dampings,
+                off,
+                key,
+                note=f"{1e3 * gap:g} mm from the hole: error {off[0]:.1e} to {off[-1]:.1e} m, "
+                f"largest joint step {largest[0]:.3g} to {largest[-1]:.3g} rad",
+            )
+        )
     yield right

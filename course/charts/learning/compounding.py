@@ -22,10 +22,13 @@ def summed(a: float, error: float, steps: float) -> float:
 
 @chart(columns=2)
 def compounding(
-    n: int = 20_000, horizons: Sequence[int] = (5, 10, 20, 40, 80, 160, 320), wrong: int = 5,
-    points: int = 60, growth: Sequence[float] = (0.9, 1.0, 1.05),
+    n: int = 20_000,
+    horizons: Sequence[int] = (5, 10, 20, 40, 80, 160, 320),
+    wrong: int = 5,
+    points: int = 60,
+    growth: Sequence[float] = (0.9, 1.0, 1.05),
     circle: int = 20,
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """Cost over the horizon with and without recovery, where the square law holds, three plants.
 
     Args:
@@ -34,9 +37,14 @@ def compounding(
         circle: runs that are shown of circling.
     """
     table, rng, eps = np.arange(1000) < wrong, np.random.default_rng(11), wrong / 1000.0
-    panel = Panel(f"One action in {1 / eps:.0f} is wrong", "steps", "steps spent wrong",
-                  scale="log", theory="formula",
-                  lines=[("x", 1.0 / eps, "1 / rate")])  # fmt: skip
+    panel = Panel(
+        f"One action in {1 / eps:.0f} is wrong",
+        "steps",
+        "steps spent wrong",
+        scale="log",
+        theory="formula",
+        lines=[("x", 1.0 / eps, "1 / rate")],
+    )
     for label, back in (("a fall is for ever", False), ("recovers", True)):
         cost = [learning.context_costs(table, T, n, rng, recovers=back) for T in horizons]
         mean = np.array([c.mean() for c in cost])
@@ -44,12 +52,19 @@ def compounding(
         exact = learning.expected_cost(eps, np.array(horizons), recovers=back)
         power = np.log(exact[2] / exact[0]) / np.log(horizons[2] / horizons[0])
         last = np.log(exact[-1] / exact[-2]) / np.log(horizons[-1] / horizons[-2])
-        panel.series.append(Series(
-            label, horizons, mean, low=mean - half, high=mean + half, style="",
-            theory=partial(learning.expected_cost, eps, recovers=back),
-            note=f"{label}: exponent {power:.2f} over {horizons[0]} to {horizons[2]} steps, "
-                 f"{last:.2f} at the end; {np.abs(mean / exact - 1.0).max():.1%} off at most"
-        ))  # fmt: skip
+        panel.series.append(
+            Series(
+                label,
+                horizons,
+                mean,
+                low=mean - half,
+                high=mean + half,
+                style="",
+                theory=partial(learning.expected_cost, eps, recovers=back),
+                note=f"{label}: exponent {power:.2f} over {horizons[0]} to {horizons[2]} steps, "
+                f"{last:.2f} at the end; {np.abs(mean / exact - 1.0).max():.1%} off at most",
+            )
+        )
     yield panel
     many, rates = np.geomspace(2, 1000, points), np.geomspace(1e-4, 0.3, points)
 
@@ -62,21 +77,46 @@ def compounding(
     edge = grid.boundary() * rates
     seen = edge[np.isfinite(edge) & (edge > 0.0) & (rates < 0.03)]
     yield Panel(
-        "The square law ends where a fall is likely", "steps", "error rate",
-        [Series(f"rate times steps = {3 * ALLOWED:g}", many, np.clip(line, rates[0], rates[-1]),
-                "theory on a map", marker="")],
-        scale="log", grid=grid,
-        notes=[f"the law is {ALLOWED:.0%} too high at rate times steps = {seen.min():.2f} to "
-               f"{seen.max():.2f}, predicted {3 * ALLOWED:g}"],
-    )  # fmt: skip
+        "The square law ends where a fall is likely",
+        "steps",
+        "error rate",
+        [
+            Series(
+                f"rate times steps = {3 * ALLOWED:g}",
+                many,
+                np.clip(line, rates[0], rates[-1]),
+                "theory on a map",
+                marker="",
+            )
+        ],
+        scale="log",
+        grid=grid,
+        notes=[
+            f"the law is {ALLOWED:.0%} too high at rate times steps = {seen.min():.2f} to "
+            f"{seen.max():.2f}, predicted {3 * ALLOWED:g}"
+        ],
+    )
     at = np.array(horizons[:-1] if len(horizons) > 2 else horizons)
-    panel = Panel("x' = a x + error, added up", "steps", "sum of |x|, over the error", scale="log",
-                  theory="closed form")  # fmt: skip
+    panel = Panel(
+        "x' = a x + error, added up",
+        "steps",
+        "sum of |x|, over the error",
+        scale="log",
+        theory="closed form",
+    )
     for a in growth:
         y = learning.accumulated(a, 1.0, int(at[-1]))[at - 1]
         power = np.log(y[-1] / y[-2]) / np.log(at[-1] / at[-2])
-        panel.series.append(Series(f"a = {a:g}", at, y, theory=partial(summed, a, 1.0), style="",
-                                   note=f"a = {a:g}: exponent {power:.2f} at the end"))  # fmt: skip
+        panel.series.append(
+            Series(
+                f"a = {a:g}",
+                at,
+                y,
+                theory=partial(summed, a, 1.0),
+                style="",
+                note=f"a = {a:g}: exponent {power:.2f} at the end",
+            )
+        )
     yield panel
     yield circling(circle)
 
@@ -86,13 +126,18 @@ def circling(number: int = 20, horizon: int = 160) -> Panel:
     task, at = learning.Circle(), np.array([10, 20, 40, 80, 160])
     at = at[at <= horizon]
     learn = partial(learning.clone, seed=0, width=32, steps=600, rate=3e-3)
-    panel = Panel("A plant that forgives: circling", "steps", "distance off the circle, summed [m]",
-                  scale="log")  # fmt: skip
+    panel = Panel(
+        "A plant that forgives: circling",
+        "steps",
+        "distance off the circle, summed [m]",
+        scale="log",
+    )
     for label, rounds in (("cloned", 0), ("DAgger, two rounds", 2)):
         rng = np.random.default_rng(4)
         shown = 3 * number if not rounds else number
-        *_, last = learning.dagger(task, task.expert, learn, task.starts, 40, rng, number=shown,
-                          rounds=rounds)  # fmt: skip
+        *_, last = learning.dagger(
+            task, task.expert, learn, task.starts, 40, rng, number=shown, rounds=rounds
+        )
         ran = learning.roll(
             task, last.policy, task.starts(200, np.random.default_rng(9)), horizon, rng
         )
@@ -100,8 +145,14 @@ def circling(number: int = 20, horizon: int = 160) -> Panel:
         y = cost.mean(axis=0)
         half = 1.96 * cost.std(axis=0) / np.sqrt(len(cost))
         power = np.polyfit(np.log(at[1:]), np.log(y[1:]), 1)[0]
-        panel.series.append(Series(
-            label, at, y, low=y - half, high=y + half,
-            note=f"{label}, {len(last.labels):,} labels: exponent {power:.2f}, {y[-1]:.2f} m"
-        ))  # fmt: skip
+        panel.series.append(
+            Series(
+                label,
+                at,
+                y,
+                low=y - half,
+                high=y + half,
+                note=f"{label}, {len(last.labels):,} labels: exponent {power:.2f}, {y[-1]:.2f} m",
+            )
+        )
     return panel

@@ -47,9 +47,13 @@ def test(policy: Any, paid: str = "sparse", **task: Any) -> float:
 
 
 def trained(
-    settings: Settings, seed: int, steps: int, points: int = 1, reward: str = "potential",
+    settings: Settings,
+    seed: int,
+    steps: int,
+    points: int = 1,
+    reward: str = "potential",
     **task: Any,
-) -> Trained:  # fmt: skip
+) -> Trained:
     """Ours, judged at so many points; judging is left out of the time."""
     envs = PointReachVector(NUM, reward, autoreset_mode="SameStep", **task)
     paid = reward if reward == "hover" else "sparse"
@@ -86,16 +90,18 @@ def searched(seed: int, rounds: int, samples: int = 24, episodes: int = 4) -> Tr
     def rollout(tries: Array) -> Array:
         gains = np.repeat(tries, episodes, axis=0).reshape(-1, 2, 4)
         used[1] += 1
-        ran = evaluate(lambda seen: (gains @ seen[..., None])[..., 0].astype(np.float32), envs,
-                       1000 * used[1])  # fmt: skip
+        ran = evaluate(
+            lambda seen: (gains @ seen[..., None])[..., 0].astype(np.float32), envs, 1000 * used[1]
+        )
         used[0] += int(ran.steps.sum())
         return -ran.returns.reshape(samples, episodes).mean(axis=1)
 
     for k in range(1, rounds + 1):  # each from the start, the same as far as the shorter one went
         used[:] = [0, seed]
         began, rng = time.process_time(), np.random.default_rng(seed)
-        law = cem(rollout, np.zeros((1, 8)), rng, samples=samples, elites=5, rounds=k,
-                  spread=2.0).plan  # fmt: skip
+        law = cem(
+            rollout, np.zeros((1, 8)), rng, samples=samples, elites=5, rounds=k, spread=2.0
+        ).plan
         spent = time.process_time() - began
         rows.append((used[0], spent, test(partial(linear_law, law.reshape(2, 4)))))
     at, spent, scores = np.array(rows).T
@@ -122,14 +128,27 @@ def learning_curves(
         "search, linear law": (searched, {"rounds": rounds}),
     }
     # In turns, seed by seed, so that other work on the machine is shared by all.
-    turns = [{label: sweep(way, [{**how, "seed": seed}])[0] for label, (way, how) in ways.items()}
-             for seed in range(seeds)]  # fmt: skip
+    turns = [
+        {label: sweep(way, [{**how, "seed": seed}])[0] for label, (way, how) in ways.items()}
+        for seed in range(seeds)
+    ]
     runs = {label: [one[label] for one in turns] for label in ways}
-    by_steps = Panel("By what it saw", "steps of the environment", SHARE,
-                     lines=[("y", 1.0, "optimum")], ylim=(0.0, 1.05))  # fmt: skip
-    by_time = Panel("By what it cost, one core", "processor time, least of the seeds [s]", SHARE,
-                    scale="log x", lines=[("y", 1.0, "optimum")], ylim=(0.0, 1.05),
-                    footer=f"{machine(libraries=LIBRARIES)}; {seeds} seeds")  # fmt: skip
+    by_steps = Panel(
+        "By what it saw",
+        "steps of the environment",
+        SHARE,
+        lines=[("y", 1.0, "optimum")],
+        ylim=(0.0, 1.05),
+    )
+    by_time = Panel(
+        "By what it cost, one core",
+        "processor time, least of the seeds [s]",
+        SHARE,
+        scale="log x",
+        lines=[("y", 1.0, "optimum")],
+        ylim=(0.0, 1.05),
+        footer=f"{machine(libraries=LIBRARIES)}; {seeds} seeds",
+    )
     for label, some in runs.items():
         middle, low, high = band([one.scores for one in some])
         at = np.median([one.steps for one in some], axis=0)
@@ -146,14 +165,19 @@ def learning_curves(
 
 
 LEFT_OUT: dict[str, dict[str, Any]] = {
-    "as it is": {}, "lambda 0": {"trace": 0.0}, "one epoch": {"epochs": 1},
-    "discount 0.9": {"discount": 0.9}, "4 hidden": {"hidden": (4,)},
-    "rewards unscaled": {"scale_rewards": False}, "no clip": {"clip": np.inf},
+    "as it is": {},
+    "lambda 0": {"trace": 0.0},
+    "one epoch": {"epochs": 1},
+    "discount 0.9": {"discount": 0.9},
+    "4 hidden": {"hidden": (4,)},
+    "rewards unscaled": {"scale_rewards": False},
+    "no clip": {"clip": np.inf},
     "advantages as they are": {"normalise_advantages": False},
     "observations too": {"normalise_observations": False},
-    "gradient uncut": {"longest_gradient": np.inf}, "no annealing": {"anneal": False},
+    "gradient uncut": {"longest_gradient": np.inf},
+    "no annealing": {"anneal": False},
     "clock is an end": {"bootstrap": False},
-}  # fmt: skip
+}
 # Where a detail matters: what the task or the settings are like there, and the detail left out.
 MATTERS: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, Any]]] = {
     "offset 10": ({"offset": 10.0}, {}, {"observations too": {"normalise_observations": False}}),
@@ -179,12 +203,16 @@ def banded(rows: dict[str, list[Trained]], told: str) -> Series:
 def details_that_matter(steps: int = 80_000, seeds: int = 3) -> Iterator[Panel]:
     """PPO without each detail on the usual task, and a task for each on which it does matter."""
     same: dict[str, Any] = {"steps": steps, "seeds": seeds}
-    usual = {k: sweep(trained, jobs(settings=replace(SMALL, **change), **same))
-             for k, change in LEFT_OUT.items()}  # fmt: skip
+    usual = {
+        k: sweep(trained, jobs(settings=replace(SMALL, **change), **same))
+        for k, change in LEFT_OUT.items()
+    }
     yield Panel(
-        f"The usual task, {seeds} seeds", SHARE, xlim=(0.0, 1.8),
+        f"The usual task, {seeds} seeds",
+        SHARE,
+        xlim=(0.0, 1.8),
         series=[banded(usual, "left out on the usual task")],
-    )  # fmt: skip
+    )
     there: dict[str, list[Trained]] = {}
     for name, (task, settings, less) in MATTERS.items():
         for row, change in {name: {}, **less}.items():
@@ -220,40 +248,60 @@ def stumbles(radius: float) -> float:
 
 @chart(columns=2)
 def rewards(
-    steps: int = 150_000, seeds: int = 4, points: int = 6, tried: int = 4000,
-    radii: Sequence[float] = (0.03, 0.05, 0.1, 0.2, 0.3), few: int = 3, short: int = 60_000,
-) -> Iterator[Panel]:  # fmt: skip
+    steps: int = 150_000,
+    seeds: int = 4,
+    points: int = 6,
+    tried: int = 4000,
+    radii: Sequence[float] = (0.03, 0.05, 0.1, 0.2, 0.3),
+    few: int = 3,
+    short: int = 60_000,
+) -> Iterator[Panel]:
     """Three rewards for one task, and what the sparse one owes to chance.
 
     Args:
         tried: episodes of a policy that knows nothing, at each radius [m]; few, short: seeds and
             steps of learning there.
     """
-    panel = Panel(f"Three rewards, {seeds} seeds", "steps of the environment", SHARE,
-                  lines=[("y", 1.0, "optimum")], ylim=(0.0, 1.05))  # fmt: skip
+    panel = Panel(
+        f"Three rewards, {seeds} seeds",
+        "steps of the environment",
+        SHARE,
+        lines=[("y", 1.0, "optimum")],
+        ylim=(0.0, 1.05),
+    )
     kinds = {"potential": (SMALL, "potential"), "sparse": (SMALL, "sparse"),
              "minus distance": (SMALL, "distance"),
              "the same unscaled": (replace(SMALL, scale_rewards=False), "distance")}  # fmt: skip
     for label, (settings, reward) in kinds.items():
-        some = sweep(trained, jobs(settings=settings, reward=reward, steps=steps, points=points,
-                                   seeds=seeds))  # fmt: skip
+        some = sweep(
+            trained, jobs(settings=settings, reward=reward, steps=steps, points=points, seeds=seeds)
+        )
         middle, low, high = band([one.scores for one in some])
         last = ", ".join(f"{one.scores[-1]:.2f}" for one in some)
         told = f"{label}: {middle[-1]:.2f} ({low[-1]:.2f} to {high[-1]:.2f}); seeds {last}"
         panel.series.append(Series(label, some[0].steps, middle, low=low, high=high, note=told))
     yield panel
-    panel = Panel("Sparse, by the size of the disc", "radius [m]", "share", scale="log",
-                  ticks=radii, ylim=(None, 1.3))  # fmt: skip
+    panel = Panel(
+        "Sparse, by the size of the disc",
+        "radius [m]",
+        "share",
+        scale="log",
+        ticks=radii,
+        ylim=(None, 1.3),
+    )
     rng, met, share = np.random.default_rng(2), [], []
     for radius in radii:
         envs = PointReachVector(tried, "sparse", autoreset_mode="SameStep", radius=radius)
         ran = evaluate(lambda seen: rng.standard_normal((len(seen), 2)), envs, 7)
         met.append(float(ran.success.mean()))
-        some = sweep(trained, jobs(settings=SMALL, reward="sparse", steps=short, seeds=few,
-                                   radius=radius))  # fmt: skip
+        some = sweep(
+            trained, jobs(settings=SMALL, reward="sparse", steps=short, seeds=few, radius=radius)
+        )
         share.append(float(np.median([one.scores[-1] for one in some])))
-    told = ", ".join(f"{r:g} m {p:.3f} (predicted {stumbles(r):.3f}), learned {s:.2f}"
-                     for r, p, s in zip(radii, met, share, strict=True))  # fmt: skip
+    told = ", ".join(
+        f"{r:g} m {p:.3f} (predicted {stumbles(r):.3f}), learned {s:.2f}"
+        for r, p, s in zip(radii, met, share, strict=True)
+    )
     panel.series += [
         Series("stumbles on it", radii, met, theory=stumbles, note=f"chance, by radius: {told}"),
         Series(f"optimum, after {short:,}", radii, [s or np.nan for s in share]),
@@ -263,21 +311,39 @@ def rewards(
 
 @chart(columns=2)
 def step_epochs(
-    steps: int = 60_000, seeds: int = 3, counts: Sequence[int] = (1, 3, 10, 30),
-    rates: Sequence[float] = (3e-4, 1e-3, 3e-3, 1e-2, 3e-2), solved: float = 0.8,
-) -> Iterator[Panel]:  # fmt: skip
+    steps: int = 60_000,
+    seeds: int = 3,
+    counts: Sequence[int] = (1, 3, 10, 30),
+    rates: Sequence[float] = (3e-4, 1e-3, 3e-3, 1e-2, 3e-2),
+    solved: float = 0.8,
+) -> Iterator[Panel]:
     """Step size against epochs: what is reached, and how far the policy moves in an iteration.
 
     Args:
         solved: share of the optimum from which on a seed counts, in the text.
     """
-    reached = Panel(f"After {steps:,} steps, median of {seeds}", "step size of Adam",
-                    SHARE, scale="log x", ylim=(0.0, 1.05))  # fmt: skip
-    moved = Panel("Who gets far moves so far each time", "divergence of an iteration",
-                  SHARE, scale="log x", ylim=(0.0, 1.05))  # fmt: skip
+    reached = Panel(
+        f"After {steps:,} steps, median of {seeds}",
+        "step size of Adam",
+        SHARE,
+        scale="log x",
+        ylim=(0.0, 1.05),
+    )
+    moved = Panel(
+        "Who gets far moves so far each time",
+        "divergence of an iteration",
+        SHARE,
+        scale="log x",
+        ylim=(0.0, 1.05),
+    )
     for epochs in counts:
-        rows = [sweep(trained, jobs(settings=replace(SMALL, rate=rate, epochs=epochs), steps=steps,
-                                    seeds=seeds)) for rate in rates]  # fmt: skip
+        rows = [
+            sweep(
+                trained,
+                jobs(settings=replace(SMALL, rate=rate, epochs=epochs), steps=steps, seeds=seeds),
+            )
+            for rate in rates
+        ]
         scores = np.array([[one.scores[-1] for one in some] for some in rows])
         kl = np.array([[one.kl for one in some] for some in rows])
         middle = np.median(scores, axis=1)
@@ -291,7 +357,9 @@ def step_epochs(
     every, far = (np.concatenate([getattr(s, x) for s in moved.series]) for x in "yx")
     good = far[every >= solved]
     if good.size:
-        moved.notes.append(f"all {good.size} of {far.size} seeds that reach {solved:g} move by "
-                           f"{good.min():.2g} to {good.max():.2g}")  # fmt: skip
+        moved.notes.append(
+            f"all {good.size} of {far.size} seeds that reach {solved:g} move by "
+            f"{good.min():.2g} to {good.max():.2g}"
+        )
     yield reached
     yield moved

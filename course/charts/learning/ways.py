@@ -56,14 +56,24 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
     rng = np.random.default_rng(0)
     timed = [
         calls(policy, apart.states[:1, 0], rng, clock=time.process_time)
-        for kinds in policies.values() for policy in kinds
-    ]  # fmt: skip
+        for kinds in policies.values()
+        for policy in kinds
+    ]
     spent = iter(interleaved(timed, repeats=repeats))
-    error = Panel("Held-out error ranks them upside down", "error of the first chunk, rms [mm]",
-                  "success", ylim=(0.0, 1.05))  # fmt: skip
-    priced = Panel("A chunk of 8 on one core", "processor time of an action [us]", "success",
-                   scale="log x", ylim=(0.0, 1.05),
-                   footer=machine(libraries=("torch",)))  # fmt: skip
+    error = Panel(
+        "Held-out error ranks them upside down",
+        "error of the first chunk, rms [mm]",
+        "success",
+        ylim=(0.0, 1.05),
+    )
+    priced = Panel(
+        "A chunk of 8 on one core",
+        "processor time of an action [us]",
+        "success",
+        scale="log x",
+        ylim=(0.0, 1.05),
+        footer=machine(libraries=("torch",)),
+    )
     left = {"shown": int((shown.states[:, 8, 1] > 0.0).sum()) / DEMONSTRATIONS}
     for name, kinds in policies.items():
         off, good, micro = [], [], []
@@ -88,12 +98,21 @@ def many_ways(n: int = 1000, held: int = 500, repeats: int = 25) -> Iterator[Pan
     yield error
     yield priced
     yield Panel(
-        "Who passes left: the data's share", "left, of those who pass",
-        series=[Series("", list(left.values()), list(left), style="bar",
-                       tags=[f"{x:.2f}" for x in left.values()],
-                       note="left: " + ", ".join(f"{k} {x:.2f}" for k, x in left.items()))],
-        spans=[("x", float(low), float(high), "95 %")], xlim=(0.0, 1.0),
-    )  # fmt: skip
+        "Who passes left: the data's share",
+        "left, of those who pass",
+        series=[
+            Series(
+                "",
+                list(left.values()),
+                list(left),
+                style="bar",
+                tags=[f"{x:.2f}" for x in left.values()],
+                note="left: " + ", ".join(f"{k} {x:.2f}" for k, x in left.items()),
+            )
+        ],
+        spans=[("x", float(low), float(high), "95 %")],
+        xlim=(0.0, 1.0),
+    )
 
 
 def gap(samples: Array, exact: Array) -> float:
@@ -110,9 +129,11 @@ def quantiles(mixture: learning.Mixture, share: Array) -> Array:
 
 @chart(columns=2)
 def samplers(
-    n: int = 4000, runs: int = 1000, fit: int = 4000,
+    n: int = 4000,
+    runs: int = 1000,
+    fit: int = 4000,
     counts: Sequence[int] = (1, 2, 5, 10, 20, 50, 100),
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """What steps of a sampler buy: on an exact field, on a trained one, in driving.
 
     Args:
@@ -136,8 +157,12 @@ def samplers(
             )
         return policy.done.undo(learning.integrate(field, noise, steps, solver))
 
-    panel = Panel("Two modes: exact fields, and nets at their floor", "calls of the field or net",
-                  "distance from the exact quantiles, rms", scale="log")  # fmt: skip
+    panel = Panel(
+        "Two modes: exact fields, and nets at their floor",
+        "calls of the field or net",
+        "distance from the exact quantiles, rms",
+        scale="log",
+    )
     ways = {
         "Euler": lambda k: learning.integrate(modes.velocity, noise, k, "euler"),
         "Heun": lambda k: learning.integrate(modes.velocity, noise, k // 2, "heun"),
@@ -151,14 +176,26 @@ def samplers(
         y = [gap(way(k), exact) for k in x]
         order = np.log(y[-2] / y[-1]) / np.log(x[-1] / x[-2])
         note = f"{label}: " + ", ".join(f"{k} {e:.3g}" for k, e in zip(x, y, strict=True))
-        panel.series.append(Series(label, x, y, note=f"{note}; order at the end {order:.2f}",
-                                   style="--" if "net" in label else "-"))  # fmt: skip
+        panel.series.append(
+            Series(
+                label,
+                x,
+                y,
+                note=f"{note}; order at the end {order:.2f}",
+                style="--" if "net" in label else "-",
+            )
+        )
     mean = gap(np.full(n, exact.mean()), exact)
     panel.lines = [("y", mean, "one step: the mean")]
     panel.notes.append(f"all at the mean: {mean:.4f}")
     yield panel
-    panel = Panel("Two ways: success of the nets on record", "calls of the net for a chunk of 8",
-                  "success", scale="log x", ylim=(0.0, 1.05))  # fmt: skip
+    panel = Panel(
+        "Two ways: success of the nets on record",
+        "calls of the net for a chunk of 8",
+        "success",
+        scale="log x",
+        ylim=(0.0, 1.05),
+    )
     for kind in ("flow, euler", "flow, heun", "diffusion, ddim", "diffusion, ddpm"):
         name, solver = kind.split(", ")
         each = 2 if solver == "heun" else 1
@@ -189,9 +226,11 @@ def looked(policy: Any, executed: int, n: int, noise: float) -> tuple[float, flo
 
 @chart(columns=2)
 def commit_or_react(
-    n: int = 1000, executed: Sequence[int] = (1, 2, 4, 8), fit: int = 2000,
+    n: int = 1000,
+    executed: Sequence[int] = (1, 2, 4, 8),
+    fit: int = 2000,
     noises: Sequence[float] = (0.0, 0.01, 0.02, 0.03, 0.05),
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """Success over steps carried out without a look, and over noise; both ends explained.
 
     Args:
@@ -199,19 +238,29 @@ def commit_or_react(
         noises: deviations of what pushes in a step [m].
     """
     policy = learning.recorded("mixture")
-    panel = Panel("The mixture of 5, chunks of 8", "steps carried out without a look", "success",
-                  ticks=executed, scale="log x", ylim=(0.0, 1.05))  # fmt: skip
+    panel = Panel(
+        "The mixture of 5, chunks of 8",
+        "steps carried out without a look",
+        "success",
+        ticks=executed,
+        scale="log x",
+        ylim=(0.0, 1.05),
+    )
     for noise in (0.0, 0.02, 0.05):
         rates = [passed(learning.Commit(policy, k), n, noise) for k in executed]
         panel.series.append(shares(f"pushed by {1e3 * noise:g} mm", executed, rates, n))
     yield panel
     shown = learning.TwoWays().demonstrate(DEMONSTRATIONS, SEED, injected=0.05)
     taught = HEADS["mixture"](*learning.windows(shown, CHUNK), SEED, steps=fit)
-    panel = Panel("Cures, over what pushes in a step", "deviation of a push [mm]", "success",
-                  ylim=(0.0, 1.05))  # fmt: skip
+    panel = Panel(
+        "Cures, over what pushes in a step", "deviation of a push [mm]", "success", ylim=(0.0, 1.05)
+    )
     cures: dict[str, Any] = {f"{k} executed": learning.Commit(policy, k) for k in (1, 2, 8)}
-    cures |= {"ensemble": learning.Ensemble(policy), "delayed by 1": learning.Delayed(policy, 1),
-              "noise injected, 1": learning.Commit(taught, 1)}  # fmt: skip
+    cures |= {
+        "ensemble": learning.Ensemble(policy),
+        "delayed by 1": learning.Delayed(policy, 1),
+        "noise injected, 1": learning.Commit(taught, 1),
+    }
     for label, way in cures.items():
         rates = [passed(way, n, noise) for noise in noises]
         panel.series.append(shares(label, 1e3 * np.array(noises), rates, n))
@@ -219,16 +268,35 @@ def commit_or_react(
     noise = 0.05
     found = [looked(policy, k, n, noise) for k in executed]
     yield Panel(
-        "Looks often: jitters (pushed by 50 mm)", "steps carried out without a look",
-        "changes of side before the obstacle", scale="log x", ticks=executed,
-        series=[Series("", executed, [t for t, _ in found],
-                       note="changes of side: " + ", ".join(f"{t:.2f}" for t, _ in found))],
-    )  # fmt: skip
+        "Looks often: jitters (pushed by 50 mm)",
+        "steps carried out without a look",
+        "changes of side before the obstacle",
+        scale="log x",
+        ticks=executed,
+        series=[
+            Series(
+                "",
+                executed,
+                [t for t, _ in found],
+                note="changes of side: " + ", ".join(f"{t:.2f}" for t, _ in found),
+            )
+        ],
+    )
     yield Panel(
-        "Looks rarely: drifts (pushed by 50 mm)", "steps carried out without a look",
-        "end of a chunk off its plan, rms [mm]", scale="log x", ticks=executed,
-        series=[Series("measured", executed, [1e3 * d for _, d in found], style="",
-                       theory=lambda k: 1e3 * noise * np.sqrt(k),
-                       note="off the plan: " + ", ".join(f"{1e3 * d:.0f} mm" for _, d in found))],
+        "Looks rarely: drifts (pushed by 50 mm)",
+        "steps carried out without a look",
+        "end of a chunk off its plan, rms [mm]",
+        scale="log x",
+        ticks=executed,
+        series=[
+            Series(
+                "measured",
+                executed,
+                [1e3 * d for _, d in found],
+                style="",
+                theory=lambda k: 1e3 * noise * np.sqrt(k),
+                note="off the plan: " + ", ".join(f"{1e3 * d:.0f} mm" for _, d in found),
+            )
+        ],
         theory="push times root of steps",
-    )  # fmt: skip
+    )

@@ -22,19 +22,30 @@ def loop_lateness(periods: int = 1500, busy: int = 4, quiet: int = 300) -> Itera
     Args:
         periods: of each run; busy: processes beside it; quiet: periods of the runs without them.
     """
-    panel = Panel(f"1 kHz beside {busy} busy processes", "share of the periods that ran",
-                  "late by [ms]", scale="log y",
-                  lines=[("y", 1.0, "one period")], footer=machine(0.0, libraries=()))  # fmt: skip
+    panel = Panel(
+        f"1 kHz beside {busy} busy processes",
+        "share of the periods that ran",
+        "late by [ms]",
+        scale="log y",
+        lines=[("y", 1.0, "one period")],
+        footer=machine(0.0, libraries=()),
+    )
     for tried in loop.among_busy(busy=busy, periods=periods):
         late = np.sort(1e3 * tried.record.lateness)
         share = (np.arange(late.size) + 0.5) / late.size
         refused = "; ".join(f"{k}: {v}" for k, v in tried.granted.refused.items())
         half, most, worst = (1e3 * q for q in tried.quantiles)
-        panel.series.append(Series(
-            tried.name, share, np.maximum(late, 1e-3), marker="",
-            note=f"{tried.name}: skipped {tried.record.skipped} of {periods} periods; late by "
-            f"{half:.3f} ms (half), {most:.3f} (99 %), {worst:.3f} (all); scheduler "
-            f"{tried.granted.scheduler}{'; refused ' + refused if refused else ''}"))  # fmt: skip
+        panel.series.append(
+            Series(
+                tried.name,
+                share,
+                np.maximum(late, 1e-3),
+                marker="",
+                note=f"{tried.name}: skipped {tried.record.skipped} of {periods} periods; late by "
+                f"{half:.3f} ms (half), {most:.3f} (99 %), {worst:.3f} (all); scheduler "
+                f"{tried.granted.scheduler}{'; refused ' + refused if refused else ''}",
+            )
+        )
     yield panel
     drift = Panel("Two ways to wait", "period", "late by [ms]")
     for relative in (True, False):
@@ -42,8 +53,15 @@ def loop_lateness(periods: int = 1500, busy: int = 4, quiet: int = 300) -> Itera
         late = 1e3 * found.lateness
         slope = float(np.polyfit(found.release, late, 1)[0]) * 1e3
         name = "sleep for a period" if relative else "sleep until the release"
-        drift.series.append(Series(name, found.release, late, marker="",
-                                   note=f"{name}: {slope:.1f} us later each period"))  # fmt: skip
+        drift.series.append(
+            Series(
+                name,
+                found.release,
+                late,
+                marker="",
+                note=f"{name}: {slope:.1f} us later each period",
+            )
+        )
     yield drift
 
 
@@ -58,8 +76,14 @@ def round_trips(
     """
     from course.oracles import cyclonedds, zenoh
 
-    names = ("threads, a queue", "Unix socket", "shared-memory ring", "zenoh, TCP",
-             "Cyclone DDS, reliable", "Cyclone DDS, sequence")  # fmt: skip
+    names = (
+        "threads, a queue",
+        "Unix socket",
+        "shared-memory ring",
+        "zenoh, TCP",
+        "Cyclone DDS, reliable",
+        "Cyclone DDS, sequence",
+    )
     times = {name: np.full((3, len(sizes)), np.nan) for name in names}
     for k, size in enumerate(sizes):
         payload = bytes(size)
@@ -77,16 +101,29 @@ def round_trips(
         for name, timing in zip(known, found, strict=True):
             times[name][:, k] = timing.median, timing.low, timing.high
     floor = times[names[0]][0, 0]
-    panel = Panel("There and back between two processes", "payload [bytes]",
-                  "time over that of 64 B in a queue of threads", scale="log",
-                  footer=machine(0.0, libraries=REAL))  # fmt: skip
+    panel = Panel(
+        "There and back between two processes",
+        "payload [bytes]",
+        "time over that of 64 B in a queue of threads",
+        scale="log",
+        footer=machine(0.0, libraries=REAL),
+    )
     for name, rows in times.items():
         seen = np.isfinite(rows[0])
         ratio = rows[:, seen] / floor
-        said = ", ".join(f"{s}: {r:.3g}" for s, r in
-                         zip(np.array(sizes)[seen], ratio[0], strict=True))  # fmt: skip
-        panel.series.append(Series(name, np.array(sizes)[seen], ratio[0], low=ratio[1],
-                                   high=ratio[2], note=f"{name}, by bytes: {said}"))  # fmt: skip
+        said = ", ".join(
+            f"{s}: {r:.3g}" for s, r in zip(np.array(sizes)[seen], ratio[0], strict=True)
+        )
+        panel.series.append(
+            Series(
+                name,
+                np.array(sizes)[seen],
+                ratio[0],
+                low=ratio[1],
+                high=ratio[2],
+                note=f"{name}, by bytes: {said}",
+            )
+        )
     yield panel
 
 
@@ -112,9 +149,13 @@ def queue_ages(depths: Sequence[int] = (1, 2, 5, 10, 20), rate: int = 3) -> Iter
         assert taken is not None
         return float(60 * rate - 1 - taken.value)
 
-    panel = Panel(f"One of {rate} samples is taken: its age", "depth of the reader's queue",
-                  "age [periods of the writer]", theory="depth - 1",
-                  footer=machine(0.0, libraries=REAL[:1]))  # fmt: skip
+    panel = Panel(
+        f"One of {rate} samples is taken: its age",
+        "depth of the reader's queue",
+        "age [periods of the writer]",
+        theory="depth - 1",
+        footer=machine(0.0, libraries=REAL[:1]),
+    )
     theory = {True: "depth - 1", False: "theory"}
 
     def cyclone(depth: int, newest: bool = False) -> float:
@@ -125,12 +166,20 @@ def queue_ages(depths: Sequence[int] = (1, 2, 5, 10, 20), rate: int = 3) -> Iter
         ("Cyclone DDS", [cyclone(depth) for depth in depths], True),
         ("all are taken, newest used", [cyclone(depth, True) for depth in depths], False),
     ):
-        said = ", ".join(f"{d}: {a:g} ({late * (d - 1)})"
-                         for d, a in zip(depths, ages, strict=True))  # fmt: skip
-        panel.series.append(Series(
-            name, depths, ages, style="", hollow=name == "bus",
-            theory=(lambda d: np.asarray(d) - 1.0) if name == "bus" else None,
-            note=f"{name}, age by depth ({theory[late]}): {said}"))  # fmt: skip
+        said = ", ".join(
+            f"{d}: {a:g} ({late * (d - 1)})" for d, a in zip(depths, ages, strict=True)
+        )
+        panel.series.append(
+            Series(
+                name,
+                depths,
+                ages,
+                style="",
+                hollow=name == "bus",
+                theory=(lambda d: np.asarray(d) - 1.0) if name == "bus" else None,
+                note=f"{name}, age by depth ({theory[late]}): {said}",
+            )
+        )
     yield panel
 
 
@@ -140,9 +189,13 @@ def qos_verdicts() -> Iterator[Panel]:
     from course.oracles import qos_matrix
 
     rows = qos_matrix.matrix()
-    panel = Panel("Quality of service, run", data=[
-        [row.policy, row.offered, row.requested, row.cyclone, row.ours, row.named] for row in rows
-    ])  # fmt: skip
+    panel = Panel(
+        "Quality of service, run",
+        data=[
+            [row.policy, row.offered, row.requested, row.cyclone, row.ours, row.named]
+            for row in rows
+        ],
+    )
     agree = sum(row.agree for row in rows)
     panel.notes.append(f"{agree} of {len(rows)} rows agree with Cyclone DDS")
     for row in rows:
@@ -162,9 +215,13 @@ def late_or_lost(
     Args:
         ways: delay of the link, one way [s]; loss: share of the packets; seconds: of each run.
     """
-    panel = Panel(f"{100 * loss:g} % of the commands are lost, one each 10 ms",
-                  "delay of the link [ms]", "rms error that the loss adds [mrad]", scale="log",
-                  footer=machine(0.0, libraries=()))  # fmt: skip
+    panel = Panel(
+        f"{100 * loss:g} % of the commands are lost, one each 10 ms",
+        "delay of the link [ms]",
+        "rms error that the loss adds [mrad]",
+        scale="log",
+        footer=machine(0.0, libraries=()),
+    )
     for reliability in ("best_effort", "reliable"):
         errors = [1e3 * added(way, loss, reliability, seconds) for way in ways]
         name = "lost, the next one counts" if reliability == "best_effort" else "sent again"
@@ -190,8 +247,12 @@ def added(way: float, loss: float, reliability: str, seconds: float, period: flo
             got.append((bus.now, sample.value))
 
         servo.reader("command", heard, qos, Link(way, loss=share))
-        sender.timer(period, lambda bus=bus, writer=writer: writer.publish(
-            0.3 * math.sin(2.0 * math.pi * bus.now), 64))  # fmt: skip
+        sender.timer(
+            period,
+            lambda bus=bus, writer=writer: writer.publish(
+                0.3 * math.sin(2.0 * math.pi * bus.now), 64
+            ),
+        )
         bus.run(seconds)
         times = np.arange(0.0, seconds, 1e-3)
         when, what = np.array(got).T

@@ -38,40 +38,81 @@ def lost_fragments(messages: int = 4000, sent: int = 150) -> Iterator[Panel]:
         messages: on the bus, at each size; sent: over a loopback socket.
     """
     sizes = np.array([1, 10, 100, 627, 2000])
-    lost = Panel("A message is lost with any packet", "packets of a message", "share lost",
-                 scale="log", footer=machine(0.0, libraries=()))  # fmt: skip
-    turns = Panel("Reliable: rounds until all are there", "packets of a message", "rounds",
-                  scale="log x")  # fmt: skip
+    lost = Panel(
+        "A message is lost with any packet",
+        "packets of a message",
+        "share lost",
+        scale="log",
+        footer=machine(0.0, libraries=()),
+    )
+    turns = Panel(
+        "Reliable: rounds until all are there", "packets of a message", "rounds", scale="log x"
+    )
     for p in (1e-4, 1e-3):
         rate = np.array([on_the_bus(messages, n, p, "best_effort", 5) for n in sizes.tolist()])
         low, high = wilson(messages * rate, messages)
         told = partial(expected_loss, loss=p)
         theory = np.array([told(n) for n in sizes.tolist()])
-        note = ", ".join(f"{n}: {100 * r:.2f} % ({100 * t:.2f})" for n, r, t in
-                         zip(sizes, rate, theory, strict=True))  # fmt: skip
+        note = ", ".join(
+            f"{n}: {100 * r:.2f} % ({100 * t:.2f})"
+            for n, r, t in zip(sizes, rate, theory, strict=True)
+        )
         seen = rate > 0.0
-        lost.series.append(Series(
-            f"bus, {p:g} of the packets", sizes[seen], rate[seen], low=low[seen], high=high[seen],
-            style="", theory=np.vectorize(told, otypes=[float]),
-            note=f"lost of packets {p:g}; of messages by packets (theory): {note}"))  # fmt: skip
+        lost.series.append(
+            Series(
+                f"bus, {p:g} of the packets",
+                sizes[seen],
+                rate[seen],
+                low=low[seen],
+                high=high[seen],
+                style="",
+                theory=np.vectorize(told, otypes=[float]),
+                note=f"lost of packets {p:g}; of messages by packets (theory): {note}",
+            )
+        )
         rounds = np.array([on_the_bus(messages, n, p, "reliable", 6) for n in sizes.tolist()])
         told = partial(expected_rounds, loss=p)
-        note = ", ".join(f"{n}: {r:.3f} ({told(n):.3f})"
-                         for n, r in zip(sizes.tolist(), rounds, strict=True))  # fmt: skip
-        turns.series.append(Series(
-            f"bus, {p:g} of the packets", sizes, rounds, style="",
-            theory=np.vectorize(told, otypes=[float]),
-            note=f"lost of packets {p:g}; rounds by packets (theory): {note}"))  # fmt: skip
+        note = ", ".join(
+            f"{n}: {r:.3f} ({told(n):.3f})" for n, r in zip(sizes.tolist(), rounds, strict=True)
+        )
+        turns.series.append(
+            Series(
+                f"bus, {p:g} of the packets",
+                sizes,
+                rounds,
+                style="",
+                theory=np.vectorize(told, otypes=[float]),
+                note=f"lost of packets {p:g}; rounds by packets (theory): {note}",
+            )
+        )
     many = sizes[2:4].tolist()
     real = [lossy(sent, n, 1e-3, 7) for n in many]
     share = np.array([each.lost for each in real])
     low, high = wilson(sent * share, sent)
-    lost.series.append(Series("socket, 0.001", many, share, style="", low=low, high=high,
-                              hollow=True, note="socket, 0.001: " + ", ".join(
-        f"{n}: {100 * x:.1f} %" for n, x in zip(many, share, strict=True))))  # fmt: skip
-    turns.series.append(Series("socket, 0.001", many, [each.rounds for each in real], style="",
-                               hollow=True, note="socket, 0.001: " + ", ".join(
-        f"{n}: {each.rounds:.3f}" for n, each in zip(many, real, strict=True))))  # fmt: skip
+    lost.series.append(
+        Series(
+            "socket, 0.001",
+            many,
+            share,
+            style="",
+            low=low,
+            high=high,
+            hollow=True,
+            note="socket, 0.001: "
+            + ", ".join(f"{n}: {100 * x:.1f} %" for n, x in zip(many, share, strict=True)),
+        )
+    )
+    turns.series.append(
+        Series(
+            "socket, 0.001",
+            many,
+            [each.rounds for each in real],
+            style="",
+            hollow=True,
+            note="socket, 0.001: "
+            + ", ".join(f"{n}: {each.rounds:.3f}" for n, each in zip(many, real, strict=True)),
+        )
+    )
     yield lost
     yield turns
 
@@ -95,35 +136,59 @@ def task_sets(sets: int = 1000, seconds: float = 4.0) -> Iterator[Panel]:
         fits = np.isfinite(told).all(axis=0)
         in_time = ~ran.late.any(axis=0)
         shares["Liu and Layland"].append(
-            float(np.mean(schedule.utilization(C, T) <= schedule.liu_layland(n))))  # fmt: skip
+            float(np.mean(schedule.utilization(C, T) <= schedule.liu_layland(n)))
+        )
         shares["hyperbolic"].append(float(np.mean(schedule.hyperbolic(C, T))))
         shares["exact"].append(float(np.mean(fits)))
         shares["run"].append(float(np.mean(in_time)))
         worst = max(worst, float(np.max(np.abs(ran.longest[:, fits] - told[:, fits]), initial=0.0)))
     low = schedule.liu_layland(n)
-    panel = Panel(f"{n} tasks: who says that they are in time", "utilization", "share of sets",
-                  lines=[("x", low, "bound of Liu and Layland")],
-                  footer=machine(0.0, libraries=()))  # fmt: skip
-    panel.notes.append(f"largest difference of a run's longest response from the analysis: "
-                       f"{1e9 * worst:.0f} ns, of {len(loads) * sets} sets")  # fmt: skip
+    panel = Panel(
+        f"{n} tasks: who says that they are in time",
+        "utilization",
+        "share of sets",
+        lines=[("x", low, "bound of Liu and Layland")],
+        footer=machine(0.0, libraries=()),
+    )
+    panel.notes.append(
+        f"largest difference of a run's longest response from the analysis: "
+        f"{1e9 * worst:.0f} ns, of {len(loads) * sets} sets"
+    )
     for name, values in shares.items():
-        panel.series.append(Series(
-            name, loads, values, style="" if name == "run" else "-", hollow=name == "run",
-            marker=None if name == "run" else "",
-            note=f"{name}: in time at 0.8 {values[8]:.3f}, at 0.9 {values[12]:.3f}"))  # fmt: skip
+        panel.series.append(
+            Series(
+                name,
+                loads,
+                values,
+                style="" if name == "run" else "-",
+                hollow=name == "run",
+                marker=None if name == "run" else "",
+                note=f"{name}: in time at 0.8 {values[8]:.3f}, at 0.9 {values[12]:.3f}",
+            )
+        )
     yield panel
     counts = (2, 3, 5, 10, 20)
-    broken = Panel("Where a growing set first misses", "tasks", "utilization", scale="log x",
-                   ticks=counts)  # fmt: skip
+    broken = Panel(
+        "Where a growing set first misses", "tasks", "utilization", scale="log x", ticks=counts
+    )
     rows = []
     for size in counts:
         C, T = schedule.random_sets(size, 0.5, sets, rng)
         rows.append(np.quantile(schedule.breakdown(C, T), (0.05, 0.5, 0.95)))
     fifth, middle, most = np.array(rows).T
-    note = ", ".join(f"{k}: {a:.3f} {b:.3f} {c:.3f}" for k, (a, b, c) in
-                     zip(counts, rows, strict=True))  # fmt: skip
-    broken.series.append(Series("random sets", counts, middle, low=fifth, high=most,
-                                note=f"5 %, median and 95 % by tasks: {note}"))  # fmt: skip
+    note = ", ".join(
+        f"{k}: {a:.3f} {b:.3f} {c:.3f}" for k, (a, b, c) in zip(counts, rows, strict=True)
+    )
+    broken.series.append(
+        Series(
+            "random sets",
+            counts,
+            middle,
+            low=fifth,
+            high=most,
+            note=f"5 %, median and 95 % by tasks: {note}",
+        )
+    )
     bound = [schedule.liu_layland(k) for k in counts]
     note = f"bound at 2 {bound[0]:.3f}, at 20 {bound[-1]:.3f}"
     broken.series.append(Series("Liu and Layland", counts, bound, style="--", marker="", note=note))
@@ -138,15 +203,27 @@ def lock_waits(middles: Sequence[float] = (0.0, 0.02, 0.05, 0.1, 0.15)) -> Itera
         middles: what the task between them computes [s].
     """
     holds, phase = 0.02, np.array([1e-6, 2e-6, 0.0])
-    panel = Panel("A lock of 20 ms, and a task in the middle", "the middle task computes [ms]",
-                  "the most urgent one waits [ms]", footer=machine(0.0, libraries=()))  # fmt: skip
+    panel = Panel(
+        "A lock of 20 ms, and a task in the middle",
+        "the middle task computes [ms]",
+        "the most urgent one waits [ms]",
+        footer=machine(0.0, libraries=()),
+    )
     x = 1e3 * np.array(middles)
     for protocol in schedule.PROTOCOLS:
         waits = []
         for middle in middles:
             C, T = np.array([1e-3, max(middle, 1e-6), 0.03]), np.array([1.0, 1.0, 1.0])
-            ran = schedule.run(C, T, 0.99, phase, before=[0.0, 0.0, 0.0], lock=[0, -1, 0],
-                               section=[1e-3, 0.0, holds], protocol=protocol)  # fmt: skip
+            ran = schedule.run(
+                C,
+                T,
+                0.99,
+                phase,
+                before=[0.0, 0.0, 0.0],
+                lock=[0, -1, 0],
+                section=[1e-3, 0.0, holds],
+                protocol=protocol,
+            )
             waits.append(1e3 * float(ran.longest[0] - C[0]))
         said = ", ".join(f"{a:g}: {b:.1f}" for a, b in zip(x, waits, strict=True))
         panel.series.append(Series(protocol, x, waits, note=f"{protocol}, in virtual time: {said}"))
@@ -157,10 +234,13 @@ def lock_waits(middles: Sequence[float] = (0.0, 0.02, 0.05, 0.1, 0.15)) -> Itera
             panel.notes.append(f"{name}: {seen[0].refused}")
             continue
         waits = [1e3 * each.wait for each in seen]
-        said = ", ".join(f"{a:g}: {b:.1f} ({1e3 * each.theory:.0f})"
-                         for a, b, each in zip(x, waits, seen, strict=True))  # fmt: skip
-        panel.series.append(Series(name, x, waits, style="", hollow=True,
-                                   note=f"{name}, measured (theory): {said}"))  # fmt: skip
+        said = ", ".join(
+            f"{a:g}: {b:.1f} ({1e3 * each.theory:.0f})"
+            for a, b, each in zip(x, waits, seen, strict=True)
+        )
+        panel.series.append(
+            Series(name, x, waits, style="", hollow=True, note=f"{name}, measured (theory): {said}")
+        )
     yield panel
 
 
@@ -174,14 +254,20 @@ def executor_waits(
         cameras: what the camera's callback computes [s]; phases: of its first event.
     """
     x = 1e3 * np.array(cameras)
-    panel = Panel("One thread: control waits for the camera", "the camera's callback [ms]",
-                  "control, at most [ms]", theory="bound",
-                  footer=machine(0.0, libraries=()))  # fmt: skip
+    panel = Panel(
+        "One thread: control waits for the camera",
+        "the camera's callback [ms]",
+        "control, at most [ms]",
+        theory="bound",
+        footer=machine(0.0, libraries=()),
+    )
     rng = np.random.default_rng(3)
 
     def works(camera: float, own: bool) -> list[Work]:
-        return [Work("control", 1e-3, 0.0313), Work("camera", camera, 1 / 30, "subscription",
-                                                    "camera" if own else "default")]  # fmt: skip
+        return [
+            Work("control", 1e-3, 0.0313),
+            Work("camera", camera, 1 / 30, "subscription", "camera" if own else "default"),
+        ]
 
     rows = [(order, order, 1, False) for order in ORDERS]
     rows.append(("a thread and group of its own", "ready set", 2, True))
@@ -189,14 +275,25 @@ def executor_waits(
         longest, most = [], []
         for camera in cameras:
             both = works(camera, own)
-            runs = [respond(both, order, threads, (0.0, float(p)), 3.0)["control"].max()
-                    for p in rng.random(phases)]  # fmt: skip
+            runs = [
+                respond(both, order, threads, (0.0, float(p)), 3.0)["control"].max()
+                for p in rng.random(phases)
+            ]
             longest.append(1e3 * max(runs))
             most.append(1e3 * bounds(both, order, threads)["control"])
-        said = ", ".join(f"{a:g}: {b:.1f} ({c:.1f})" for a, b, c in
-                         zip(x, longest, most, strict=True))  # fmt: skip
-        panel.series.append(Series(
-            name, x, longest, style="", hollow=order == "fifo", size=9.0 if order == "fifo" else 0,
-            theory=partial(np.interp, xp=x, fp=most) if order == "ready set" else None,
-            note=f"{name}, at most by camera (bound): {said}"))  # fmt: skip
+        said = ", ".join(
+            f"{a:g}: {b:.1f} ({c:.1f})" for a, b, c in zip(x, longest, most, strict=True)
+        )
+        panel.series.append(
+            Series(
+                name,
+                x,
+                longest,
+                style="",
+                hollow=order == "fifo",
+                size=9.0 if order == "fifo" else 0,
+                theory=partial(np.interp, xp=x, fp=most) if order == "ready set" else None,
+                note=f"{name}, at most by camera (bound): {said}",
+            )
+        )
     yield panel

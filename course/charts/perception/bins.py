@@ -25,14 +25,22 @@ STAGES = ("pixels", "voxels", "above the plane", "clustered")
 # deviations, neighbours (a share of pi (eps/v)^2 where below 1), pictures averaged.
 TUTORIAL: dict[str, Any] = {"z": 0.8, "voxel": 0.005, "tolerance": 0.01, "least": 50, "shots": 1}
 CURES: dict[str, dict[str, Any]] = {
-    "as in a tutorial": {}, "nearer: 0.5 m": {"z": 0.5}, "grid of 3 mm": {"voxel": 0.003},
-    "tolerance 3 sigma": {"sigmas": 3.0}, "neighbours 0.2 pi (eps/v)^2": {"least": 0.2},
+    "as in a tutorial": {},
+    "nearer: 0.5 m": {"z": 0.5},
+    "grid of 3 mm": {"voxel": 0.003},
+    "tolerance 3 sigma": {"sigmas": 3.0},
+    "neighbours 0.2 pi (eps/v)^2": {"least": 0.2},
     "3 sigma, 0.2 pi (eps/v)^2": {"sigmas": 3.0, "least": 0.2},
     "and a mean of 5 pictures": {"sigmas": 3.0, "least": 0.2, "shots": 5},
     "3 sigma, components of pixels": {"sigmas": 3.0, "least": 0.2, "pixels": True},
-    "and 5 pictures from 0.5 m": {"sigmas": 3.0, "least": 0.2, "pixels": True, "z": 0.5,
-                                  "shots": 5},
-}  # fmt: skip
+    "and 5 pictures from 0.5 m": {
+        "sigmas": 3.0,
+        "least": 0.2,
+        "pixels": True,
+        "z": 0.5,
+        "shots": 5,
+    },
+}
 
 
 def chain(size: float, rng: np.random.Generator, **settings: Any) -> dict[str, float]:
@@ -91,13 +99,20 @@ def chain(size: float, rng: np.random.Generator, **settings: Any) -> dict[str, f
 def small_parts(
     sizes: Sequence[float] = (0.006, 0.008, 0.01, 0.012, 0.016, 0.02, 0.03, 0.04),
     pictures: int = 8,
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """Cubes on a table, from a picture to a cluster: which stage loses them, and what helps."""
     rng = np.random.default_rng(7)
-    runs = {name: [[chain(size, rng, **cure) for _ in range(pictures)] for size in sizes]
-            for name, cure in CURES.items()}  # fmt: skip
-    kept = Panel("What each stage of a tutorial leaves", "side of the cube [mm]",
-                 "points of the cube", scale="log", ticks=(6, 10, 20, 40))  # fmt: skip
+    runs = {
+        name: [[chain(size, rng, **cure) for _ in range(pictures)] for size in sizes]
+        for name, cure in CURES.items()
+    }
+    kept = Panel(
+        "What each stage of a tutorial leaves",
+        "side of the cube [mm]",
+        "points of the cube",
+        scale="log",
+        ticks=(6, 10, 20, 40),
+    )
     for stage in STAGES:
         y = [float(np.median([run[stage] for run in row])) for row in runs["as in a tutorial"]]
         told = ", ".join(f"{1e3 * s:g} mm {n:.0f}" for s, n in zip(sizes, y, strict=True))
@@ -116,8 +131,9 @@ def small_parts(
             1e3 * np.median([r["time"] for r in every]),
             np.mean([r["false"] for r in every]),
         )
-        best.notes.append(f"{name:<30} {least[-1]:4.0f} mm, {false:6.2f} false clusters a picture, "
-                          f"{ms:5.1f} ms")  # fmt: skip
+        best.notes.append(
+            f"{name:<30} {least[-1]:4.0f} mm, {false:6.2f} false clusters a picture, {ms:5.1f} ms"
+        )
     shown = [1e3 * sizes[-1] if math.isinf(x) else x for x in least]
     best.series.append(Series("", shown, [*runs], style="bar"))
     yield best
@@ -126,15 +142,25 @@ def small_parts(
 # --- Large parts ----------------------------------------------------------------------------------
 
 CAUSES = (
-    "as it is", "touching", "its twin beside it", "occluded", "cut off", "scale 1 % off",
+    "as it is",
+    "touching",
+    "its twin beside it",
+    "occluded",
+    "cut off",
+    "scale 1 % off",
     "camera 1 deg off",
-)  # fmt: skip
+)
 SHORT = ("right", "touch", "twin", "hidden", "cut", "scale", "tilt")
 NEIGHBOUR = shape("box", 0.03, 0.03, 0.02)
 ESTIMATORS = (
-    "centroid", "box along the table", "principal axes", "box along them", "ICP, points",
-    "ICP, shape", "locate",
-)  # fmt: skip
+    "centroid",
+    "box along the table",
+    "principal axes",
+    "box along them",
+    "ICP, points",
+    "ICP, shape",
+    "locate",
+)
 
 
 def picture_of(cause: str, yaw: float, rng: np.random.Generator) -> tuple[Array, Array, Array]:
@@ -180,7 +206,7 @@ def estimates(depth: Array, cluster: Array, table: Array, model: Cloud) -> dict[
         "ICP, points": by_points.pose,
         "ICP, shape": icp(points, BOX, start, gate=0.03, sigma=sigma).pose,
         "locate": first.pose,
-    }  # fmt: skip
+    }
 
 
 def _back(pose: Array) -> Array:
@@ -211,10 +237,22 @@ def large_parts(turns: int = 10, model: int = 6000) -> Iterator[Panel]:
             (first, *_) = locate(depth, EYE, SENSOR, BOX)
             told.setdefault(cause, []).append((first.status, first.agrees))
     places = list(range(len(CAUSES)))
-    shift = Panel("One box of 160 x 100 x 60 mm: how far off", "", "error [mm]", scale="log y",
-                  ticks=places, lines=[("y", 2.0, "tolerance 2 mm")])  # fmt: skip
-    turn = Panel("And how far turned", "", "error [deg]", scale="log y", ticks=places,
-                 lines=[("y", 2.0, "tolerance 2 degrees")])  # fmt: skip
+    shift = Panel(
+        "One box of 160 x 100 x 60 mm: how far off",
+        "",
+        "error [mm]",
+        scale="log y",
+        ticks=places,
+        lines=[("y", 2.0, "tolerance 2 mm")],
+    )
+    turn = Panel(
+        "And how far turned",
+        "",
+        "error [deg]",
+        scale="log y",
+        ticks=places,
+        lines=[("y", 2.0, "tolerance 2 degrees")],
+    )
     for name in ESTIMATORS:
         middle = np.array([np.median(off[name, cause], axis=0) for cause in CAUSES])
         mm, deg = 1e3 * middle[:, 0], np.degrees(middle[:, 1])

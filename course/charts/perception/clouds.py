@@ -36,23 +36,30 @@ def _walls(sensor: Sensor, z: float, count: int, rng: np.random.Generator, eye: 
 def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
     """What is measured of a wall, beside z^2 sqrt(s^2 + q^2 / 12) / (f B)."""
     rng = np.random.default_rng(0)
-    law = Panel("The spread grows with the square of the distance", "distance z [m]",
-                "standard deviation [m]", scale="log")  # fmt: skip
+    law = Panel(
+        "The spread grows with the square of the distance",
+        "distance z [m]",
+        "standard deviation [m]",
+        scale="log",
+    )
     z = np.geomspace(0.3, 6.0, places)
     for noise, step in ((0.05, 0.0), (0.15, 0.0), (0.04, 0.12)):
         sensor = Sensor(noise=noise, step=step)
         spread = [float(_walls(sensor, far, pictures, rng, EYE).std()) for far in z]
         ratio = np.array(spread) / sensor.sigma(z, EYE)
-        law.series.append(Series(
-            f"noise {noise:g}, steps {step:g} px", z, spread,
-            theory=functools.partial(sensor.sigma, camera=EYE),
-            note=f"noise {noise:g} px, steps {step:g} px: measured over predicted "
-                 f"{ratio.min():.3f} to {ratio.max():.3f}",
-        ))  # fmt: skip
+        law.series.append(
+            Series(
+                f"noise {noise:g}, steps {step:g} px",
+                z,
+                spread,
+                theory=functools.partial(sensor.sigma, camera=EYE),
+                note=f"noise {noise:g} px, steps {step:g} px: measured over predicted "
+                f"{ratio.min():.3f} to {ratio.max():.3f}",
+            )
+        )
     yield law
     k = np.arange(1, 400)
-    left = Panel("What averaging can't remove: a quarter step", "noise / step",
-                 "mean error / step")  # fmt: skip
+    left = Panel("What averaging can't remove: a quarter step", "noise / step", "mean error / step")
     shares, mean = np.linspace(0.02, 0.6, places), []
     for noise in shares:
         coarse = Sensor(noise=0.25 * noise, step=0.25)
@@ -67,12 +74,22 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
 
     third = float(waves(np.array(1 / 3)))
     left.series.append(
-        Series("measured", shares, mean, theory=waves, note="a quarter step off without noise, "
-               f"{abs(third):.3f} of a step with a third of one")
-    )  # fmt: skip
+        Series(
+            "measured",
+            shares,
+            mean,
+            theory=waves,
+            note="a quarter step off without noise, "
+            f"{abs(third):.3f} of a step with a third of one",
+        )
+    )
     yield left
-    share = Panel("Shared noise averages out more slowly", "side of the averaged square [px]",
-                  "spread / that of white noise", scale="log x")  # fmt: skip
+    share = Panel(
+        "Shared noise averages out more slowly",
+        "side of the averaged square [px]",
+        "spread / that of white noise",
+        scale="log x",
+    )
     sides = (4, 8, 16, 32, 64)
     for window in (1, 3, 5, 7):
         found = []
@@ -86,12 +103,18 @@ def depth_noise(pictures: int = 12, places: int = 9) -> Iterator[Panel]:
             lag = np.arange(1 - w, w)
             size = np.asarray(n, dtype=float)[..., None]
             return (np.clip(size - np.abs(lag), 0, None) * (1 - np.abs(lag) / w)).sum(-1) / size[
-                ..., 0]  # fmt: skip
+                ..., 0
+            ]
 
         share.series.append(
-            Series(f"window {window} px", sides, found, theory=theory,
-                   note=f"window {window} px: {found[-1]:.2f} times the spread of 64 x 64 px")
-        )  # fmt: skip
+            Series(
+                f"window {window} px",
+                sides,
+                found,
+                theory=theory,
+                note=f"window {window} px: {found[-1]:.2f} times the spread of 64 x 64 px",
+            )
+        )
     yield share
 
 
@@ -131,16 +154,19 @@ def counts(
     right = np.bincount(labels[own], minlength=clustered.size)
     real = right > 0.5 * clustered
     return {
-        "pixels": part.shape[1], "above": above_part, "clustered": int(right[real].sum()),
+        "pixels": part.shape[1],
+        "above": above_part,
+        "clustered": int(right[real].sum()),
         "false": int(np.sum(~real)),
-    }  # fmt: skip
+    }
 
 
 @chart(columns=2)
 def lost_parts(
     heights: Sequence[float] = (0.004, 0.006, 0.008, 0.01, 0.015, 0.02, 0.03, 0.04),
-    distances: Sequence[float] = (0.5, 0.65, 0.8, 1.0, 1.3, 1.6), pictures: int = 8,
-) -> Iterator[Panel]:  # fmt: skip
+    distances: Sequence[float] = (0.5, 0.65, 0.8, 1.0, 1.3, 1.6),
+    pictures: int = 8,
+) -> Iterator[Panel]:
     """The lowest part that becomes a cluster in most pictures, and clusters of bare table."""
     lost = Panel("The lowest part that is found", "distance [m]", "height [m]", scale="log")
     false = Panel("Clusters of bare table in a picture", "distance [m]", "clusters", scale="log x")
@@ -157,8 +183,10 @@ def lost_parts(
         for z in distances:
             found, empty = math.nan, []
             for height in sorted(heights, reverse=True):
-                runs = [counts(height, z, fixed or three_sigma(z), least, 0.005, 0.02, rng)
-                        for _ in range(pictures)]  # fmt: skip
+                runs = [
+                    counts(height, z, fixed or three_sigma(z), least, 0.005, 0.02, rng)
+                    for _ in range(pictures)
+                ]
                 empty += [run["false"] for run in runs]
                 if np.mean([run["clustered"] >= least for run in runs]) <= 0.5:
                     break
@@ -180,9 +208,12 @@ def lost_parts(
 @chart
 def ransac_draws(trials: int = 600, points: int = 200) -> Iterator[Panel]:
     """As many draws as the law asks for nine in ten; half of the points are the plane's."""
-    panel = Panel("How often the plane is found with the draws of the law for 0.9",
-                  "tolerance / noise", "share of 600 runs",
-                  lines=[("y", 0.9, "asked for")])  # fmt: skip
+    panel = Panel(
+        "How often the plane is found with the draws of the law for 0.9",
+        "tolerance / noise",
+        "share of 600 runs",
+        lines=[("y", 0.9, "asked for")],
+    )
     sigmas = (1.5, 2.0, 2.5, 3.3, 4.0, 5.0, 7.0)
     most = round(perception.draws_needed(0.5, 0.9))
     exact = share_found(None, 0, trials, points, most)
@@ -218,10 +249,15 @@ def cloud_speed(
 ) -> Iterator[Panel]:
     """Processor time of each step beside the library's, at equal answers, in turns."""
     rng = np.random.default_rng(2)
-    boxes = together([
-        shape("box", 0.05, 0.04, 0.03, pose=compose(TABLE, np.array([x, y, 0.03, 1.0, 0, 0, 0])))
-        for x in (-0.2, 0.0, 0.2) for y in (-0.1, 0.1)
-    ])  # fmt: skip
+    boxes = together(
+        [
+            shape(
+                "box", 0.05, 0.04, 0.03, pose=compose(TABLE, np.array([x, y, 0.03, 1.0, 0, 0, 0]))
+            )
+            for x in (-0.2, 0.0, 0.2)
+            for y in (-0.1, 0.1)
+        ]
+    )
     scene = together([shape("plane", pose=TABLE), boxes])
     depth, _ = perception.render(scene, WIDE)
     seen = perception.sense(depth, WIDE, Sensor(noise=0.03, window=3, dropout=0.02), rng)
@@ -237,15 +273,22 @@ def cloud_speed(
     for v in (0.002, 0.005, 0.02):
         own_means, their_means = run(perception.voxel_mean, points, v), run(theirs.voxel_mean, v)
         steps[f"voxels of {1e3 * v:g} mm"] = own_means, their_means
-    steps["plane, 300 draws"] = (run(draws, rng, most=300, confidence=1.0),
-                                 run(theirs.plane, 0.005, 300))  # fmt: skip
+    steps["plane, 300 draws"] = (
+        run(draws, rng, most=300, confidence=1.0),
+        run(theirs.plane, 0.005, 300),
+    )
     steps["plane, early stop"] = run(draws, rng), run(theirs.plane, 0.005, 1000, 0.99)
-    panel = Panel("Steps on 75,000 pixels", "time of the library / time of the course",
-                  scale="log x", lines=[("x", 1.0, "")])  # fmt: skip
+    panel = Panel(
+        "Steps on 75,000 pixels",
+        "time of the library / time of the course",
+        scale="log x",
+        lines=[("x", 1.0, "")],
+    )
     names, ratios, busy = [], [], 0.0
     for name, both in steps.items():
-        own, other = interleaved([calls(f, clock=time.process_time) for f in both],
-                                 repeats=repeats, sample=5e-3)  # fmt: skip
+        own, other = interleaved(
+            [calls(f, clock=time.process_time) for f in both], repeats=repeats, sample=5e-3
+        )
         names.append(name)
         ratios.append(other.median / own.median)
         busy = max(busy, own.busy)
@@ -260,17 +303,26 @@ def cloud_speed(
     for n in sizes:
         some = rng.uniform(0.0, 1.0, (3, n)) * np.array([[0.4], [0.3], [0.02]])
         cloud = open3d.Cloud(some)
-        ways = (calls(perception.dbscan, some, 0.02, 10, clock=time.process_time),
-                calls(cloud.dbscan, 0.02, 10, clock=time.process_time))  # fmt: skip
+        ways = (
+            calls(perception.dbscan, some, 0.02, 10, clock=time.process_time),
+            calls(cloud.dbscan, 0.02, 10, clock=time.process_time),
+        )
         timings = interleaved(ways, repeats=repeats, sample=5e-3)
         found.append((timings[0].median, timings[1].median))
     for k, name in enumerate(("course", "Open3D")):
         took = [row[k] for row in found]
         slope = np.polyfit(np.log(sizes[-3:]), np.log(took[-3:]), 1)[0]  # the large ones
         growth.series.append(
-            Series(f"{name}: $N^{{{slope:.2f}}}$", sizes, took, name,
-                   note=f"{name:<7} N^{slope:.2f}, " + ", ".join(
-                       f"{n} points {1e3 * t:.1f} ms" for n, t in zip(sizes, took, strict=True)))
-        )  # fmt: skip
+            Series(
+                f"{name}: $N^{{{slope:.2f}}}$",
+                sizes,
+                took,
+                name,
+                note=f"{name:<7} N^{slope:.2f}, "
+                + ", ".join(
+                    f"{n} points {1e3 * t:.1f} ms" for n, t in zip(sizes, took, strict=True)
+                ),
+            )
+        )
     growth.footer = machine(busy)
     yield growth

@@ -17,10 +17,12 @@ from course.perception.pose import STANDING, standing_at, verdict
 from course.rigid_body.quaternion import conjugate, rotate
 
 # What the network has not seen: the same part seen in a mirror.
-MIRRORED = together([
-    shape("box", 0.06, 0.02, 0.02),
-    shape("box", 0.02, 0.03, 0.02, pose=(0.04, 0.05, 0.0, 1.0, 0.0, 0.0, 0.0)),
-])  # fmt: skip
+MIRRORED = together(
+    [
+        shape("box", 0.06, 0.02, 0.02),
+        shape("box", 0.02, 0.03, 0.02, pose=(0.04, 0.05, 0.0, 1.0, 0.0, 0.0, 0.0)),
+    ]
+)
 
 Ways = dict[str, Callable[[Array], Array]]
 """Points (3, N) -> turns to start from (n,) [rad]."""
@@ -39,9 +41,12 @@ def ways(network: yaw_net.Network, rng: np.random.Generator) -> Ways:
         return lambda points: rng.uniform(0.0, 7.0) + np.arange(0.0, 6.28, 2.0 * math.pi / n)
 
     return {
-        "1 start": even(1), "4 starts": even(4), "8 starts": even(8), "principal axis": axis,
+        "1 start": even(1),
+        "4 starts": even(4),
+        "8 starts": even(8),
+        "principal axis": axis,
         "network": lambda points: network(yaw_net.height_patch(points, plane)[None]),
-    }  # fmt: skip
+    }
 
 
 def laid(depth: Array, sensor: Sensor, way: Callable[[Array], Array]) -> tuple[Array, float, float]:
@@ -55,8 +60,16 @@ def laid(depth: Array, sensor: Sensor, way: Callable[[Array], Array]) -> tuple[A
     u, v = np.rint(EYE.project(points)).astype(int)
     cluster[v, u] = True
     for start in standing_at(yaw_net.L_PART, points, plane, way(points)):
-        fit = icp(some, yaw_net.L_PART, start, gate=(max(last, 0.04), last), sigma=sigma,
-                  free=STANDING, rays=False, tolerance=1e-5)  # fmt: skip
+        fit = icp(
+            some,
+            yaw_net.L_PART,
+            start,
+            gate=(max(last, 0.04), last),
+            sigma=sigma,
+            free=STANDING,
+            rays=False,
+            tolerance=1e-5,
+        )
         score = verdict(depth, EYE, sensor, yaw_net.L_PART.moved(fit.pose), cluster)[2]
         best = max(best, (float(score), fit.pose), key=lambda one: one[0])
     spent = time.process_time() - begin
@@ -65,20 +78,29 @@ def laid(depth: Array, sensor: Sensor, way: Callable[[Array], Array]) -> tuple[A
 
 @chart(columns=2)
 def learned_start(
-    pictures: int = 100, training: int = 4000, steps: int = 1500,
+    pictures: int = 100,
+    training: int = 4000,
+    steps: int = 1500,
     noises: Sequence[float] = (1.0, 3.75),
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """How often ICP ends right, and what it takes; what tells a wrong end."""
     rng = np.random.default_rng(11)
     begin = time.process_time()
     network = yaw_net.train(EYE, SENSOR, TABLE, pictures=training, steps=steps)
     spent = time.process_time() - begin
     plane, known = yaw_net.plane_of(TABLE), ways(network, rng)
-    trade = Panel("From the picture to a pose that is right", "processor time [ms]",
-                  "share within 2 mm and 2 degrees")  # fmt: skip
-    tells = Panel("What the picture says to its pose", "error of the turn [deg]",
-                  "see-through share", scale="log x",
-                  lines=[("y", 0.1, "refuted above")])  # fmt: skip
+    trade = Panel(
+        "From the picture to a pose that is right",
+        "processor time [ms]",
+        "share within 2 mm and 2 degrees",
+    )
+    tells = Panel(
+        "What the picture says to its pose",
+        "error of the turn [deg]",
+        "see-through share",
+        scale="log x",
+        lines=[("y", 0.1, "refuted above")],
+    )
     trade.notes.append(f"{training} pictures, {steps} steps: trained in {spent:.0f} s")
     for noise in noises:
         sensor = Sensor(SENSOR.baseline, noise * SENSOR.noise)
@@ -95,19 +117,30 @@ def learned_start(
             took.append(1e3 * float(np.median(seconds)))
             wrong = through[right == 0]
             seen = f", see-through notices {np.sum(wrong > 0.1)} of {wrong.size} wrong"
-            trade.notes.append(f"noise x {noise:g}, {name}: {share[-1]:.2f} right, "
-                               f"{took[-1]:.1f} ms{seen if wrong.size else ''}")  # fmt: skip
+            trade.notes.append(
+                f"noise x {noise:g}, {name}: {share[-1]:.2f} right, "
+                f"{took[-1]:.1f} ms{seen if wrong.size else ''}"
+            )
         tell = turn, through  # of the last, the network
-        trade.series.append(Series(f"noise x {noise:g}", took, share, style="",
-                                   tags=tuple(known) if noise == noises[0] else ()))  # fmt: skip
+        trade.series.append(
+            Series(
+                f"noise x {noise:g}",
+                took,
+                share,
+                style="",
+                tags=tuple(known) if noise == noises[0] else (),
+            )
+        )
         for depth, pose in looks:
             points = yaw_net.above_table(depth, EYE, sensor, plane)
             said = network(yaw_net.height_patch(points, plane)[None])[0]
             off = said - yaw_net.turn_of(pose, plane)
             starts.append(abs(math.remainder(off, 2.0 * math.pi)))
         deg = np.degrees(starts)
-        tells.notes.append(f"noise x {noise:g}: the network's turn is {np.median(deg):.2f} degrees "
-                           f"off (median), {deg.max():.1f} at most")  # fmt: skip
+        tells.notes.append(
+            f"noise x {noise:g}: the network's turn is {np.median(deg):.2f} degrees "
+            f"off (median), {deg.max():.1f} at most"
+        )
         tells.series.append(Series(f"noise x {noise:g}", np.degrees(tell[0]), tell[1], style=""))
     trade.footer = machine()
     yield trade

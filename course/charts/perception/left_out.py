@@ -38,8 +38,14 @@ def scene(yaw: float, x: float = 0.0) -> Shapes:
 def _fine(shapes: Shapes) -> Array:
     """The exact picture with FINE x FINE rays a pixel, (H, FINE, W, FINE) [m]."""
     n, shift = FINE, 0.5 * (FINE - 1)
-    eye = Camera(n * EYE.width, n * EYE.height, n * EYE.fx, n * EYE.fy,
-                 n * EYE.cx + shift, n * EYE.cy + shift)  # fmt: skip
+    eye = Camera(
+        n * EYE.width,
+        n * EYE.height,
+        n * EYE.fx,
+        n * EYE.fy,
+        n * EYE.cx + shift,
+        n * EYE.cy + shift,
+    )
     return render(shapes, eye)[0].reshape(EYE.height, n, EYE.width, n)
 
 

@@ -45,11 +45,18 @@ def prism(sides: int, count: int, rng: np.random.Generator) -> tuple[Array, Arra
 def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
     """A prism turned by more than half of its period ends as the next one of its equal poses."""
     rng, degrees = np.random.default_rng(0), np.linspace(0.0, 70.0, turns)
-    home = Panel("A prism comes home from 180 / n",
-                 "turn of the start [deg]", "turn of the end [deg]",
-                 lines=[("x", 180.0 / n, f"180 / {n}") for n in (3, 4, 6)])  # fmt: skip
-    steps = Panel("Points creep, planes and the shape do not", "turn of the start [deg]",
-                  "iterations", scale="log y")  # fmt: skip
+    home = Panel(
+        "A prism comes home from 180 / n",
+        "turn of the start [deg]",
+        "turn of the end [deg]",
+        lines=[("x", 180.0 / n, f"180 / {n}") for n in (3, 4, 6)],
+    )
+    steps = Panel(
+        "Points creep, planes and the shape do not",
+        "turn of the start [deg]",
+        "iterations",
+        scale="log y",
+    )
     for n in (3, 4, 6):
         target = Cloud.of(*prism(n, 4 * points, rng))
         seen, _ = prism(n, points, rng)
@@ -72,18 +79,26 @@ def icp_basin(turns: int = 31, points: int = 1200) -> Iterator[Panel]:
     )  # fmt: skip
     for name, goal, method in targets:
         made = [
-            icp(picture, goal, turned_by(pose, 0, 0, 0, 0, 0, math.radians(angle)), method=method,
-                gate=0.05, iterations=300, tolerance=1e-6).iterations
+            icp(
+                picture,
+                goal,
+                turned_by(pose, 0, 0, 0, 0, 0, math.radians(angle)),
+                method=method,
+                gate=0.05,
+                iterations=300,
+                tolerance=1e-6,
+            ).iterations
             for angle in degrees[degrees < 40.0]
-        ]  # fmt: skip
+        ]
         told = f"{name}: {np.median(made):.0f} iterations (median)"
         steps.series.append(Series(name, degrees[degrees < 40.0], made, note=told))
     yield home
     yield steps
 
 
-def laid_again(part: perception.Shapes, yaw: float, tilt: float, window: int, rays: bool,
-               runs: int) -> tuple[float, Array]:  # fmt: skip
+def laid_again(
+    part: perception.Shapes, yaw: float, tilt: float, window: int, rays: bool, runs: int
+) -> tuple[float, Array]:
     """Normalised error squared per direction that is told, and ratios of spread to prediction."""
     rng = np.random.default_rng(1)
     turn = product(exp(np.array([math.pi - tilt, 0.0, 0.0])), exp(np.array([0.0, 0.0, yaw])))
@@ -94,8 +109,9 @@ def laid_again(part: perception.Shapes, yaw: float, tilt: float, window: int, ra
     for _ in range(runs):
         points, _ = perception.back_project(sense(exact, EYE, sensor, rng), EYE)
         start = turned_by(pose, *(0.002 * rng.standard_normal(3)), *(0.02 * rng.standard_normal(3)))
-        fit = icp(points, part, start, sigma=sensor.sigma(points[2], EYE), gate=(0.03, 0.01),
-                  rays=rays)  # fmt: skip
+        fit = icp(
+            points, part, start, sigma=sensor.sigma(points[2], EYE), gate=(0.03, 0.01), rays=rays
+        )
         back = conjugate(pose[3:])
         e = np.append(rotate(back, fit.p - pose[:3]), log(product(back, fit.pose[3:])))
         told = np.isfinite(np.diag(fit.covariance))
@@ -118,22 +134,40 @@ def pose_covariance(runs: int = 150) -> Iterator[Panel]:
         "sphere": (shape("sphere", 0.04), 0.5, 0.7),
     }  # fmt: skip
     places, words = list(range(len(looks))), tuple(looks)
-    panel = Panel("Error squared over its prediction: 1 is honest", "", "per direction",
-                  scale="log y", ticks=places, lines=[("y", 1.0, "honest")])  # fmt: skip
+    panel = Panel(
+        "Error squared over its prediction: 1 is honest",
+        "",
+        "per direction",
+        scale="log y",
+        ticks=places,
+        lines=[("y", 1.0, "honest")],
+    )
     for name, rays in (("closest points", False), ("along the rays", True)):
         y = [laid_again(*look, 1, rays, runs)[0] for look in looks.values()]
         told = ", ".join(f"{what} {value:.2f}" for what, value in zip(looks, y, strict=True))
-        panel.series.append(Series(name, places, y, style="", tags=() if rays else words,
-                                   note=f"{name}: {told}"))  # fmt: skip
+        panel.series.append(
+            Series(name, places, y, style="", tags=() if rays else words, note=f"{name}: {told}")
+        )
     yield panel
     windows = (1, 3, 5, 7)
-    shared = Panel("Shared noise: as many times more as the window is wide", "window w [pixels]",
-                   "spread over that of white noise")  # fmt: skip
+    shared = Panel(
+        "Shared noise: as many times more as the window is wide",
+        "window w [pixels]",
+        "spread over that of white noise",
+    )
     ratios = np.array([laid_again(BOX, 0.5, 0.7, w, True, runs)[1] for w in windows])
     told = f"w = 7: {ratios[-1].min():.1f} to {ratios[-1].max():.1f}"
-    shared.series.append(Series("six directions", windows, ratios.mean(axis=1),
-                                low=ratios.min(axis=1), high=ratios.max(axis=1),
-                                theory=lambda w: 1.0 * np.asarray(w), note=told))  # fmt: skip
+    shared.series.append(
+        Series(
+            "six directions",
+            windows,
+            ratios.mean(axis=1),
+            low=ratios.min(axis=1),
+            high=ratios.max(axis=1),
+            theory=lambda w: 1.0 * np.asarray(w),
+            note=told,
+        )
+    )
     yield shared
 
 
@@ -163,11 +197,18 @@ def silently_wrong(turns: int = 12) -> Iterator[Panel]:
                 turned = perception.apart(BOX, pose, fit.pose)
                 reach = float(np.hypot(turned[0], 0.08 * turned[1]))
                 found.setdefault("quarter turn", []).append((reach, fit.residual, through))
-    said = ((1, "A residual does not tell a wrong pose", "residual [m]"),
-            (2, "The picture looks through it", "see-through share"))  # fmt: skip
+    said = (
+        (1, "A residual does not tell a wrong pose", "residual [m]"),
+        (2, "The picture looks through it", "see-through share"),
+    )
     for column, title, label in said:
-        panel = Panel(title, "error of the pose [m]", label, scale="log x",
-                      lines=[("y", 0.1, "refuted above")] if column == 2 else [])  # fmt: skip
+        panel = Panel(
+            title,
+            "error of the pose [m]",
+            label,
+            scale="log x",
+            lines=[("y", 0.1, "refuted above")] if column == 2 else [],
+        )
         for name, rows in found.items():
             far, value = np.array(rows)[:, 0], np.array(rows)[:, column]
             told = f"{label} {value.min():.4f} to {value.max():.4f}"
@@ -181,20 +222,25 @@ def tracking(runs: int = 400, speeds: Sequence[float] = (0.0, 0.02, 0.1)) -> Ite
     """The mean of pictures lags behind a part that moves; a filter tells its age."""
     rng, sigma, period = np.random.default_rng(3), 1e-3, 1.0 / 30.0
     k = np.arange(1, 17)
-    mean = Panel("Averaging pays until the part has moved", "pictures averaged", "error [m]",
-                 scale="log y")  # fmt: skip
+    mean = Panel(
+        "Averaging pays until the part has moved", "pictures averaged", "error [m]", scale="log y"
+    )
     for speed in speeds:
         z = speed * period * np.arange(k[-1]) + sigma * rng.standard_normal((runs, k[-1]))
         end = speed * period * (k[-1] - 1)
         error = [float(np.sqrt(np.mean((z[:, -n:].mean(axis=1) - end) ** 2))) for n in k]
         best = int(k[np.argmin(perception.averaged_error(k, sigma, period, speed))])
-        mean.series.append(Series(
-            f"{speed * 1e3:.0f} mm/s", k, error,
-            theory=functools.partial(
-                perception.averaged_error, sigma=sigma, period=period, speed=speed
-            ),
-            note=f"{speed * 1e3:.0f} mm/s: best {best} pictures",
-        ))  # fmt: skip
+        mean.series.append(
+            Series(
+                f"{speed * 1e3:.0f} mm/s",
+                k,
+                error,
+                theory=functools.partial(
+                    perception.averaged_error, sigma=sigma, period=period, speed=speed
+                ),
+                note=f"{speed * 1e3:.0f} mm/s: best {best} pictures",
+            )
+        )
     yield mean
     ages = np.arange(0.0, 0.35, 0.05)
     late = Panel("A prediction over the picture's age", "age [s]", "error [m]")

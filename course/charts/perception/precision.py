@@ -93,16 +93,19 @@ def ways(eye: Camera, model: int = 16_000) -> dict[str, tuple[Callable[..., Any]
 
 
 MADE: dict[str, Callable[[Array], Any]] = {
-    "shape": np.asarray, "cloud": np.asarray,
-    "Open3D": open3d.Cloud, "small_gicp": small_gicp.Cloud,
-}  # fmt: skip
+    "shape": np.asarray,
+    "cloud": np.asarray,
+    "Open3D": open3d.Cloud,
+    "small_gicp": small_gicp.Cloud,
+}
 
 
 @chart(columns=2)
 def pose_precision(
-    voxels: Sequence[float] = (0.001, 0.002, 0.004, 0.008, 0.015, 0.03), pictures: int = 20,
+    voxels: Sequence[float] = (0.001, 0.002, 0.004, 0.008, 0.015, 0.03),
+    pictures: int = 20,
     repeats: int = 7,
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """What a finer grid costs and what it buys, where three faces of the part are seen."""
     eye, rng = Camera.symmetric(640, 480, 1.0), np.random.default_rng(4)
     methods = ways(eye)
@@ -113,9 +116,13 @@ def pose_precision(
             depth = sense(render(BOX.moved(pose), eye)[0], eye, sensor, rng)
             start = turned_by(pose, 0.006, -0.005, 0.004, 0.02, -0.02, 0.06)
             looks.append((perception.back_project(depth, eye)[0], pose, start))
-        panel = Panel(f"A pose over voxel size, {noise}", "time of a frame [s]",
-                      "error of a corner [m]", scale="log",
-                      lines=[("y", 2e-3, "tolerance 2 mm"), ("y", 2e-4, "a tenth")])  # fmt: skip
+        panel = Panel(
+            f"A pose over voxel size, {noise}",
+            "time of a frame [s]",
+            "error of a corner [m]",
+            scale="log",
+            lines=[("y", 2e-3, "tolerance 2 mm"), ("y", 2e-4, "a tenth")],
+        )
         samplers, rows = [], []
         for name, (grid, lay) in methods.items():
             clouds = [MADE[name](points) for points, _, _ in looks]
@@ -132,21 +139,44 @@ def pose_precision(
         times = [one.median for one in timings]
         for name in methods:
             mine = [k for k, row in enumerate(rows) if row[0] == name]
-            told = ", ".join(f"{1e3 * rows[k][1]:g} mm: {1e3 * rows[k][2]:.3f} mm, "
-                             f"{1e3 * times[k]:.2f} ms" for k in mine)  # fmt: skip
+            told = ", ".join(
+                f"{1e3 * rows[k][1]:g} mm: {1e3 * rows[k][2]:.3f} mm, {1e3 * times[k]:.2f} ms"
+                for k in mine
+            )
             theirs = name in ("Open3D", "small_gicp")
-            panel.series.append(Series(
-                name, [times[k] for k in mine], [rows[k][2] for k in mine], name,
-                "--" if theirs else "-", hollow=theirs, size=6.0 if theirs else 4.0,
-                note=f"{noise}, {name}: {told}"))  # fmt: skip
+            panel.series.append(
+                Series(
+                    name,
+                    [times[k] for k in mine],
+                    [rows[k][2] for k in mine],
+                    name,
+                    "--" if theirs else "-",
+                    hollow=theirs,
+                    size=6.0 if theirs else 4.0,
+                    note=f"{noise}, {name}: {told}",
+                )
+            )
         for _, limit, words in panel.lines:
-            good = [(times[k], e, f"{name}, {1e3 * v:g} mm")
-                    for k, (name, v, e) in enumerate(rows) if e <= limit]  # fmt: skip
+            good = [
+                (times[k], e, f"{name}, {1e3 * v:g} mm")
+                for k, (name, v, e) in enumerate(rows)
+                if e <= limit
+            ]
             if good:
                 x, y, pick = min(good)
-                panel.series.append(Series("", [x], [y], "chosen", "", hollow=True, size=13.0,
-                                           tags=[f"pick: {pick}"],
-                                           note=f"{noise}, pick for {words}: {pick}"))  # fmt: skip
+                panel.series.append(
+                    Series(
+                        "",
+                        [x],
+                        [y],
+                        "chosen",
+                        "",
+                        hollow=True,
+                        size=13.0,
+                        tags=[f"pick: {pick}"],
+                        note=f"{noise}, pick for {words}: {pick}",
+                    )
+                )
         panel.footer = machine(max(one.busy for one in timings))
         yield panel
 
@@ -157,8 +187,9 @@ PLACES = ((-0.22, -0.02), (0.0, 0.06), (0.22, -0.04))
 STAGES = ("points", "voxels", "plane", "clusters", "poses")
 
 
-def frame(depth: Array, eye: Camera, library: bool,
-          voxel: float = 0.004) -> tuple[list[Array], Array]:  # fmt: skip
+def frame(
+    depth: Array, eye: Camera, library: bool, voxel: float = 0.004
+) -> tuple[list[Array], Array]:
     """The chain on one picture, by the course or by Open3D: poses, and processor time a stage.
 
     Both: points, voxel means, RANSAC within 4 sigma, DBSCAN of 20 mm with 10 neighbours, then four
@@ -230,8 +261,10 @@ def frame_speed(pictures: int = 25) -> Iterator[Panel]:
     total["locate"] = 1e3 * float(np.median(whole))
     for name, ms in total.items():
         mm, deg = np.median(errors[name], axis=0) * (1e3, 180.0 / math.pi)
-        panel.notes.append(f"{name:<7} {ms:6.1f} ms, {right[name]} of {3 * pictures} right, "
-                           f"median {mm:.3f} mm, {deg:.3f} degrees")  # fmt: skip
+        panel.notes.append(
+            f"{name:<7} {ms:6.1f} ms, {right[name]} of {3 * pictures} right, "
+            f"median {mm:.3f} mm, {deg:.3f} degrees"
+        )
     for k, word in enumerate(STAGES):
         own, other = (1e3 * np.median(np.array(rows)[:, k]) for rows in spent.values())
         panel.notes.append(f"{word:<8} {own:6.2f} ms, Open3D {other:7.2f} ms")
@@ -247,10 +280,12 @@ def frame_speed(pictures: int = 25) -> Iterator[Panel]:
 
 @chart(columns=2)
 def plane_precision(
-    draws: Sequence[int] = (3, 10, 30, 100, 300), thin: Sequence[int] = (1024, 256, 64, 16, 4, 1),
-    noises: Sequence[float] = (0.05, 0.1, 0.2, 0.3, 0.45, 0.6), pictures: int = 40,
+    draws: Sequence[int] = (3, 10, 30, 100, 300),
+    thin: Sequence[int] = (1024, 256, 64, 16, 4, 1),
+    noises: Sequence[float] = (0.05, 0.1, 0.2, 0.3, 0.45, 0.6),
+    pictures: int = 40,
     repeats: int = 7,
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """The table behind a box: its angle over what it costs, and how far off its middle is."""
     eye, rng = Camera.symmetric(320, 240, 1.0), np.random.default_rng(6)
     truth = rotate(TABLE[3:], np.array([0.0, 0.0, 1.0]))
@@ -284,28 +319,39 @@ def plane_precision(
         "SVD of points": (points, [(n,) for n in thin]),
         "inverse depth": (inverse, [(n,) for n in thin]),
     }
-    panel = Panel("The table's angle, 0.3 px of noise", "processor time [ms]", "angle error [rad]",
-                  scale="log", ticks=(0.2, 0.5, 1, 2, 5),
-                  lines=[("y", 2e-3, "0.2 mm on 100 mm")])  # fmt: skip
-    samplers = [calls(way, looks[0], *setting, clock=time.process_time)
-                for way, settings in ways.values() for setting in settings]  # fmt: skip
+    panel = Panel(
+        "The table's angle, 0.3 px of noise",
+        "processor time [ms]",
+        "angle error [rad]",
+        scale="log",
+        ticks=(0.2, 0.5, 1, 2, 5),
+        lines=[("y", 2e-3, "0.2 mm on 100 mm")],
+    )
+    samplers = [
+        calls(way, looks[0], *setting, clock=time.process_time)
+        for way, settings in ways.values()
+        for setting in settings
+    ]
     timings = interleaved(samplers, repeats=repeats, sample=2e-3)
     times = iter([1e3 * one.median for one in timings])
     for name, (way, settings) in ways.items():
-        off = [float(np.sqrt(np.mean([
-            np.sum(np.cross(way(look, *one)[:3], truth) ** 2) for look in looks
-        ]))) for one in settings]  # fmt: skip
+        off = [
+            float(
+                np.sqrt(
+                    np.mean([np.sum(np.cross(way(look, *one)[:3], truth) ** 2) for look in looks])
+                )
+            )
+            for one in settings
+        ]
         took = [next(times) for _ in settings]
-        told = ", ".join(f"{1e3 * a:.2f} mrad {t:.2f} ms"
-                         for a, t in zip(off, took, strict=True))  # fmt: skip
+        told = ", ".join(f"{1e3 * a:.2f} mrad {t:.2f} ms" for a, t in zip(off, took, strict=True))
         panel.series.append(Series(name, took, off, note=f"{name}: {told}"))
     best = {series.label: series.y[-1] for series in panel.series}
     times_less = best["SVD of points"] / best["inverse depth"]
     panel.notes.append(f"the fit of inverse depth errs {times_less:.1f} times less than the SVD")
     panel.footer = machine(max(one.busy for one in timings))
     yield panel
-    bias = Panel("How far the table's middle is off", "noise of disparity [px]",
-                 "mean offset [mm]")  # fmt: skip
+    bias = Panel("How far the table's middle is off", "noise of disparity [px]", "mean offset [mm]")
     found = {"SVD of points": points, "inverse depth": inverse}
     offs: dict[str, list[float]] = {name: [] for name in found}
     for noise in noises:

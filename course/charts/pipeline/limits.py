@@ -54,49 +54,95 @@ def step_map(points: int = 45, tested: int = 5, seeds: int = 12) -> Iterator[Pan
     """
     arm = Scenario().arm
     bends, damped = np.linspace(0.0, 180.0, points), np.linspace(0.0, 16.0, points)
-    values = np.array([[theory.growth(arm, (0.4, math.radians(q2)), KP, kd, STEP)
-                        for kd in damped] for q2 in bends])  # fmt: skip
-    at = np.array([[theory.step_limit(arm, (0.4, math.radians(q2)), KP, kd) for kd in damped]
-                   for q2 in bends])  # fmt: skip
+    values = np.array(
+        [
+            [theory.growth(arm, (0.4, math.radians(q2)), KP, kd, STEP) for kd in damped]
+            for q2 in bends
+        ]
+    )
+    at = np.array(
+        [[theory.step_limit(arm, (0.4, math.radians(q2)), KP, kd) for kd in damped] for q2 in bends]
+    )
     edge = [float(np.interp(-STEP, -row, damped, right=np.nan)) for row in at]
     grid = Map(damped, bends, values, quantity="growth per step")
     yield Panel(
-        "Steps of 4 ms: stable folded, not stretched", "Kd [N m s/rad]", "elbow [deg]",
-        [Series("limit of theory", edge, bends, "theory on a map", marker="")], grid=grid,
-        xlim=(0.0, 16.0), footer=machine(0.0),
-        notes=[f"largest stable step at Kd 8: {1e3 * theory.step_limit(arm, (0.4, b), KP, 8.0):.2f}"
-               f" ms with the elbow at {math.degrees(b):.0f} deg" for b in (0.0, 1.64, math.pi)],
-    )  # fmt: skip
-    panel = Panel("Where the arm itself is thrown out", "Kd [N m s/rad]", "step [ms]",
-                  scale="log y")  # fmt: skip
+        "Steps of 4 ms: stable folded, not stretched",
+        "Kd [N m s/rad]",
+        "elbow [deg]",
+        [Series("limit of theory", edge, bends, "theory on a map", marker="")],
+        grid=grid,
+        xlim=(0.0, 16.0),
+        footer=machine(0.0),
+        notes=[
+            f"largest stable step at Kd 8: {1e3 * theory.step_limit(arm, (0.4, b), KP, 8.0):.2f}"
+            f" ms with the elbow at {math.degrees(b):.0f} deg"
+            for b in (0.0, 1.64, math.pi)
+        ],
+    )
+    panel = Panel(
+        "Where the arm itself is thrown out", "Kd [N m s/rad]", "step [ms]", scale="log y"
+    )
     for bend in (0.0, 90.0, 170.0):
         q, kds = np.array([0.4, math.radians(bend)]), np.linspace(0.0, 16.0, tested)
         told = partial(theory.step_limit, arm, q, KP)
-        found = [limit(partial(stays, arm, q, KP, kd), 0.8 * told(kd), 1.3 * told(kd), 3e-3)
-                 for kd in kds.tolist()]  # fmt: skip
+        found = [
+            limit(partial(stays, arm, q, KP, kd), 0.8 * told(kd), 1.3 * told(kd), 3e-3)
+            for kd in kds.tolist()
+        ]
         off = max(abs(h / told(kd) - 1.0) for h, kd in zip(found, kds.tolist(), strict=True))
         note = f"elbow {bend:.0f}: limits of the arm are off theory by {100 * off:.2f} % at most"
-        panel.series.append(Series(f"elbow {bend:.0f} deg", kds, 1e3 * np.array(found), style="",
-                                   theory=partial(shown_limit, arm, q), note=note))  # fmt: skip
+        panel.series.append(
+            Series(
+                f"elbow {bend:.0f} deg",
+                kds,
+                1e3 * np.array(found),
+                style="",
+                theory=partial(shown_limit, arm, q),
+                note=note,
+            )
+        )
     yield panel
     shares = (0.7, 0.9, 0.97, 1.03, 1.1, 1.3, 1.6, 2.0, 2.6, 3.2)
-    worked = Panel("A run still succeeds beyond the limit", "step over its limit", "success",
-                   lines=[("x", 1.0, "limit")])  # fmt: skip
-    energy = Panel("What the energy sees", "step over its limit", "energy won, share",
-                   scale="log y",
-                   lines=[("x", 1.0, "limit"), ("y", WITNESS, "contract")])  # fmt: skip
+    worked = Panel(
+        "A run still succeeds beyond the limit",
+        "step over its limit",
+        "success",
+        lines=[("x", 1.0, "limit")],
+    )
+    energy = Panel(
+        "What the energy sees",
+        "step over its limit",
+        "energy won, share",
+        scale="log y",
+        lines=[("x", 1.0, "limit"), ("y", WITNESS, "contract")],
+    )
     for kd in (4.0, 8.0):
         h = theory.step_limit(arm, (0.624, 1.64), KP, kd)
-        rows = [many(Scenario(), replace(Settings(noise=0.01, kd=kd), physics=x * h, control=x * h),
-                     range(seeds)) for x in shares]  # fmt: skip
+        rows = [
+            many(
+                Scenario(),
+                replace(Settings(noise=0.01, kd=kd), physics=x * h, control=x * h),
+                range(seeds),
+            )
+            for x in shares
+        ]
         rate = [float(successes(row).mean()) for row in rows]
         won = [float(np.median([gained(r, KP, kd) for r in row])) for row in rows]
         low, high = wilson(seeds * np.array(rate), seeds)
-        told_ = ", ".join(f"{x:g}: {a:.2f} and {b:.1g}" for x, a, b in
-                          zip(shares, rate, won, strict=True))  # fmt: skip
-        worked.series.append(Series(f"Kd {kd:g}", shares, rate, low=low, high=high,
-                                    note=f"Kd {kd:g}, limit {1e3 * h:.1f} ms, success and energy "
-                                    f"won by share of it: {told_}"))  # fmt: skip
+        told_ = ", ".join(
+            f"{x:g}: {a:.2f} and {b:.1g}" for x, a, b in zip(shares, rate, won, strict=True)
+        )
+        worked.series.append(
+            Series(
+                f"Kd {kd:g}",
+                shares,
+                rate,
+                low=low,
+                high=high,
+                note=f"Kd {kd:g}, limit {1e3 * h:.1f} ms, success and energy "
+                f"won by share of it: {told_}",
+            )
+        )
         energy.series.append(Series(f"Kd {kd:g}", shares, np.maximum(won, 1e-6)))
     yield worked
     yield energy
@@ -114,8 +160,10 @@ def look_and_move(most: int = 8, chains: int = 400, looks: int = 2000) -> Iterat
 
     late = list(range(most + 1))
     told = [theory.look_limit(k) for k in late]
-    found = [limit(partial(settles, k=k), 0.9 * g, 1.1 * g, 1e-3)
-             for k, g in zip(late, told, strict=True)]  # fmt: skip
+    found = [
+        limit(partial(settles, k=k), 0.9 * g, 1.1 * g, 1e-3)
+        for k, g in zip(late, told, strict=True)
+    ]
     panel = Panel("Largest gain that settles", "pictures of delay", "gain", footer=machine(0.0))
     words = ", ".join(f"{k}: {g:.4f} ({t:.4f})" for k, g, t in zip(late, found, told, strict=True))
     panel.series = [
@@ -123,8 +171,12 @@ def look_and_move(most: int = 8, chains: int = 400, looks: int = 2000) -> Iterat
         Series("theory", late, told, "theory", marker=""),
     ]
     yield panel
-    panel = Panel("Noise that it lets through", "gain over its limit",
-                  "deviation over a picture's", scale="log y")  # fmt: skip
+    panel = Panel(
+        "Noise that it lets through",
+        "gain over its limit",
+        "deviation over a picture's",
+        scale="log y",
+    )
     rng, shares = np.random.default_rng(0), (0.05, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9)
     for k in (0, 1, 3, 8):
         y = []
@@ -134,35 +186,53 @@ def look_and_move(most: int = 8, chains: int = 400, looks: int = 2000) -> Iterat
                 e[t + 1] = e[t] - share * told[k] * (e[t - k] + seen[t])
             y.append(float(e[looks // 2 :].std()))
         told_ = ", ".join(f"{v:.3f}" for v in y)
-        panel.series.append(Series(f"{k} late", shares, y, style="", theory=partial(let_through, k),
-                                   note=f"{k} late, by share of the limit: {told_}"))  # fmt: skip
+        panel.series.append(
+            Series(
+                f"{k} late",
+                shares,
+                y,
+                style="",
+                theory=partial(let_through, k),
+                note=f"{k} late, by share of the limit: {told_}",
+            )
+        )
     yield panel
 
 
 @chart(columns=2)
 def noise_and_filter(
     sigmas: Sequence[float] = (0.002, 0.005, 0.01, 0.02, 0.035, 0.05, 0.07, 0.1),
-    steps: Sequence[float] = (0.3, 0.1, 0.03, 0.01, 0.005, 0.002), seeds: int = 40, raw: int = 10,
-) -> Iterator[Panel]:  # fmt: skip
+    steps: Sequence[float] = (0.3, 0.1, 0.03, 0.01, 0.005, 0.002),
+    seeds: int = 40,
+    raw: int = 10,
+) -> Iterator[Panel]:
     """What a filter is worth, and what a planner's small step costs.
 
     Args:
         sigmas: noise of a picture [m]; steps: of the planner [rad].
         seeds: runs of a point; raw: of one without the filter, which plans again and again.
     """
-    shown = [Panel("Success", "noise of a picture [mm]", "share", scale="log x",
-                   footer=machine(0.0)),
-             Panel("Plans of a run", "noise of a picture [mm]", "mean number", scale="log"),
-             Panel("Error at the end", "noise of a picture [mm]", "rms [mm]", scale="log",
-                   lines=[("y", 20.0, "tolerance")])]  # fmt: skip
+    shown = [
+        Panel("Success", "noise of a picture [mm]", "share", scale="log x", footer=machine(0.0)),
+        Panel("Plans of a run", "noise of a picture [mm]", "mean number", scale="log"),
+        Panel(
+            "Error at the end",
+            "noise of a picture [mm]",
+            "rms [mm]",
+            scale="log",
+            lines=[("y", 20.0, "tolerance")],
+        ),
+    ]
     for label, filtered, n in (("with the filter", True, seeds), ("without", False, raw)):
         told = [Settings(noise=s, filtered=filtered) for s in sigmas]
         rows = [many(Scenario(), settings, range(n)) for settings in told]
         rate = [float(successes(row).mean()) for row in rows]
         plans = [float(np.mean([len(r.plans) for r in row])) for row in rows]
         rms = [1e3 * math.sqrt(np.mean([r.distance**2 for r in row])) for row in rows]
-        words = ", ".join(f"{1e3 * s:g} mm: {a:.2f} success, {b:.3g} plans, {c:.2g} mm"
-                          for s, a, b, c in zip(sigmas, rate, plans, rms, strict=True))  # fmt: skip
+        words = ", ".join(
+            f"{1e3 * s:g} mm: {a:.2f} success, {b:.3g} plans, {c:.2g} mm"
+            for s, a, b, c in zip(sigmas, rate, plans, rms, strict=True)
+        )
         low, high = wilson(n * np.array(rate), n)
         none = (None, None)
         bands = ((low, high), none, none)
@@ -171,21 +241,43 @@ def noise_and_filter(
         shown[0].series[-1].note = f"{label}: {words}"
         both = [predicted(Scenario(), settings) for settings in told]
         guess = [1e3 * math.sqrt(float(m @ m + np.trace(c))) for m, c in both]
-        shown[2].series.append(Series(f"predicted {label}", 1e3 * np.array(sigmas), guess, "theory",
-                                      marker="", style="-" if filtered else "--"))  # fmt: skip
+        shown[2].series.append(
+            Series(
+                f"predicted {label}",
+                1e3 * np.array(sigmas),
+                guess,
+                "theory",
+                marker="",
+                style="-" if filtered else "--",
+            )
+        )
     yield from shown
-    panel = Panel("When the last plan arrives", "planner's step [rad]", "after the start [s]",
-                  scale="log", lines=[("y", Scenario().seconds, "end")])  # fmt: skip
+    panel = Panel(
+        "When the last plan arrives",
+        "planner's step [rad]",
+        "after the start [s]",
+        scale="log",
+        lines=[("y", Scenario().seconds, "end")],
+    )
     for label, cost in (("20 us a check", 20e-6), ("1 us a check", 1e-6)):
         rows = [many(Scenario(), Settings(step=x, check_cost=cost), range(seeds)) for x in steps]
         when = [[1e-6 * r.plans[-1].arrived for r in row] for row in rows]
         checks = [float(np.median([r.plans[0].value.checks for r in row])) for row in rows]
         rate = [float(successes(row).mean()) for row in rows]
-        words = ", ".join(f"{x:g}: {c:.0f} checks, success {y:.2f}"
-                          for x, c, y in zip(steps, checks, rate, strict=True))  # fmt: skip
-        panel.series.append(Series(label, steps, [float(np.median(w)) for w in when],
-                                   low=[min(w) for w in when], high=[max(w) for w in when],
-                                   note=f"{label}, by step: {words}"))  # fmt: skip
+        words = ", ".join(
+            f"{x:g}: {c:.0f} checks, success {y:.2f}"
+            for x, c, y in zip(steps, checks, rate, strict=True)
+        )
+        panel.series.append(
+            Series(
+                label,
+                steps,
+                [float(np.median(w)) for w in when],
+                low=[min(w) for w in when],
+                high=[max(w) for w in when],
+                note=f"{label}, by step: {words}",
+            )
+        )
     yield panel
 
 
@@ -200,25 +292,50 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
         return np.asarray(0.8 * x[0] + 0.6 * x[1] - norm.isf(SHARE))
 
     ways = {
-        "narrow proposal": [cross_entropy(severity, 6, np.random.default_rng(k))
-                            for k in range(repeats)],
-        "width kept": [cross_entropy(severity, 6, np.random.default_rng(k), least=1.0)
-                       for k in range(repeats)],
-    }  # fmt: skip
+        "narrow proposal": [
+            cross_entropy(severity, 6, np.random.default_rng(k)) for k in range(repeats)
+        ],
+        "width kept": [
+            cross_entropy(severity, 6, np.random.default_rng(k), least=1.0) for k in range(repeats)
+        ],
+    }
     ladder = (2500, 10_000, 40_000, 160_000)
-    spread = [float(np.std([plain(severity, 6, n, np.random.default_rng(k)).share
-                            for k in range(plainly)], ddof=1)) for n in ladder]  # fmt: skip
-    ranks = Panel("Every repeat, with two stated errors", "repeat, by its answer",
-                  "share that fails [1e-4]", ylim=(0.0, 10.0),
-                  lines=[("y", 1e4 * SHARE, "truth")], footer=machine(0.0))  # fmt: skip
+    spread = [
+        float(
+            np.std(
+                [plain(severity, 6, n, np.random.default_rng(k)).share for k in range(plainly)],
+                ddof=1,
+            )
+        )
+        for n in ladder
+    ]
+    ranks = Panel(
+        "Every repeat, with two stated errors",
+        "repeat, by its answer",
+        "share that fails [1e-4]",
+        ylim=(0.0, 10.0),
+        lines=[("y", 1e4 * SHARE, "truth")],
+        footer=machine(0.0),
+    )
     price = Panel("What the answers scatter by", "runs", "standard error", scale="log")
-    price.series.append(Series("plain", ladder, spread, style="",
-                               theory=lambda n: math.sqrt(SHARE * (1.0 - SHARE) / n)))  # fmt: skip
-    alarm = Panel("Effective number is no alarm", "stated errors from the truth",
-                  "effective number", xlim=(-15.0, 5.0),
-                  lines=[("x", -3.0, "too low and sure")])  # fmt: skip
-    width = Panel("What is narrow misses part", "least width, deviations", "share over the truth",
-                  lines=[("x", 1.0, "the world's"), ("y", 1.0, "truth")])  # fmt: skip
+    price.series.append(
+        Series(
+            "plain", ladder, spread, style="", theory=lambda n: math.sqrt(SHARE * (1.0 - SHARE) / n)
+        )
+    )
+    alarm = Panel(
+        "Effective number is no alarm",
+        "stated errors from the truth",
+        "effective number",
+        xlim=(-15.0, 5.0),
+        lines=[("x", -3.0, "too low and sure")],
+    )
+    width = Panel(
+        "What is narrow misses part",
+        "least width, deviations",
+        "share over the truth",
+        lines=[("x", 1.0, "the world's"), ("y", 1.0, "truth")],
+    )
     for name, found in ways.items():
         y, error = np.array([(one.share, one.error) for one in found]).T
         order, off = np.argsort(y), (y - SHARE) / error
@@ -228,18 +345,25 @@ def rare_failure(repeats: int = 100, plainly: int = 40) -> Iterator[Panel]:
         runs, true = found[0].runs, float(y.std(ddof=1))
         worth = SHARE * (1.0 - SHARE) / true**2 / runs
         price.series += [
-            Series(f"{name}, true", [runs], [true], style="", note=f"{name}: {runs} runs, answers "
-                   f"scatter by {true:.2g}, {np.median(error):.2g} stated; {100 * sure:.0f} % too "
-                   f"low by 3 stated errors, within 2 {100 * met:.0f} %; plain sampling takes "
-                   f"{worth:.3g} times the runs"),
+            Series(
+                f"{name}, true",
+                [runs],
+                [true],
+                style="",
+                note=f"{name}: {runs} runs, answers "
+                f"scatter by {true:.2g}, {np.median(error):.2g} stated; {100 * sure:.0f} % too "
+                f"low by 3 stated errors, within 2 {100 * met:.0f} %; plain sampling takes "
+                f"{worth:.3g} times the runs",
+            ),
             Series(f"{name}, stated", [runs], [float(np.median(error))], style="", hollow=True),
-        ]  # fmt: skip
+        ]
         some = off < -3.0
         many_ = np.array([one.effective for one in found])
         if some.any():
             one, other = (np.median(many_[at]) for at in (some, ~some))
-            alarm.notes.append(f"{name}: effective number {one:.0f} where too low and sure, "
-                               f"{other:.0f} elsewhere")  # fmt: skip
+            alarm.notes.append(
+                f"{name}: effective number {one:.0f} where too low and sure, {other:.0f} elsewhere"
+            )
         alarm.series.append(Series(name, off, many_, style=""))
         width.series.append(Series(name, [one.width.min() for one in found], y / SHARE, style=""))
     yield from (ranks, price, alarm, width)

@@ -20,8 +20,7 @@ PARTS = ("perceive", "age", "control", "move")
 
 def vectors(found: Budget) -> Panel:
     """The mean error of each part alone, put one behind the other, and the mean of the whole."""
-    panel = Panel("Mean errors add up, with their signs", "x [mm]", "y [mm]",
-                  equal=True)  # fmt: skip
+    panel = Panel("Mean errors add up, with their signs", "x [mm]", "y [mm]", equal=True)
     at, told = np.zeros(2), np.zeros(2)
     for part in found.parts:
         mean, chance = found.mean(found.only(part))
@@ -33,22 +32,40 @@ def vectors(found: Budget) -> Panel:
         at, told = at + mean, told + guess
     whole, chance = found.mean(frozenset())
     panel.series += [
-        Series("together", [1e3 * whole[0]], [1e3 * whole[1]], style="", hollow=True,
-               note="together: ({:+.2f} {:+.2f}) +- ({:.2f} {:.2f}) mm".format(
-                   *(1e3 * np.array([whole, chance]).ravel()))),
-        Series("sum predicted", [1e3 * told[0]], [1e3 * told[1]], "theory", style="", marker="P",
-               note="predicted: ({:+.2f} {:+.2f}) mm".format(*(1e3 * told))),
-    ]  # fmt: skip
+        Series(
+            "together",
+            [1e3 * whole[0]],
+            [1e3 * whole[1]],
+            style="",
+            hollow=True,
+            note="together: ({:+.2f} {:+.2f}) +- ({:.2f} {:.2f}) mm".format(
+                *(1e3 * np.array([whole, chance]).ravel())
+            ),
+        ),
+        Series(
+            "sum predicted",
+            [1e3 * told[0]],
+            [1e3 * told[1]],
+            "theory",
+            style="",
+            marker="P",
+            note="predicted: ({:+.2f} {:+.2f}) mm".format(*(1e3 * told)),
+        ),
+    ]
     gap, chance = found.gap()
-    panel.notes.append("sum of the parts minus the whole: ({:+.2f} {:+.2f}) +- ({:.2f} {:.2f}) mm"
-                       .format(*(1e3 * np.array([gap, chance]).ravel())))  # fmt: skip
+    panel.notes.append(
+        "sum of the parts minus the whole: ({:+.2f} {:+.2f}) +- ({:.2f} {:.2f}) mm".format(
+            *(1e3 * np.array([gap, chance]).ravel())
+        )
+    )
     return panel
 
 
 def as_predicted(found: Budget) -> Panel:
     """Root mean square of every subset over what was predicted."""
-    panel = Panel("Every subset, measured and predicted", "predicted [mm]", "measured [mm]",
-                  theory="equal")  # fmt: skip
+    panel = Panel(
+        "Every subset, measured and predicted", "predicted [mm]", "measured [mm]", theory="equal"
+    )
     rows = {some: (1e3 * found.rms(some)[1], 1e3 * found.rms(some)[0]) for some in found.errors}
     for label, ideal in (("with perception", False), ("perception ideal", True)):
         here = sorted(row for some, row in rows.items() if ("perceive" in some) == ideal)
@@ -61,8 +78,12 @@ def as_predicted(found: Budget) -> Panel:
 
 def owned(found: Budget) -> Panel:
     """The same part asked three times: alone, Shapley's average, last."""
-    panel = Panel("What each part owns of the square", "0 it alone, 1 Shapley, 2 mended first",
-                  "mean squared error [mm$^2$]", ticks=(0, 1, 2))  # fmt: skip
+    panel = Panel(
+        "What each part owns of the square",
+        "0 it alone, 1 Shapley, 2 mended first",
+        "mean squared error [mm$^2$]",
+        ticks=(0, 1, 2),
+    )
     shares, value = found.shares(), attribution(found.squares())
     for part, (share, low, high) in shares.items():
         # `attribution` counts from what is there: to be mended last is to be there alone.
@@ -89,15 +110,31 @@ def error_budget(seeds: int = 150) -> Iterator[Panel]:
     two = budget(
         Scenario(), repair(case, "age"), range(max(2, seeds // 10)), ("perceive", "control")
     )
-    names = {"neither mended": (), "perception": ("perceive",), "control": ("control",),
-             "both": ("perceive", "control")}  # fmt: skip
+    names = {
+        "neither mended": (),
+        "perception": ("perceive",),
+        "control": ("control",),
+        "both": ("perceive", "control"),
+    }
     rms = [1e3 * math.sqrt(two.squares()[frozenset(some)]) for some in names.values()]
-    panel = Panel("Errors that cancel: what is mended", "rms of the error [mm]", xlim=(0, 5),
-                  footer=machine(0.0))  # fmt: skip
+    panel = Panel(
+        "Errors that cancel: what is mended",
+        "rms of the error [mm]",
+        xlim=(0, 5),
+        footer=machine(0.0),
+    )
     told = ", ".join(f"{name} {x:.2f}" for name, x in zip(names, rms, strict=True))
     told += f" mm; orders of repairs that never make it worse: {len(two.orders())}"
-    panel.series.append(Series("", rms, list(names), style="bar", tags=[f"{x:.2f}" for x in rms],
-                               note=f"errors that cancel, mended: {told}"))  # fmt: skip
+    panel.series.append(
+        Series(
+            "",
+            rms,
+            list(names),
+            style="bar",
+            tags=[f"{x:.2f}" for x in rms],
+            note=f"errors that cancel, mended: {told}",
+        )
+    )
     yield panel
 
 
@@ -108,11 +145,15 @@ def whose_fault(wanted: int = 20, faults: Sequence[Fault] = FAULTS) -> Iterator[
     found, taken, last = confusion(wanted, faults)
     blind, more, _ = confusion(wanted, faults, contracted=False)
     names, total = [fault.name for fault in faults], int(found.sum())
-    panel = Panel("Named the right stage", "share of failing runs", xlim=(0, 1.15),
-                  footer=machine(0.0))  # fmt: skip
+    panel = Panel(
+        "Named the right stage", "share of failing runs", xlim=(0, 1.15), footer=machine(0.0)
+    )
     replays = Panel("Replays of a diagnosis", "mean number", ticks=())
-    for label, matrix, runs in (("contracts first", found, taken), ("replays only", blind, more),
-                                ("last error", last, [])):  # fmt: skip
+    for label, matrix, runs in (
+        ("contracts first", found, taken),
+        ("replays only", blind, more),
+        ("last error", last, []),
+    ):
         hits = matrix[rows, right]
         low, high = (float(end) for end in wilson(int(hits.sum()), total))
         cost = f", {np.mean(np.concatenate(runs)):.2f} replays" if runs else ""
@@ -130,8 +171,14 @@ def whose_fault(wanted: int = 20, faults: Sequence[Fault] = FAULTS) -> Iterator[
     yield replays
     columns = "0 perceive, 1 age, 2 plan, 3 control, 4 move, 5 pair with it, 6 other"
     for title, matrix in (("Confusion: contracts first", found), ("Confusion: last error", last)):
-        panel = Panel(title, columns, "fault, from above", ticks=tuple(range(len(STAGES) + 2)),
-                      xlim=(-0.5, 7.0), ylim=(-len(faults) + 0.5, 0.6))  # fmt: skip
+        panel = Panel(
+            title,
+            columns,
+            "fault, from above",
+            ticks=tuple(range(len(STAGES) + 2)),
+            xlim=(-0.5, 7.0),
+            ylim=(-len(faults) + 0.5, 0.6),
+        )
         i, j = np.nonzero(matrix)
         good = np.array(right)[i] == j
         for label, some in (("right", good), ("wrong", ~good)):

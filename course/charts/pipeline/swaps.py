@@ -32,9 +32,7 @@ def told(name: str) -> Settings:
     return SEEN if sees else Settings(law="computed_torque" if "Pinocchio" in name else "pd")
 
 
-def timed(
-    settings: Settings, stages: Stages, seeds: Sequence[int]
-) -> tuple[list[Record], float]:  # fmt: skip
+def timed(settings: Settings, stages: Stages, seeds: Sequence[int]) -> tuple[list[Record], float]:
     """Records, and processor time of a run, the median over the seeds [s]."""
     records, each = [], []
     many(Scenario(seconds=0.3), settings, seeds[:1], stages)
@@ -53,12 +51,23 @@ def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
         seeds: of what moves; seeing: of what takes pictures.
     """
     shown = [
-        Panel("Success, minus ours", "difference", "row", footer=machine(0.0), xlim=(-0.15, 0.15),
-              lines=[("x", 0.0, "")]),
+        Panel(
+            "Success, minus ours",
+            "difference",
+            "row",
+            footer=machine(0.0),
+            xlim=(-0.15, 0.15),
+            lines=[("x", 0.0, "")],
+        ),
         Panel("Error, minus ours", "difference [mm]", lines=[("x", 0.0, "")]),
-        Panel("Time of a run", "over ours", scale="log x", lines=[("x", 1.0, "")],
-              ticks=(1, 2, 5, 10, 20, 50)),
-    ]  # fmt: skip
+        Panel(
+            "Time of a run",
+            "over ours",
+            scale="log x",
+            lines=[("x", 1.0, "")],
+            ticks=(1, 2, 5, 10, 20, 50),
+        ),
+    ]
     for row, (name, pair) in enumerate(libraries.swaps(SMALL).items()):
         sees = pair[1].perceive is not Stages().perceive
         some = range(seeing if sees else seeds)
@@ -67,13 +76,25 @@ def swap_matrix(seeds: int = 100, seeing: int = 20) -> Iterator[Panel]:
         apart = 1e3 * (np.array([a.distance for a in theirs]) - [b.distance for b in ours])
         half = student.ppf(0.975, apart.size - 1) * apart.std(ddof=1) / math.sqrt(apart.size)
         error = (apart.mean(), apart.mean() - half, apart.mean() + half)
-        note = (f"{name}: success {successes(theirs).mean():.2f} against "
-                f"{successes(ours).mean():.2f} of {len(ours)}, error {error[0]:+.3g} "
-                f"[{error[1]:+.2g} {error[2]:+.2g}] mm, "
-                f"{slow / fast:.2g} times our {1e3 * fast:.3g} ms")  # fmt: skip
+        note = (
+            f"{name}: success {successes(theirs).mean():.2f} against "
+            f"{successes(ours).mean():.2f} of {len(ours)}, error {error[0]:+.3g} "
+            f"[{error[1]:+.2g} {error[2]:+.2g}] mm, "
+            f"{slow / fast:.2g} times our {1e3 * fast:.3g} ms"
+        )
         for panel, found in zip(shown, (work, error, (slow / fast,) * 3), strict=True):
-            panel.series.append(Series(name, found[:1], [-row], style="", across=True,
-                                       low=found[1:2], high=found[2:], note=note))  # fmt: skip
+            panel.series.append(
+                Series(
+                    name,
+                    found[:1],
+                    [-row],
+                    style="",
+                    across=True,
+                    low=found[1:2],
+                    high=found[2:],
+                    note=note,
+                )
+            )
             note = ""
     for panel in shown:
         panel.ylim, panel.legend = (-row - 0.5, 0.5), panel is shown[-1]
@@ -105,35 +126,55 @@ def two_numbers(seeds: int = 40, drawn: int = 400) -> Iterator[Panel]:
     stated = math.sqrt(np.mean([np.trace(np.asarray(p.covariance)) / 2.0 for p in seen]))
     bias, noise = off.mean(axis=0), math.sqrt(np.mean(off.var(axis=0)))
     x, y = 1e3 * bias
-    words = (f"a picture is off by ({x:+.2f} {y:+.2f}) mm with a deviation of {1e3 * noise:.2f}; "
-             f"its covariance says {1e3 * stated:.2f}")  # fmt: skip
+    words = (
+        f"a picture is off by ({x:+.2f} {y:+.2f}) mm with a deviation of {1e3 * noise:.2f}; "
+        f"its covariance says {1e3 * stated:.2f}"
+    )
     told = replace(settings, noise=noise, bias=(float(bias[0]), float(bias[1])))
     u = np.array(scenario.velocity) / math.hypot(*scenario.velocity)
     ways, rng = {"along": u, "across": np.array([-u[1], u[0]])}, np.random.default_rng(0)
     pictured = 1e3 * errors(full)
     for name, sigma in (("two numbers", noise), ("the noise that is stated", stated)):
         short = 1e3 * errors(many(scenario, replace(told, noise=sigma), range(1000, 1000 + drawn)))
-        panel = Panel(f"Pictures and {name}", "error with these [mm]", "with pictures [mm]",
-                      theory="equal", footer=machine(0.0), notes=[words][: len(words)])  # fmt: skip
+        panel = Panel(
+            f"Pictures and {name}",
+            "error with these [mm]",
+            "with pictures [mm]",
+            theory="equal",
+            footer=machine(0.0),
+            notes=[words][: len(words)],
+        )
         for way, unit in ways.items():
             a, b = unit @ pictured, unit @ short
             at = (np.arange(19) + 1.0) / 20.0
             p, shift = ks_2samp(a, b).pvalue, seen_shift(a, b, rng) * b.std()
-            note = (f"{name}, {way} the motion: {b.mean():+.2f} +- {b.std():.2f} mm, pictures "
-                    f"{a.mean():+.2f} +- {a.std():.2f}; p {p:.2g}, of the spread "
-                    f"{levene(a, b).pvalue:.1g}; a shift of {shift:.2f} mm would be seen four "
-                    "times in five")  # fmt: skip
-            panel.series.append(Series(way, np.quantile(b, at), np.quantile(a, at), style="",
-                                       theory=lambda x: x, note=note))  # fmt: skip
+            note = (
+                f"{name}, {way} the motion: {b.mean():+.2f} +- {b.std():.2f} mm, pictures "
+                f"{a.mean():+.2f} +- {a.std():.2f}; p {p:.2g}, of the spread "
+                f"{levene(a, b).pvalue:.1g}; a shift of {shift:.2f} mm would be seen four "
+                "times in five"
+            )
+            panel.series.append(
+                Series(
+                    way,
+                    np.quantile(b, at),
+                    np.quantile(a, at),
+                    style="",
+                    theory=lambda x: x,
+                    note=note,
+                )
+            )
         words = ""
         yield panel
 
 
 @chart(columns=2)
 def pipeline_speed(
-    steps: Sequence[float] = (8e-3, 4e-3, 2e-3, 1e-3, 5e-4), seeds: int = 4,
-    widths: Sequence[int] = (160, 320, 640), rates: Sequence[float] = (0.2, 0.1, 0.05, 0.02),
-) -> Iterator[Panel]:  # fmt: skip
+    steps: Sequence[float] = (8e-3, 4e-3, 2e-3, 1e-3, 5e-4),
+    seeds: int = 4,
+    widths: Sequence[int] = (160, 320, 640),
+    rates: Sequence[float] = (0.2, 0.1, 0.05, 0.02),
+) -> Iterator[Panel]:
     """Error against cost: physics by its step, perception by what it looks at; times real time.
 
     Args:
@@ -141,8 +182,13 @@ def pipeline_speed(
         rates: periods of the stand-in's pictures [s].
     """
     calm, ours = Settings(noise=0.0), Stages()
-    panel = Panel("Motion against its own limit", "processor time of a run [ms]",
-                  "largest error of the tip [mm]", scale="log", footer=machine(0.0))  # fmt: skip
+    panel = Panel(
+        "Motion against its own limit",
+        "processor time of a run [ms]",
+        "largest error of the tip [mm]",
+        scale="log",
+        footer=machine(0.0),
+    )
     quick: dict[str, float] = {}
     theirs = Stages(move=libraries.move)
     for label, stages, key in (("ours", ours, "course"), ("MuJoCo moves", theirs, "MuJoCo")):
@@ -164,17 +210,35 @@ def pipeline_speed(
         told = ", ".join(f"{1e3 * h:g} ms {e:.2g} mm" for h, e in zip(steps, y, strict=True))
         panel.series.append(Series(label, x, y, key, note=f"{label}: {told}"))
     yield panel
-    panel = Panel("Perception, and what it costs", "processor time of a run [ms]",
-                  "rms error at the end [mm]", scale="log",
-                  lines=[("y", 20.0, "tolerance")])  # fmt: skip
+    panel = Panel(
+        "Perception, and what it costs",
+        "processor time of a run [ms]",
+        "rms error at the end [mm]",
+        scale="log",
+        lines=[("y", 20.0, "tolerance")],
+    )
     dear = replace(SEEN, frame=0.1)
-    cast = {"our camera": Eye(bodies=False, height=1.0),
-            "MuJoCo's rays": Eye(bodies=False, height=1.0, picture=libraries.picture)}  # fmt: skip
+    cast = {
+        "our camera": Eye(bodies=False, height=1.0),
+        "MuJoCo's rays": Eye(bodies=False, height=1.0, picture=libraries.picture),
+    }
     cases = {
-        name: [(dear, Stages(perceive=replace(eye, camera=Camera.symmetric(
-            w, 3 * w // 4, math.radians(62.0))))) for w in widths] for name, eye in cast.items()
-    } | {f"two numbers, {1e3 * sigma:g} mm": [(Settings(noise=sigma, frame=T), ours) for T in rates]
-         for sigma in (0.002, 0.05)}  # fmt: skip
+        name: [
+            (
+                dear,
+                Stages(
+                    perceive=replace(
+                        eye, camera=Camera.symmetric(w, 3 * w // 4, math.radians(62.0))
+                    )
+                ),
+            )
+            for w in widths
+        ]
+        for name, eye in cast.items()
+    } | {
+        f"two numbers, {1e3 * sigma:g} mm": [(Settings(noise=sigma, frame=T), ours) for T in rates]
+        for sigma in (0.002, 0.05)
+    }
     for name, row in cases.items():
         x, y = [], []
         for settings, stages in row:
@@ -186,14 +250,28 @@ def pipeline_speed(
         panel.series.append(Series(name, x, y, note=f"{name}: {told}"))
         quick[name] = 4.0 / (1e-3 * x[-1])
     yield panel
-    names = {"ours": "whole pipeline", "MuJoCo moves": "MuJoCo moves",
-             "our camera": f"{max(widths)} pixels, 10 Hz",
-             "MuJoCo's rays": "MuJoCo's rays"}  # fmt: skip
-    panel = Panel("Times real time", "simulated seconds a second", scale="log x",
-                  lines=[("x", 1.0, "real time")])  # fmt: skip
+    names = {
+        "ours": "whole pipeline",
+        "MuJoCo moves": "MuJoCo moves",
+        "our camera": f"{max(widths)} pixels, 10 Hz",
+        "MuJoCo's rays": "MuJoCo's rays",
+    }
+    panel = Panel(
+        "Times real time",
+        "simulated seconds a second",
+        scale="log x",
+        lines=[("x", 1.0, "real time")],
+    )
     x = [quick[name] for name in names]
     told = ", ".join(f"{n} {v:.3g}" for n, v in zip(names.values(), x, strict=True))
-    panel.series.append(Series("", x, list(names.values()), style="bar",
-                               tags=[f"{v:.3g}" for v in x],
-                               note=f"times real time: {told}"))  # fmt: skip
+    panel.series.append(
+        Series(
+            "",
+            x,
+            list(names.values()),
+            style="bar",
+            tags=[f"{v:.3g}" for v in x],
+            note=f"times real time: {told}",
+        )
+    )
     yield panel

@@ -38,14 +38,27 @@ def ours(
 
 
 def theirs(
-    scene: Scene, seed: int, method: str, state: Any, edge: Any, budget: int = BUDGET,
+    scene: Scene,
+    seed: int,
+    method: str,
+    state: Any,
+    edge: Any,
+    budget: int = BUDGET,
     resolution: float = 0.01,
-) -> ompl.Plan:  # fmt: skip
+) -> ompl.Plan:
     """OMPL's plan of a scene."""
     return ompl.solve(
-        scene.world.bounds, scene.start, scene.goal, method, scene.step, budget, seed, state, edge,
+        scene.world.bounds,
+        scene.start,
+        scene.goal,
+        method,
+        scene.step,
+        budget,
+        seed,
+        state,
+        edge,
         resolution=resolution,
-    )  # fmt: skip
+    )
 
 
 def alone(run: Callable[..., Any], *args: Any) -> tuple[Any, float]:
@@ -130,11 +143,12 @@ def times(questions: Sequence[Scene], slow: int, repeats: int, longest: float = 
     door = np.median([ours(q, k, budget=1).seconds for k, q in enumerate(questions, 1)])
     bare = 1e3 * float(np.median(bare_times)), 1e3 * middle["OMPL's own part"]
     panel = Panel(
-        f"{name}: OMPL with Python states takes {ratio:.0f} times as long, "
-        f"{wrong:.0%} collide", "seconds for a plan",
-        "share of plans with a free path", scale="log x",
+        f"{name}: OMPL with Python states takes {ratio:.0f} times as long, {wrong:.0%} collide",
+        "seconds for a plan",
+        "share of plans with a free path",
+        scale="log x",
         footer=machine(libraries=("ompl",)) + "; one core",
-    )  # fmt: skip
+    )
     within = np.geomspace(1e-5, longest, 101)
     for who, found in spent.items():
         key = {"ours": "course", "OMPL's own part": "theory"}.get(who, "")
@@ -204,9 +218,11 @@ def roadmap_joins(scene: Scene, nodes: Array, pairs: Any) -> bool:
 
 @chart(columns=2)
 def sample_counts(
-    seeds: int = 500, stars: int = 100, maps: int = 100,
+    seeds: int = 500,
+    stars: int = 100,
+    maps: int = 100,
     sizes: Sequence[int] = (10, 20, 40, 80, 160),
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """Ours and OMPL's, the same edges asked: samples to a path, and what as many samples bring."""
     for method, name, places in (
         ("rrt", "RRT", (scenes.discs(), scenes.gap(0.1))),
@@ -228,18 +244,21 @@ def sample_counts(
         yield panel
     panel = Panel(
         "RRT*, 1000 samples: as short, if ours too stops drawing the goal",
-        "length of the path [m]", "share of seeds",
-    )  # fmt: skip
+        "length of the path [m]",
+        "share of seeds",
+    )
     for scene in (scenes.discs(), scenes.gap(0.1)):
         tests = ompl.tests(scene.world)
         found = [
             theirs(scene, k, "rrt_star", *tests, budget=1000).path for k in range(1, stars + 1)
         ]
         other = np.array([np.inf if path is None else length(path.T) for path in found])
-        usual, mine = np.array([
-            [ours(scene, k, "rrt_star", 1000, goal_bias=b).cost for k in range(1, stars + 1)]
-            for b in (0.05, 0.0)
-        ])  # fmt: skip
+        usual, mine = np.array(
+            [
+                [ours(scene, k, "rrt_star", 1000, goal_bias=b).cost for k in range(1, stars + 1)]
+                for b in (0.05, 0.0)
+            ]
+        )
         # OMPL draws the goal until it is in the tree; ours goes on, which brings nothing.
         panel.series += cumulative(scene.name, (mine, other), 1.002, "m")
         p = stats.mannwhitneyu(usual, other).pvalue
@@ -247,8 +266,12 @@ def sample_counts(
             f"RRT* {scene.name}, goal drawn to the end: median {np.median(usual):.4g} m, p {p:.2g}"
         )
     yield panel
-    panel = Panel("PRM: start and goal as often joined", "states of the roadmap", "share of seeds",
-                  scale="log x")  # fmt: skip
+    panel = Panel(
+        "PRM: start and goal as often joined",
+        "states of the roadmap",
+        "share of seeds",
+        scale="log x",
+    )
     for scene in (scenes.discs(), scenes.gap(0.1)):
         tests, joined = ompl.tests(scene.world), np.zeros((2, len(sizes)))
         for k in range(1, maps + 1):
@@ -263,10 +286,17 @@ def sample_counts(
         for who, hits in zip(("ours", "OMPL"), joined, strict=True):
             low, high = wilson(hits, maps)
             label = f"{scene.name}, {who}"
-            panel.series.append(Series(
-                label, sizes, hits / maps, style="-" if who == "ours" else "--", low=low, high=high,
-                note=f"PRM {label}: joined {', '.join(f'{x:.0f}' for x in hits)} of {maps}",
-            ))  # fmt: skip
+            panel.series.append(
+                Series(
+                    label,
+                    sizes,
+                    hits / maps,
+                    style="-" if who == "ours" else "--",
+                    low=low,
+                    high=high,
+                    note=f"PRM {label}: joined {', '.join(f'{x:.0f}' for x in hits)} of {maps}",
+                )
+            )
     yield panel
 
 
@@ -326,9 +356,14 @@ def path_quality(
     """Length of a path over the exactly known shortest one against time, failures infinite."""
     planning.warm()
     for scene, best in exactly_known():
-        panel = Panel(scene.name, "seconds for a plan", "length over the shortest, less 1",
-                      scale="log", lines=[("y", tolerance, f"tolerance {tolerance:.0%}")],
-                      footer=machine(libraries=("ompl",)) + "; one core")  # fmt: skip
+        panel = Panel(
+            scene.name,
+            "seconds for a plan",
+            "length over the shortest, less 1",
+            scale="log",
+            lines=[("y", tolerance, f"tolerance {tolerance:.0%}")],
+            footer=machine(libraries=("ompl",)) + "; one core",
+        )
         good = []
         for name, (values, way) in settings(scene, budgets).items():
             rows = []
@@ -348,13 +383,31 @@ def path_quality(
                     good.append((rows[-1][0], rows[-1][2], name, value))
             x, low, middle, high = np.transpose(rows)
             pairs = [f"{1e3 * t:.3g} ms {y:.2g}" for t, y in zip(x, middle, strict=True)]
-            panel.series.append(Series(
-                name, x, middle, style="--" if "OMPL" in name else "-", hollow="OMPL" in name,
-                low=low, high=np.minimum(high, 1.0),
-                note=f"{scene.name:<9} {name:<22} {', '.join(pairs)}",
-            ))  # fmt: skip
+            panel.series.append(
+                Series(
+                    name,
+                    x,
+                    middle,
+                    style="--" if "OMPL" in name else "-",
+                    hollow="OMPL" in name,
+                    low=low,
+                    high=np.minimum(high, 1.0),
+                    note=f"{scene.name:<9} {name:<22} {', '.join(pairs)}",
+                )
+            )
         spent, off, name, value = min(good)
-        panel.series.append(Series("", [spent], [off], "chosen", "", hollow=True, size=13.0,
-            tags=["pick"], note=f"pick: {name} at {value}, {1e3 * spent:.3g} ms"))  # fmt: skip
+        panel.series.append(
+            Series(
+                "",
+                [spent],
+                [off],
+                "chosen",
+                "",
+                hollow=True,
+                size=13.0,
+                tags=["pick"],
+                note=f"pick: {name} at {value}, {1e3 * spent:.3g} ms",
+            )
+        )
         panel.title = f"{scene.name}: first is {name}"
         yield panel

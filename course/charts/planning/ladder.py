@@ -72,9 +72,12 @@ def rungs(
 
 @chart(height=4.4)
 def shelf_ladder(
-    queries: int = 100, nodes: int = 3000, names: tuple[str, ...] = ("open", "tight"),
-    naive: float = 5.0, samples: int = SAMPLES,
-) -> Iterator[Panel]:  # fmt: skip
+    queries: int = 100,
+    nodes: int = 3000,
+    names: tuple[str, ...] = ("open", "tight"),
+    naive: float = 5.0,
+    samples: int = SAMPLES,
+) -> Iterator[Panel]:
     """Time of a plan of the 7-R arm from bay to bay, rung by rung, still and with a moved ball."""
     planning.warm()
     for name in names:

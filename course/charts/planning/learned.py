@@ -95,14 +95,16 @@ def sampled(nets: Sequence[Any], some: Sequence[Scene], *only: str) -> list[Succ
     return [
         Success(
             name,
-            np.array([
-                [ways[name](net, q, 1000 * k + i) for i, q in enumerate(some)]
-                for k, net in enumerate(nets)
-            ]),
+            np.array(
+                [
+                    [ways[name](net, q, 1000 * k + i) for i, q in enumerate(some)]
+                    for k, net in enumerate(nets)
+                ]
+            ),
             "checks",
         )
         for name in only or ways
-    ]  # fmt: skip
+    ]
 
 
 # --- paths out of noise ---------------------------------------------------------------------------
@@ -183,9 +185,12 @@ def timed(train: Callable[..., Any], seeds: int, *sizes: Any) -> tuple[list[Any]
 
 @chart(columns=2)
 def learned_planners(
-    seeds: int = 3, worlds: int = 200, queries: int = 100, sampler: Sequence[int] = (1500, 600),
+    seeds: int = 3,
+    worlds: int = 200,
+    queries: int = 100,
+    sampler: Sequence[int] = (1500, 600),
     diffusion: Sequence[int] = (4000, 8000),
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """A learned sampler in held-out worlds, at equal checks; a diffusion over paths, checked.
 
     Args:
@@ -205,9 +210,10 @@ def learned_planners(
     ends = np.array([some[0].start, some[0].goal]).T
     walls = 10.0 * (np.argwhere(picture(some[0])[0] == 0.0).T + 0.5) / CELLS
     for label, (x, y), key, size in (
-        ("walls", walls, "theory", 2.5), ("proposed states", states, "course", 2.0),
+        ("walls", walls, "theory", 2.5),
+        ("proposed states", states, "course", 2.0),
         ("start and goal", ends, "chosen", 8.0),
-    ):  # fmt: skip
+    ):
         seen.series.append(Series(label, x, y, key, "", marker="s", size=size))
     seen.notes = [f"sampler: {cost:.0f} s of processor time to train, on {sampler[0]} worlds"]
     yield seen
@@ -233,9 +239,12 @@ def learned_planners(
     asked = questions(grown(world), queries, np.random.default_rng(8))
     asked = [Scene("discs", world, q.start, q.goal, 1.0) for q in asked]
     panel = Panel(
-        "Paths out of noise, in the world they know", "seconds to a free path",
-        "share of questions", scale="log x", footer=machine(libraries=("torch",)) + "; one core",
-    )  # fmt: skip
+        "Paths out of noise, in the world they know",
+        "seconds to a free path",
+        "share of questions",
+        scale="log x",
+        footer=machine(libraries=("torch",)) + "; one core",
+    )
     panel.notes = [f"diffusion: {cost:.0f} s of processor time to train, on {diffusion[0]} paths"]
     within = np.geomspace(1e-4, 3.0, 61)
     for name, (success, before, after) in proposed(nets, asked).items():

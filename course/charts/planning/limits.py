@@ -82,9 +82,14 @@ check.JUDGES["hole"] = _judge
 def hole(n: int, width: float, depth: float, bounded: int) -> World:
     """A unit cube of n dimensions, cut by a wall with a hole in its middle."""
     return World(
-        "hole", np.array([[-0.5] * n, [0.5] * n]), np.array([[width / 2, depth / 2, bounded]]),
-        np.zeros((1, 1)), _hole_state, _hole_edge, _hole_state,
-    )  # fmt: skip
+        "hole",
+        np.array([[-0.5] * n, [0.5] * n]),
+        np.array([[width / 2, depth / 2, bounded]]),
+        np.zeros((1, 1)),
+        _hole_state,
+        _hole_edge,
+        _hole_state,
+    )
 
 
 def pair_joined(width: float, bounded: float) -> float:
@@ -102,18 +107,29 @@ def pair_joined(width: float, bounded: float) -> float:
 
 @chart(columns=2)
 def narrow_passages(
-    dims: Sequence[int] = (2, 3, 4, 5, 6, 7), pairs: int = 100_000, seeds: int = 21,
-    budget: int = 20_000, width: float = 0.1,
-) -> Iterator[Panel]:  # fmt: skip
+    dims: Sequence[int] = (2, 3, 4, 5, 6, 7),
+    pairs: int = 100_000,
+    seeds: int = 21,
+    budget: int = 20_000,
+    width: float = 0.1,
+) -> Iterator[Panel]:
     """A passage of a tenth, by dimension: what one pair sees, and what RRT-Connect needs.
 
     A slab is bounded in one direction, a tube in all, a cube is a tube as long as it is wide.
     """
     rng = np.random.default_rng(0)
-    one = Panel("A uniform pair sees through a slab in any dimension, through a tube in few",
-                "dimension", "probability that a pair is joined", scale="log y")  # fmt: skip
-    need = Panel(f"RRT-Connect; triangle: over {budget} samples", "dimension",
-                 "samples to a path", scale="log y")  # fmt: skip
+    one = Panel(
+        "A uniform pair sees through a slab in any dimension, through a tube in few",
+        "dimension",
+        "probability that a pair is joined",
+        scale="log y",
+    )
+    need = Panel(
+        f"RRT-Connect; triangle: over {budget} samples",
+        "dimension",
+        "samples to a path",
+        scale="log y",
+    )
     kinds: list[tuple[str, Callable[[Any], Any], float]] = [
         ("slab", lambda n: 1, 1e-6),
         ("tube", lambda n: n - 1, 1e-6),
@@ -142,22 +158,43 @@ def narrow_passages(
         off = (np.array(seen) - law) / np.sqrt(np.array(law) / pairs)
         theory = None if name == "cube" else lambda n, b=bounds: pair_joined(width, b(n))
         said = "" if name == "cube" else f"; off by {np.abs(off).max():.1f} standard errors at most"
-        one.series.append(Series(name, dims, seen, theory=theory, style="" if theory else ":",
-            note=f"{name}: a pair {', '.join(f'{p:.2g}' for p in seen)}{said}"))  # fmt: skip
+        one.series.append(
+            Series(
+                name,
+                dims,
+                seen,
+                theory=theory,
+                style="" if theory else ":",
+                note=f"{name}: a pair {', '.join(f'{p:.2g}' for p in seen)}{said}",
+            )
+        )
         for way, rows in found.items():
             low, middle, high = np.transpose(rows)
-            need.series.append(Series(
-                name + way, dims[: len(rows)], middle, style="--" if way else "-", hollow=bool(way),
-                low=np.minimum(low, budget), high=np.minimum(high, budget),
-                note=f"{name + way:<10} median samples {', '.join(f'{x:.0f}' for x in middle)}",
-            ))  # fmt: skip
+            need.series.append(
+                Series(
+                    name + way,
+                    dims[: len(rows)],
+                    middle,
+                    style="--" if way else "-",
+                    hollow=bool(way),
+                    low=np.minimum(low, budget),
+                    high=np.minimum(high, budget),
+                    note=f"{name + way:<10} median samples {', '.join(f'{x:.0f}' for x in middle)}",
+                )
+            )
     yield from (one, need)
 
 
 def _samples(
-    mine: bool, world: World, start: Array, goal: Array, step: float, budget: int, seed: int,
+    mine: bool,
+    world: World,
+    start: Array,
+    goal: Array,
+    step: float,
+    budget: int,
+    seed: int,
     tests: Any,
-) -> float:  # fmt: skip
+) -> float:
     """Samples to a path that the judge passes."""
     if mine:
         found: Any = plan(world, start, goal, budget=budget, rng=seed, step=step)
@@ -187,12 +224,16 @@ def thin_obstacles(
 ) -> Iterator[Panel]:
     """Edges through a wall or a disc that points along them miss, against its size."""
     rng = np.random.default_rng(0)
-    panel = Panel("Points miss what they step over; an exact test misses nothing",
-                  "thickness or diameter over spacing", "share of colliding edges passed",
-                  theory="closed form")  # fmt: skip
+    panel = Panel(
+        "Points miss what they step over; an exact test misses nothing",
+        "thickness or diameter over spacing",
+        "share of colliding edges passed",
+        theory="closed form",
+    )
     laws: dict[str, Callable[[float], float]] = {
-        "wall": lambda x: max(0.0, 1.0 - x), "disc": disc_missed
-    }  # fmt: skip
+        "wall": lambda x: max(0.0, 1.0 - x),
+        "disc": disc_missed,
+    }
     bounds, exact = np.array([[0.0, 0.0], [12.0, 12.0]]), []
     for shape, law in laws.items():
         missed: dict[str, list[float]] = {"points": [], "OMPL": []}
@@ -218,14 +259,28 @@ def thin_obstacles(
         for name, shares in missed.items():
             off = np.abs(np.array(shares) - [law(x) for x in sizes]).max()
             error = np.sqrt(np.array(shares) * (1 - np.array(shares)) / edges)
-            panel.series.append(Series(
-                f"{shape}, {name}", sizes, shares, style="", hollow=name == "OMPL",
-                theory=law if name == "points" else None, low=np.array(shares) - 2 * error,
-                high=np.array(shares) + 2 * error,
-                note=f"{shape}, {name}: within {off:.3f} of the closed form",
-            ))  # fmt: skip
-    panel.series.append(Series("both, our exact test", sizes, [np.mean(exact)] * len(sizes),
-        "course", note=f"our exact test passes {sum(exact)} of {len(exact)}"))  # fmt: skip
+            panel.series.append(
+                Series(
+                    f"{shape}, {name}",
+                    sizes,
+                    shares,
+                    style="",
+                    hollow=name == "OMPL",
+                    theory=law if name == "points" else None,
+                    low=np.array(shares) - 2 * error,
+                    high=np.array(shares) + 2 * error,
+                    note=f"{shape}, {name}: within {off:.3f} of the closed form",
+                )
+            )
+    panel.series.append(
+        Series(
+            "both, our exact test",
+            sizes,
+            [np.mean(exact)] * len(sizes),
+            "course",
+            note=f"our exact test passes {sum(exact)} of {len(exact)}",
+        )
+    )
     yield panel
 
 
@@ -287,20 +342,34 @@ def limits_between(grids: Sequence[int] = (8, 16, 32, 64, 128), paths: int = 15)
     limits = np.array([[2.2] * 4 + [2.6] * 3, [15.0, 7.5, 10.0, 12.5, 15.0, 20.0, 20.0]])
     some = [rng.uniform(-1.5, 1.5, (7, 5)) for _ in range(paths)]
     over = np.array([[both_ways(path, limits, 0.3, grid) for path in some] for grid in grids])
-    left = Panel("Limits kept at grid points are broken between them", "intervals of a rounding",
-                 "acceleration above limit, share", scale="log")  # fmt: skip
+    left = Panel(
+        "Limits kept at grid points are broken between them",
+        "intervals of a rounding",
+        "acceleration above limit, share",
+        scale="log",
+    )
     for k, name in enumerate(("at grid points", "at both ends, ours")):
         low, middle, high = np.quantile(over[:, :, k, 0], (0, 0.5, 1), axis=1)
         left.series.append(
-            Series(name, grids, middle, low=low, high=high, note=f"{name}: over by "
-                   + ", ".join(f"{100 * x:.3g} %" for x in middle)
-                   + f" (up to {100 * high.max():.3g} %)")
-        )  # fmt: skip
+            Series(
+                name,
+                grids,
+                middle,
+                low=low,
+                high=high,
+                note=f"{name}: over by "
+                + ", ".join(f"{100 * x:.3g} %" for x in middle)
+                + f" (up to {100 * high.max():.3g} %)",
+            )
+        )
     slower = np.median(over[:, :, 1, 1] / over[:, :, 0, 1], axis=1) - 1
     left.notes = ["both ends cost time: " + ", ".join(f"{100 * x:.2g} %" for x in slower)]
     yield left
-    right = Panel("Rounded corners against a stop at each", "rounding begins before a corner [rad]",
-                  "duration over that of stops")  # fmt: skip
+    right = Panel(
+        "Rounded corners against a stop at each",
+        "rounding begins before a corner [rad]",
+        "duration over that of stops",
+    )
     blends = np.linspace(0.0, 1.0, 11)
     times = np.array(
         [
@@ -313,8 +382,16 @@ def limits_between(grids: Sequence[int] = (8, 16, 32, 64, 128), paths: int = 15)
     ]
     for name, rows in (("time-optimal, rounded", times), ("each joint a trapezoid", [legs] * 11)):
         low, middle, high = np.quantile(np.array(rows) / times[0], (0.1, 0.5, 0.9), axis=1)
-        right.series.append(Series(name, blends, middle, low=low, high=high,
-            note=f"{name}: {middle[0]:.3f} to {middle[-1]:.3f} of the stops"))  # fmt: skip
+        right.series.append(
+            Series(
+                name,
+                blends,
+                middle,
+                low=low,
+                high=high,
+                note=f"{name}: {middle[0]:.3f} to {middle[-1]:.3f} of the stops",
+            )
+        )
     yield right
 
 
@@ -346,14 +423,28 @@ def optimiser_minima(side: int = 13, points: int = 24, count: int = 16) -> Itera
         free = np.array([bool(check_path(world, path, start, goal)) for path in ends])
         costs = np.where(free, [length(path) for path in ends], np.inf)
         best = costs <= 1.05 * costs.min()
-        panel = Panel(f"{name}: {np.mean(~free):.0%} of the starts end in collision",
-                      "via point x [m]", "via point y [m]", equal=True)  # fmt: skip
+        panel = Panel(
+            f"{name}: {np.mean(~free):.0%} of the starts end in collision",
+            "via point x [m]",
+            "via point y [m]",
+            equal=True,
+        )
         for label, which in (
-            ("free, shortest", best), ("collides", ~free), ("free, longer", free & ~best)
-        ):  # fmt: skip
+            ("free, shortest", best),
+            ("collides", ~free),
+            ("free, longer", free & ~best),
+        ):
             x, y = np.array(vias)[which].T
-            panel.series.append(Series(label, x, y, style="", size=4.0,
-                note=f"{name:<8} {label:<15} {which.sum():4d} of {len(vias)}"))  # fmt: skip
+            panel.series.append(
+                Series(
+                    label,
+                    x,
+                    y,
+                    style="",
+                    size=4.0,
+                    note=f"{name:<8} {label:<15} {which.sum():4d} of {len(vias)}",
+                )
+            )
         x, y = (balls[:2] + balls[2] * [[np.cos(turn)], [np.sin(turn)]]).reshape(2, -1)
         panel.series.append(Series("", x, y, "theory", "", marker="o", size=1.0))
         panel.notes = [f"RRT-Connect finds a path with {sum(solved)} of {len(solved)} seeds"]

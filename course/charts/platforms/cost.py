@@ -62,8 +62,13 @@ def platform_scaling(
         cost = {row: time.best / steps for row, (time, steps) in zip(rows, found, strict=True)}
         unit = cost["MuJoCo", sizes[0]]
         busy = max(time.busy for time, _ in found)
-        panel = Panel(f"A step of a {name}", "n", f"cost, MuJoCo at n = {sizes[0]} is 1",
-                      scale="log", footer=machine(busy, libraries=LIBRARIES))  # fmt: skip
+        panel = Panel(
+            f"A step of a {name}",
+            "n",
+            f"cost, MuJoCo at n = {sizes[0]} is 1",
+            scale="log",
+            footer=machine(busy, libraries=LIBRARIES),
+        )
         for label in here():
             x = [n for row, n in rows if row == label]
             y = [cost[label, n] / unit for n in x]
@@ -71,16 +76,27 @@ def platform_scaling(
             beside = [cost[label, n] / cost["MuJoCo", n] for n in x]
             told = ", ".join(f"{n} {c:.3g}" for n, c in zip(x, beside, strict=True))
             panel.series.append(
-                Series(f"{label}, n^{last:.2f}", x, y, label, size=5.0,
-                       note=f"{name}: {label} over MuJoCo by n: {told}; exponent at the end "
-                       f"{last:.2f}")
-            )  # fmt: skip
+                Series(
+                    f"{label}, n^{last:.2f}",
+                    x,
+                    y,
+                    label,
+                    size=5.0,
+                    note=f"{name}: {label} over MuJoCo by n: {told}; exponent at the end "
+                    f"{last:.2f}",
+                )
+            )
         panel.notes.append(
             f"{name}: MuJoCo's step of n = {sizes[0]} takes {1e6 * unit:.2g} us here"
         )
         yield panel
-    panel = Panel("Python's share, one call a step", "links of a chain", "share of the step",
-                  scale="log x", ylim=(0.0, 1.05))  # fmt: skip
+    panel = Panel(
+        "Python's share, one call a step",
+        "links of a chain",
+        "share of the step",
+        scale="log x",
+        ylim=(0.0, 1.05),
+    )
     links = [n for n in (1, 4, 16, 64) if n <= most]
     for label, engine in here().items():
         jobs = [(engine, chain(n), steps) for n in links for steps in (1, 100)]

@@ -40,9 +40,15 @@ def platform_braking(
     Args:
         steps: [s]; finest: of those of our own code, where Python pays for each.
     """
-    panel = Panel("Stopped short, fair", "step [s]", "share of the way", scale="log",
-                  lines=[("y", 0.01 / FULL, "tolerance 1 cm")], theory="mu g dt / v",
-                  footer=FOOTER())  # fmt: skip
+    panel = Panel(
+        "Stopped short, fair",
+        "step [s]",
+        "share of the way",
+        scale="log",
+        lines=[("y", 0.01 / FULL, "tolerance 1 cm")],
+        theory="mu g dt / v",
+        footer=FOOTER(),
+    )
     for name, engine in here().items():
         x = [dt for dt in steps if name != "own code" or dt >= finest]
         y = [1.0 - stop(engine, 0.0, dt).distance / FULL for dt in x]
@@ -56,9 +62,13 @@ def platform_braking(
         panel.series.append(series)
     yield panel
     panel = Panel(
-        "As shipped, and what Drake's solvers do", "step [s]", "share of the way", scale="log x",
-        ylim=(-1.0, 1.1), lines=[("y", 0.0, "stops where it should")],
-    )  # fmt: skip
+        "As shipped, and what Drake's solvers do",
+        "step [s]",
+        "share of the way",
+        scale="log x",
+        ylim=(-1.0, 1.1),
+        lines=[("y", 0.0, "stops where it should")],
+    )
     rows = {
         "MuJoCo, as shipped": ("MuJoCo", AS_SHIPPED),
         "Drake, as shipped (lagged)": ("Drake", AS_SHIPPED),
@@ -68,8 +78,17 @@ def platform_braking(
     for label, name, engine, settings in known(rows):
         y = [1.0 - stop(engine, 0.0, dt, settings).distance / FULL for dt in steps]
         told = ", ".join(f"{1e3 * dt:g} ms {100 * s:.2f} %" for s, dt in zip(y, steps, strict=True))
-        panel.series.append(Series(label, steps, y, name, ":" if "sap" in label else "-",
-                                   size=4.0, note=f"{label}: short by {told}"))  # fmt: skip
+        panel.series.append(
+            Series(
+                label,
+                steps,
+                y,
+                name,
+                ":" if "sap" in label else "-",
+                size=4.0,
+                note=f"{label}: short by {told}",
+            )
+        )
     yield panel
 
 
@@ -90,8 +109,13 @@ def platform_cone(points: int = 9, dt: float = 2e-3) -> Iterator[Panel]:
     Args:
         points: headings from 0 to 90 degrees; dt: step [s].
     """
-    far = Panel("Length of the way", "heading [deg]", "over v^2 / (2 mu g)", ticks=(0, 45, 90),
-                footer=FOOTER())  # fmt: skip
+    far = Panel(
+        "Length of the way",
+        "heading [deg]",
+        "over v^2 / (2 mu g)",
+        ticks=(0, 45, 90),
+        footer=FOOTER(),
+    )
     off = Panel("Turned from the heading", "heading [deg]", "[deg]", ticks=(0, 45, 90))
     degrees = np.linspace(0.0, 90.0, points)
     fine = np.linspace(0.0, 90.0, 181)
@@ -109,8 +133,9 @@ def platform_cone(points: int = 9, dt: float = 2e-3) -> Iterator[Panel]:
             f"{label}: from theory by {100 * np.max(np.abs(ratio - way / FULL)):.2f} % of the way"
         )
         told += f" and {np.max(np.abs(turned - np.degrees(turn))):.2f} deg at most; "
-        told += ", ".join(f"{at:g} deg {r:.4f} {t:+.2f}" for at, r, t in
-                          zip(degrees, ratio, turned, strict=True))  # fmt: skip
+        told += ", ".join(
+            f"{at:g} deg {r:.4f} {t:+.2f}" for at, r, t in zip(degrees, ratio, turned, strict=True)
+        )
         for panel, y, note in ((far, ratio, told), (off, turned, "")):
             series = on_one_another(name, label, degrees.tolist(), y.tolist())
             series.note = note
@@ -119,8 +144,11 @@ def platform_cone(points: int = 9, dt: float = 2e-3) -> Iterator[Panel]:
     yield off
 
 
-SOFT: dict[str, Any] = {"cone": "elliptic", "solref": (0.02, 1.0),
-                        "solimp": (0.9, 0.95, 0.001, 0.5, 2.0)}  # fmt: skip
+SOFT: dict[str, Any] = {
+    "cone": "elliptic",
+    "solref": (0.02, 1.0),
+    "solimp": (0.9, 0.95, 0.001, 0.5, 2.0),
+}
 
 
 def law_of_creep(impratio: float, scene: Scene, dt: float) -> float:
@@ -130,8 +158,9 @@ def law_of_creep(impratio: float, scene: Scene, dt: float) -> float:
     report = run.contacts()
     load = float(np.linalg.norm(report.tangential_force, axis=0)[0])
     weight = sum(1.0 / body.mass for body in scene.bodies[:2])  # a block on the ground is alone
-    return theory.creep_speed(load, float(report.gap[0]), weight, 0.5, dt, impratio=impratio,
-                              **SOFT)  # fmt: skip
+    return theory.creep_speed(
+        load, float(report.gap[0]), weight, 0.5, dt, impratio=impratio, **SOFT
+    )
 
 
 @chart(columns=2)
@@ -143,8 +172,10 @@ def platform_creep(
     Args:
         ratios: MuJoCo's impratio; dt: step [s].
     """
-    scenes = {"A block on a slope of 0.1": SCENES["rest"](0.1),
-              "A part held by 6 N a finger": grasp(6.0)}  # fmt: skip
+    scenes = {
+        "A block on a slope of 0.1": SCENES["rest"](0.1),
+        "A part held by 6 N a finger": grasp(6.0),
+    }
     sides = {
         "MuJoCo, noslip 3": ("MuJoCo", AS_SHIPPED.using(noslip_iterations=3)),
         "Drake": ("Drake", FAIR), "PyBullet": ("PyBullet", FAIR),
@@ -152,15 +183,23 @@ def platform_creep(
     }  # fmt: skip
     for title, scene in scenes.items():
         law = partial(law_of_creep, scene=scene, dt=dt)
-        panel = Panel(title, "impratio", "creep [m/s]", scale="log", theory="R f / b",
-                      footer=FOOTER())  # fmt: skip
+        panel = Panel(
+            title, "impratio", "creep [m/s]", scale="log", theory="R f / b", footer=FOOTER()
+        )
         for cone, style in (("elliptic", ""), ("pyramidal", "--")):
             soft = AS_SHIPPED.using(**{**SOFT, "cone": cone})
             y = [creep(MuJoCo(), scene, dt, soft.using(impratio=r)) for r in ratios]
             told = ", ".join(f"{r:g} {1e6 * v:.4g}" for r, v in zip(ratios, y, strict=True))
-            line = Series(f"MuJoCo, {cone}", ratios, y, "MuJoCo", style, size=6.0,
-                          hollow=cone == "pyramidal",
-                          note=f"{scene.name}, {cone}, um/s by impratio: {told}")  # fmt: skip
+            line = Series(
+                f"MuJoCo, {cone}",
+                ratios,
+                y,
+                "MuJoCo",
+                style,
+                size=6.0,
+                hollow=cone == "pyramidal",
+                note=f"{scene.name}, {cone}, um/s by impratio: {told}",
+            )
             if cone == "elliptic":
                 line.theory = law
                 far = [abs(v / law(r) - 1.0) for r, v in zip(ratios, y, strict=True)]
@@ -196,9 +235,15 @@ def platform_grasp(
     }  # fmt: skip
     for label, name, engine, settings in known(rows):
         some = [dt for dt in steps if name != "own code" or dt >= finest]
-        panel = Panel(label, "squeeze over m g / (2 mu)", "step [ms]", scale="log",
-                      lines=[("x", 1.0, "theory")], ylim=(0.6e3 * min(steps), 1.7e3 * max(steps)),
-                      footer=FOOTER())  # fmt: skip
+        panel = Panel(
+            label,
+            "squeeze over m g / (2 mu)",
+            "step [ms]",
+            scale="log",
+            lines=[("x", 1.0, "theory")],
+            ylim=(0.6e3 * min(steps), 1.7e3 * max(steps)),
+            footer=FOOTER(),
+        )
         held: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
         for dt in some:
             answers = []
@@ -212,8 +257,18 @@ def platform_grasp(
             if not held[good]:
                 continue
             x, y = np.array(held[good]).reshape(-1, 2).T
-            panel.series.append(Series(words, x, y, name if good else "", "", hollow=not good,
-                                       marker="o" if good else "x", size=6.0))  # fmt: skip
+            panel.series.append(
+                Series(
+                    words,
+                    x,
+                    y,
+                    name if good else "",
+                    "",
+                    hollow=not good,
+                    marker="o" if good else "x",
+                    size=6.0,
+                )
+            )
         yield panel
 
 
@@ -234,15 +289,32 @@ def platform_sag(
         "Drake, as shipped": ("Drake", AS_SHIPPED), "Drake": ("Drake", FAIR),
         "PyBullet": ("PyBullet", FAIR), "own code, 10 ms": ("own code", FAIR),
     }  # fmt: skip
-    panel = Panel("Sag of a tower's top", "cubes", "[m]", scale="log", ticks=sizes, footer=FOOTER(),
-                  lines=[("y", 1e-3, "tolerance")], theory="n^2 of one cube")  # fmt: skip
+    panel = Panel(
+        "Sag of a tower's top",
+        "cubes",
+        "[m]",
+        scale="log",
+        ticks=sizes,
+        footer=FOOTER(),
+        lines=[("y", 1e-3, "tolerance")],
+        theory="n^2 of one cube",
+    )
     for label, name, engine, settings in known(rows):
         x = [n for n in sizes if n <= most.get(name, n)]
         h = 1e-2 if name == "own code" else dt
         y = [max(position_error(engine, tower(n), h, settings), 1e-16) for n in x]
         told = ", ".join(f"{n} {1e6 * s:.4g}" for n, s in zip(x, y, strict=True))
-        panel.series.append(Series(label, x, y, name, "--" if "shipped" in label else "-",
-                                   size=4.0, note=f"{label}, um by cubes: {told}"))  # fmt: skip
+        panel.series.append(
+            Series(
+                label,
+                x,
+                y,
+                name,
+                "--" if "shipped" in label else "-",
+                size=4.0,
+                note=f"{label}, um by cubes: {told}",
+            )
+        )
         if name == "MuJoCo":
             panel.series[-1].theory = lambda n, one=y[0]: one * n * n
     yield panel
@@ -250,8 +322,9 @@ def platform_sag(
     for series in panel.series:
         if series.y[0] > 1e-9 and series.label != "Drake, as shipped":
             share = [s / series.y[0] for s in series.y]
-            ratio.series.append(Series(series.label, series.x, share, series.key, series.style,
-                                       size=4.0))  # fmt: skip
+            ratio.series.append(
+                Series(series.label, series.x, share, series.key, series.style, size=4.0)
+            )
     laws = (("n^2", "inverse mass", "-"), ("n (n + 1) / 2", "springs", "--"))
     for words, compliance, style in laws:
         y = [theory.sag_growth(n, compliance) for n in sizes]

@@ -31,8 +31,13 @@ HEADING = math.radians(22.5)
 
 def shown() -> list[Scene]:
     """The scenes of the simulation, in the order of its menu."""
-    return [scenes.tumble(4.0), scenes.chain(6, 2.0), scenes.brake(HEADING), scenes.tower(5),
-            scenes.grasp(1.02 * 0.2 * scenes.GRAVITY)]  # fmt: skip
+    return [
+        scenes.tumble(4.0),
+        scenes.chain(6, 2.0),
+        scenes.brake(HEADING),
+        scenes.tower(5),
+        scenes.grasp(1.02 * 0.2 * scenes.GRAVITY),
+    ]
 
 
 def place(scene: Scene, state: State, time: float) -> tuple[float, float]:
@@ -155,12 +160,18 @@ def main() -> None:
         print(scene.name, errors[s, 1].tolist(), cost[s].tolist(), flush=True)
     tolerance = np.array([scene.tolerance for scene in shown()])
     np.savez_compressed(
-        PATH, paths=paths.astype(np.float32), truth=truth, errors=errors, costs=cost,
-        tolerance=tolerance, radar=radar(found, errors, cost, tolerance),
+        PATH,
+        paths=paths.astype(np.float32),
+        truth=truth,
+        errors=errors,
+        costs=cost,
+        tolerance=tolerance,
+        radar=radar(found, errors, cost, tolerance),
         duration=np.array([scene.duration for scene in shown()]),
-        steps=np.array(STEPS), engines=np.array(names),
+        steps=np.array(STEPS),
+        engines=np.array(names),
         versions=np.array([engine.version() for engine in found]),
-    )  # fmt: skip
+    )
 
 
 if __name__ == "__main__":

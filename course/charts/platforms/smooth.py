@@ -51,9 +51,14 @@ def platform_accuracy(
     off: dict[str, list[list[float]]] = {}
     for name in ("tumble", "chain", "arm"):
         scene = SCENES[name](duration=share * SCENES[name]().duration)
-        panel = Panel(f"{name}, {scene.duration:g} s", "step [s]", f"error [{scene.unit}]",
-                      scale="log", theory="order 1",
-                      footer=machine(0.0, libraries=LIBRARIES))  # fmt: skip
+        panel = Panel(
+            f"{name}, {scene.duration:g} s",
+            "step [s]",
+            f"error [{scene.unit}]",
+            scale="log",
+            theory="order 1",
+            footer=machine(0.0, libraries=LIBRARIES),
+        )
         own: list[float] = []
         for label, engine in here().items():
             fair = _errors(engine, scene, steps, FAIR)
@@ -62,9 +67,16 @@ def platform_accuracy(
             shipped = _errors(engine, scene, steps, AS_SHIPPED)
             panel.series += [
                 on_one_another(label, label, steps, fair),
-                Series(f"{label}, as shipped", steps, shipped, label, "--", marker="",
-                       extra=label != "PyBullet"),
-            ]  # fmt: skip
+                Series(
+                    f"{label}, as shipped",
+                    steps,
+                    shipped,
+                    label,
+                    "--",
+                    marker="",
+                    extra=label != "PyBullet",
+                ),
+            ]
             panel.series[-2].note = (
                 f"{name:<7} {label:<9} order {slope(steps, fair):.3f}; error at "
                 f"{1e3 * steps[-1]:g} ms {fair[-1]:.4e} {scene.unit}, as shipped {shipped[-1]:.4e}"
@@ -75,14 +87,21 @@ def platform_accuracy(
             if label in here():
                 y = _errors(here()[label], scene, steps, FAIR.using(scheme))
                 panel.series.append(
-                    Series(f"{label}, {scheme.replace('runge_kutta', 'RK')}", steps, y, label, ":",
-                           size=3.0, extra=label == "Drake", note=f"{name:<7} {label} {scheme}: "
-                           f"order {slope(steps[:3], y[:3]):.2f} at the coarse end, error "
-                           f"{y[-1]:.2e}")
-                )  # fmt: skip
+                    Series(
+                        f"{label}, {scheme.replace('runge_kutta', 'RK')}",
+                        steps,
+                        y,
+                        label,
+                        ":",
+                        size=3.0,
+                        extra=label == "Drake",
+                        note=f"{name:<7} {label} {scheme}: "
+                        f"order {slope(steps[:3], y[:3]):.2f} at the coarse end, error "
+                        f"{y[-1]:.2e}",
+                    )
+                )
         yield panel
-    agree = Panel("How far errors differ from our own", "step [s]", "largest share",
-                  scale="log")  # fmt: skip
+    agree = Panel("How far errors differ from our own", "step [s]", "largest share", scale="log")
     for label, rows in list(off.items())[1:]:
         worst = np.max(rows, axis=0)
         note = f"{label}: errors within {worst.max():.1e} of our own"
@@ -114,9 +133,11 @@ def again(run: Run, steps: int) -> Sampler:
 
 
 SMOOTH = {
-    "own code": ("semi_implicit_euler", "rk4"), "MuJoCo": ("Euler", "RK4"),
-    "Drake": ("discrete", "runge_kutta3"), "PyBullet": ("semi-implicit Euler",),
-}  # fmt: skip
+    "own code": ("semi_implicit_euler", "rk4"),
+    "MuJoCo": ("Euler", "RK4"),
+    "Drake": ("discrete", "runge_kutta3"),
+    "PyBullet": ("semi-implicit Euler",),
+}
 TOUCHING = {name: schemes[:1] for name, schemes in SMOOTH.items()}
 Schemes = Mapping[str, Sequence[str]]
 QUESTIONS: dict[str, tuple[Callable[[], Scene], Schemes, Sequence[float]]] = {
@@ -154,35 +175,51 @@ def platform_precision(
         times = interleaved(samplers, repeats=repeats, sample=4e-3, warm=True)
         unit = times[[row[:2] for row in rows].index(("MuJoCo", "Euler"))].best
         panel = Panel(
-            f"{name}, {scene.duration:.2g} s", f"cost, MuJoCo Euler at {1e3 * steps[0]:g} ms = 1",
-            f"error [{scene.unit}]", scale="log",
+            f"{name}, {scene.duration:.2g} s",
+            f"cost, MuJoCo Euler at {1e3 * steps[0]:g} ms = 1",
+            f"error [{scene.unit}]",
+            scale="log",
             lines=[("y", scene.tolerance, f"tolerance {scene.tolerance:g}")],
             footer=machine(max(t.busy for t in times), libraries=LIBRARIES),
-        )  # fmt: skip
+        )
         best: tuple[float, float, str] | None = None
         for label in here():
             for k, scheme in enumerate(schemes[label]):
                 words = scheme.replace("semi_implicit_euler", "semi-impl. Euler")
                 words = words.replace("semi-implicit", "semi-impl.").replace("runge_kutta", "RK")
                 words = f"{label}, {words}"
-                mine = [(t.best / unit, max(e, 1e-16), dt, t) for (a, s, dt, e), t in
-                        zip(rows, times, strict=True) if (a, s) == (label, scheme)]  # fmt: skip
+                mine = [
+                    (t.best / unit, max(e, 1e-16), dt, t)
+                    for (a, s, dt, e), t in zip(rows, times, strict=True)
+                    if (a, s) == (label, scheme)
+                ]
                 for cost, error, dt, _ in mine:
                     if error <= scene.tolerance and (best is None or cost < best[0]):
                         best = cost, error, f"{words}, {1e3 * dt:g} ms"
                 told = "; ".join(f"{1e3 * dt:g} ms {e:.2e} at {c:.3g}" for c, e, dt, _ in mine)
                 panel.series.append(
-                    Series(words, [row[0] for row in mine], [row[1] for row in mine], label,
-                           ":" if k else "-", size=4.0, extra=(label, k) == ("Drake", 1),
-                           low=[row[3].best / unit for row in mine], across=True,
-                           high=[row[3].high / unit for row in mine],
-                           note=f"{name}: {words}: {told}")
-                )  # fmt: skip
+                    Series(
+                        words,
+                        [row[0] for row in mine],
+                        [row[1] for row in mine],
+                        label,
+                        ":" if k else "-",
+                        size=4.0,
+                        extra=(label, k) == ("Drake", 1),
+                        low=[row[3].best / unit for row in mine],
+                        across=True,
+                        high=[row[3].high / unit for row in mine],
+                        note=f"{name}: {words}: {told}",
+                    )
+                )
         if best:
-            panel.series.append(Series("", best[:1], best[1:2], "chosen", "", hollow=True,
-                                       size=13.0, tags=["pick"]))  # fmt: skip
+            panel.series.append(
+                Series("", best[:1], best[1:2], "chosen", "", hollow=True, size=13.0, tags=["pick"])
+            )
         found = [y for series in panel.series for y in series.y]
         panel.ylim = 0.1 * min(found), 10.0 * max(found)
-        panel.notes.append(f"{name}: pick for {scene.tolerance:g} {scene.unit}: "
-                           + (f"{best[2]}, cost {best[0]:.3g}" if best else "none"))  # fmt: skip
+        panel.notes.append(
+            f"{name}: pick for {scene.tolerance:g} {scene.unit}: "
+            + (f"{best[2]}, cost {best[0]:.3g}" if best else "none")
+        )
         yield panel

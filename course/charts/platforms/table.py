@@ -22,9 +22,11 @@ Rows = Sequence[Sequence[Any]]
 
 TABLE: dict[str, Callable[[], Scene]] = {
     **{name: SCENES[name] for name in ("tumble", "chain", "arm", "drop", "rest", "slide")},
-    "brake": SCENES["brake"], "tower": partial(tower, 3), "grasp": SCENES["grasp"],
+    "brake": SCENES["brake"],
+    "tower": partial(tower, 3),
+    "grasp": SCENES["grasp"],
     "field": partial(field, 4),
-}  # fmt: skip
+}
 ENGINES = ("own code", "MuJoCo", "Drake", "PyBullet")
 SMOOTH = ("tumble", "chain", "arm")
 TOUCHING = tuple(name for name in TABLE if name not in SMOOTH)
@@ -64,15 +66,20 @@ def spread(rows: Rows, scene: str, settings: str = "fair") -> float:
 
 SENTENCES: dict[str, Callable[[Rows], bool]] = {
     "With the same scheme and step all engines err alike where nothing touches, to 2 %.": (
-        lambda r: all(max(e.values()) < 1.02 * min(e.values())
-                      for e in (errors(r, name) for name in SMOOTH))
+        lambda r: all(
+            max(e.values()) < 1.02 * min(e.values()) for e in (errors(r, name) for name in SMOOTH)
+        )
     ),
     "There the defaults of MuJoCo and Drake change nothing, PyBullet's more than tenfold.": (
         lambda r: all(
-            max(abs(errors(r, s, "as shipped")[e] / errors(r, s)[e] - 1.0)
-                for e in ("MuJoCo", "Drake")) < 1e-6
+            max(
+                abs(errors(r, s, "as shipped")[e] / errors(r, s)[e] - 1.0)
+                for e in ("MuJoCo", "Drake")
+            )
+            < 1e-6
             and errors(r, s, "as shipped")["PyBullet"] > 10.0 * errors(r, s)["PyBullet"]
-            for s in SMOOTH)
+            for s in SMOOTH
+        )
     ),
     "A step of 1 ms of order 1 is too long for chain, arm and slide in every engine.": (
         lambda r: not any(good(r, e) & {"chain", "arm", "slide"} for e in ENGINES)
@@ -101,7 +108,7 @@ SENTENCES: dict[str, Callable[[Rows], bool]] = {
     "Drake's patches cost more than PyBullet's points in every scene with contact.": (
         lambda r: all(costs(r, s)["Drake"] > costs(r, s)["PyBullet"] for s in TOUCHING)
     ),
-}  # fmt: skip
+}
 
 
 def _row(engine: Engine, name: str, scene: Scene, settings: Any, dt: float) -> list[Any]:
@@ -141,9 +148,15 @@ def platforms_table(scenes: Sequence[str] = tuple(TABLE), dt: float = 1e-3) -> I
         ("Cost of the motion, fair", "over MuJoCo's", "fair"),
     ):
         error = title.startswith("Error")
-        panel = Panel(title, places, unit, scale="log y", ticks=tuple(range(len(scenes))),
-                      lines=[("y", 1.0, "tolerance")] * error,
-                      footer=machine(0.0, libraries=LIBRARIES) if error else "")  # fmt: skip
+        panel = Panel(
+            title,
+            places,
+            unit,
+            scale="log y",
+            ticks=tuple(range(len(scenes))),
+            lines=[("y", 1.0, "tolerance")] * error,
+            footer=machine(0.0, libraries=LIBRARIES) if error else "",
+        )
         for engine_name in here():
             some = [row for row in rows if row[1:3] == [engine_name, how]]
             x = [list(scenes).index(row[0]) for row in some]
@@ -155,8 +168,10 @@ def platforms_table(scenes: Sequence[str] = tuple(TABLE), dt: float = 1e-3) -> I
     told.append(f"a step of {1e3 * dt:g} ms; cost over that of MuJoCo, fair; below tolerance: good")
     told.append(f"{'scene':<8} {'engine':<9} {'settings':<10} {'error':>10}     {'cost':>8}")
     for row in rows:
-        told.append(f"{row[0]:<8} {row[1]:<9} {row[2]:<10} {row[4]:10.3e} {row[5]:<3} "
-                    f"{row[7]:8.3g}  {row[8]}")  # fmt: skip
+        told.append(
+            f"{row[0]:<8} {row[1]:<9} {row[2]:<10} {row[4]:10.3e} {row[5]:<3} "
+            f"{row[7]:8.3g}  {row[8]}"
+        )
     if set(scenes) == set(TABLE) and set(here()) == set(ENGINES):
         told += [sentence for sentence, holds in SENTENCES.items() if holds(rows)]
     yield from with_rows(panels, rows)
@@ -165,12 +180,20 @@ def platforms_table(scenes: Sequence[str] = tuple(TABLE), dt: float = 1e-3) -> I
 # --- one change at a time ---------------------------------------------------------------------
 
 ASKED: dict[str, Mapping[str, Callable[[], Scene]]] = {
-    "MuJoCo": {"brake at 22.5 deg": partial(brake, math.pi / 8), "rest": SCENES["rest"],
-               "tower": partial(tower, 3), "grasp": SCENES["grasp"]},
+    "MuJoCo": {
+        "brake at 22.5 deg": partial(brake, math.pi / 8),
+        "rest": SCENES["rest"],
+        "tower": partial(tower, 3),
+        "grasp": SCENES["grasp"],
+    },
     "Drake": {"rest": SCENES["rest"], "brake": brake, "tower": partial(tower, 3)},
-    "PyBullet": {"tumble": SCENES["tumble"], "chain": SCENES["chain"], "rest": SCENES["rest"],
-                 "brake": brake},
-}  # fmt: skip
+    "PyBullet": {
+        "tumble": SCENES["tumble"],
+        "chain": SCENES["chain"],
+        "rest": SCENES["rest"],
+        "brake": brake,
+    },
+}
 
 
 @chart(columns=1, height=2.6)
@@ -186,8 +209,12 @@ def platform_effects(
     for name in engines:
         if name not in here():
             continue
-        panel = Panel(f"{name}: fair without one change, error over fair", "tenfold changes",
-                      xlim=(-2.0, 4.8), footer=machine(0.0, libraries=LIBRARIES))  # fmt: skip
+        panel = Panel(
+            f"{name}: fair without one change, error over fair",
+            "tenfold changes",
+            xlim=(-2.0, 4.8),
+            footer=machine(0.0, libraries=LIBRARIES),
+        )
         names, tags, without = [], [], []
         for label, make in list(ASKED[name].items())[:most]:
             for one in effects(here()[name], make(), dt):
@@ -233,8 +260,12 @@ def platform_readers(readers: Sequence[str] = tuple(READERS)) -> Iterator[Panel]
         ("Features", ("feature",), ("kept", lost)),
     ):
         of = sum(model.kind in kinds for model in MODELS)
-        panel = Panel(f"{title} ({of})", "models", xlim=(0, of + 0.5),
-                      footer=machine(0.0, libraries=(*LIBRARIES, "pin")))  # fmt: skip
+        panel = Panel(
+            f"{title} ({of})",
+            "models",
+            xlim=(0, of + 0.5),
+            footer=machine(0.0, libraries=(*LIBRARIES, "pin")),
+        )
         for label in parts:
             verdicts = label.replace(lost, "swallowed or crashed").split(" or ")
             many = [count(reader, kinds, verdicts) for reader in asked]
@@ -257,20 +288,37 @@ def platform_installs(processes: int = 3, steps: int = 200) -> Iterator[Panel]:
     found = {name: install(name, processes) for name in here()}
     panels = []
     for title, unit, field_ in (
-        ("Size on disk", "MB", "size"), ("Import", "s", "import_time"),
-        ("A chain of six from its text", "s", "load_time"), ("Memory", "MB", "memory"),
-    ):  # fmt: skip
+        ("Size on disk", "MB", "size"),
+        ("Import", "s", "import_time"),
+        ("A chain of six from its text", "s", "load_time"),
+        ("Memory", "MB", "memory"),
+    ):
         sizes = [float(getattr(one, field_)) for one in found.values()]
-        panel = Panel(f"{title} [{unit}]", unit, xlim=(0, 1.25 * max(sizes)),
-                      footer=machine(0.0, libraries=LIBRARIES))  # fmt: skip
+        panel = Panel(
+            f"{title} [{unit}]",
+            unit,
+            xlim=(0, 1.25 * max(sizes)),
+            footer=machine(0.0, libraries=LIBRARIES),
+        )
         tags = [f"{x:.3g}" if x > 1e-5 else "0" for x in sizes]
         panel.series.append(Series("", sizes, list(found), style="bar", tags=tags))
         panels.append(panel)
     rows: list[list[Any]] = []
     for name, one in found.items():
         again_ = repeatability(here()[name], brake(), 1e-3, 40 if name == "own code" else steps)
-        rows.append([name, one.version, one.size, one.import_time, one.load_time, one.memory,
-                     again_.fresh, again_.reset, again_.saved])  # fmt: skip
+        rows.append(
+            [
+                name,
+                one.version,
+                one.size,
+                one.import_time,
+                one.load_time,
+                one.memory,
+                again_.fresh,
+                again_.reset,
+                again_.saved,
+            ]
+        )
         panels[0].notes.append(
             f"{name:<9} {one.version:<7} {one.size:7.1f} MB, import {one.import_time:.2f} s, load "
             f"{1e3 * float(one.load_time or 0):.1f} ms, memory {one.memory:.0f} MB; differs: fresh "

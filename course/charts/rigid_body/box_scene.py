@@ -59,9 +59,17 @@ def ours(start: np.ndarray = START, dt: float = 1e-3, **changes: float) -> float
 
 def _mujocos_plane(air: bool = False, **options: Any) -> float:
     runner = mujoco_box.box_drop(
-        (0.5 * SIZE[0], 0.5 * SIZE[2]), MASS, START[:3], START[3:], FINE, "Euler",
-        restitution=RESTITUTION, friction=FRICTION, gravity=STANDARD_GRAVITY, **options,
-    )  # fmt: skip
+        (0.5 * SIZE[0], 0.5 * SIZE[2]),
+        MASS,
+        START[:3],
+        START[3:],
+        FINE,
+        "Euler",
+        restitution=RESTITUTION,
+        friction=FRICTION,
+        gravity=STANDARD_GRAVITY,
+        **options,
+    )
     if air:
         add_air(runner)
     path = runner.samples(round(DURATION / FINE), every=25)
@@ -80,9 +88,15 @@ def third_dimension(depth: float = SIZE[1], tilt: float = TILT) -> float:
 
 def _mujocos_space(tilt: float, depth: float) -> float:
     runner = spatial_box(
-        (SIZE[0], depth, SIZE[2]), MASS, START, tilt, FINE,
-        restitution=RESTITUTION, friction=FRICTION, gravity=STANDARD_GRAVITY,
-    )  # fmt: skip
+        (SIZE[0], depth, SIZE[2]),
+        MASS,
+        START,
+        tilt,
+        FINE,
+        restitution=RESTITUTION,
+        friction=FRICTION,
+        gravity=STANDARD_GRAVITY,
+    )
     path = runner.samples(round(DURATION / FINE), every=25)
     return apex(path.q[2])
 
@@ -90,14 +104,30 @@ def _mujocos_space(tilt: float, depth: float) -> float:
 def _costs() -> tuple[float, float, float]:
     """Median seconds per step: ours, MuJoCo's box in the plane and in space, interleaved."""
     steps, dt = 700, 1e-3
-    parameters = planar.box_parameters(MASS, SIZE[0], SIZE[2], restitution=RESTITUTION,
-                                       friction=FRICTION)  # fmt: skip
+    parameters = planar.box_parameters(
+        MASS, SIZE[0], SIZE[2], restitution=RESTITUTION, friction=FRICTION
+    )
     flat = mujoco_box.box_drop(
-        (0.5 * SIZE[0], 0.5 * SIZE[2]), MASS, START[:3], START[3:], dt, "Euler",
-        restitution=RESTITUTION, friction=FRICTION, gravity=STANDARD_GRAVITY,
-    )  # fmt: skip
-    space = spatial_box(SIZE, MASS, START, 0.0, dt, restitution=RESTITUTION, friction=FRICTION,
-                        gravity=STANDARD_GRAVITY)  # fmt: skip
+        (0.5 * SIZE[0], 0.5 * SIZE[2]),
+        MASS,
+        START[:3],
+        START[3:],
+        dt,
+        "Euler",
+        restitution=RESTITUTION,
+        friction=FRICTION,
+        gravity=STANDARD_GRAVITY,
+    )
+    space = spatial_box(
+        SIZE,
+        MASS,
+        START,
+        0.0,
+        dt,
+        restitution=RESTITUTION,
+        friction=FRICTION,
+        gravity=STANDARD_GRAVITY,
+    )
     timed = interleaved(
         [
             calls(
@@ -131,10 +161,18 @@ def bouncing_box() -> Scene:
         degrees_of_freedom=("x", "y", "angle"),
         modelled=(
             Modelled("rotation", spinless, "m", against="the planar box that can't turn"),
-            Modelled("friction at the corner", lambda: abs(ours(friction=0.0) - answer), "m",
-                     against="the planar box without"),
-            Modelled("energy lost in the impact", lambda: abs(ours(restitution=1.0) - answer), "m",
-                     against="the planar box with e = 1"),
+            Modelled(
+                "friction at the corner",
+                lambda: abs(ours(friction=0.0) - answer),
+                "m",
+                against="the planar box without",
+            ),
+            Modelled(
+                "energy lost in the impact",
+                lambda: abs(ours(restitution=1.0) - answer),
+                "m",
+                against="the planar box with e = 1",
+            ),
         ),
         left_out=(
             LeftOut(
@@ -161,7 +199,7 @@ def bouncing_box() -> Scene:
                 "MuJoCo, planar, spring contact",
             ),
         ),
-    )  # fmt: skip
+    )
 
 
 @chart

@@ -53,9 +53,10 @@ def compile_time() -> Iterator[Panel]:
     names = sorted(cold, key=lambda name: cold[name], reverse=True)
     total = sum(cold.values())
     panel = Panel(
-        f"Compiling chapter 1 takes {total:.0f} s, once", "processor time of the first call [s]",
+        f"Compiling chapter 1 takes {total:.0f} s, once",
+        "processor time of the first call [s]",
         footer=machine(),
-    )  # fmt: skip
+    )
     for label, seconds in (
         ("first run: compiled", cold),
         ("next process: from the cache", warm),

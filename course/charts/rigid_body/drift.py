@@ -33,9 +33,11 @@ def long_run_energy(
     system = problems.pendulum(amplitude).system
     panel = Panel(
         "Symplectic methods keep their first error; RK4's grows without end",
-        "steps of 20 ms (period 2.1 s)", "largest relative energy error so far", scale="log",
+        "steps of 20 ms (period 2.1 s)",
+        "largest relative energy error so far",
+        scale="log",
         xlim=(10, steps),
-    )  # fmt: skip
+    )
     ends = np.unique(np.geomspace(10, steps, 120).astype(int))
     for name in names or LABELS:
         path = simulate(system, name, dt, steps, every=1)
@@ -48,12 +50,15 @@ def long_run_energy(
         panel.series.append(
             Series(
                 LABELS[name] + (", symplectic" if symplectic else ""),
-                ends, np.maximum.accumulate(error)[ends], name, "-" if symplectic else "--",
+                ends,
+                np.maximum.accumulate(error)[ends],
+                name,
+                "-" if symplectic else "--",
                 width=2.0,
                 note=f"{name:<20} largest relative energy error: first 1 % {first:.2e}, last 1 % "
                 f"{last:.2e}, ratio {last / first:.3g}",
             )
-        )  # fmt: skip
+        )
     yield panel
 
 
@@ -139,8 +144,11 @@ def symplectic_not_enough(
     pairs = batch_map(_pair, h, h, slack=1e-6, quantity="growth per pair of steps")
     # |trace| = 2 is h1 h2 = 2 + h1 - h2 and h1 h2 = 2 - h1 + h2.
     left = Panel(
-        "h1 and h2 in turn: unstable below 2", "omega h1", "omega h2", grid=pairs,
-    )  # fmt: skip
+        "h1 and h2 in turn: unstable below 2",
+        "omega h1",
+        "omega h2",
+        grid=pairs,
+    )
     left.series = [
         Series("|trace| = 2", (2.0 + h) / (1.0 + h), h, "theory on a map", "--"),
         Series("", h, (2.0 + h) / (1.0 + h), "theory on a map", "--"),
@@ -160,9 +168,12 @@ def symplectic_not_enough(
 
     middle = Panel(
         "Far below the limit too,\nif the steps vary in tune with the motion",
-        "cycles of the pattern", "energy over the first", scale="log y", ylim=(1e-2, 1e20),
+        "cycles of the pattern",
+        "energy over the first",
+        scale="log y",
+        ylim=(1e-2, 1e20),
         theory="eigenvalue of the cycle",
-    )  # fmt: skip
+    )
     for name, pattern in {
         "1.7 and 1.2 in turn": [1.7, 1.2],
         "5 of 0.3, 16 of 0.1": resonant_pattern(),
@@ -179,18 +190,24 @@ def symplectic_not_enough(
         says = f"x {measured:.5f}, theory {growth:.5f}" if grows else "bounded, theory 1"
         middle.series.append(
             Series(
-                f"omega h = {name}", np.arange(energy.size), energy, marker="",
+                f"omega h = {name}",
+                np.arange(energy.size),
+                energy,
+                marker="",
                 theory=line if grows else None,
                 note=f"omega h = {name:<20} largest {max(pattern):.1f} of the limit 2: amplitude "
                 f"per cycle {says}",
             )
-        )  # fmt: skip
+        )
     yield middle
 
     right = Panel(
-        "Energy bounded, phase not:\nits error grows linearly", "periods", "phase error [rad]",
-        scale="log", lines=[("y", math.pi, "half a period wrong")],
-    )  # fmt: skip
+        "Energy bounded, phase not:\nits error grows linearly",
+        "periods",
+        "phase error [rad]",
+        scale="log",
+        lines=[("y", math.pi, "half a period wrong")],
+    )
     every = 10
     records = math.ceil(periods * 2.0 * math.pi / omega_dt / every)
     for name in ("semi_implicit_euler", "velocity_verlet", "implicit_midpoint", "rk4"):
@@ -200,12 +217,16 @@ def symplectic_not_enough(
         turns = path.t / (2.0 * math.pi)
         right.series.append(
             Series(
-                LABELS[name], turns[1:], np.abs(error[1:]), name,
-                "--" if name == "velocity_verlet" else "-", marker="",
+                LABELS[name],
+                turns[1:],
+                np.abs(error[1:]),
+                name,
+                "--" if name == "velocity_verlet" else "-",
+                marker="",
                 note=f"{name:<20} phase {error[-1] / turns[-1]:+.3e} rad per period at omega dt = "
                 f"{omega_dt:g}",
             )
-        )  # fmt: skip
+        )
     yield right
 
 
@@ -313,21 +334,41 @@ def quaternion_drift(
                 return float(added_lag(angle, n))
 
             left.series.append(
-                Series(text, steps, np.maximum(length, FLOOR), update, "",
-                       longer if added else None, marker=marker, size=4.0, note=note)
-            )  # fmt: skip
+                Series(
+                    text,
+                    steps,
+                    np.maximum(length, FLOOR),
+                    update,
+                    "",
+                    longer if added else None,
+                    marker=marker,
+                    size=4.0,
+                    note=note,
+                )
+            )
             middle.series.append(
-                Series(text, steps, np.maximum(attitude, FLOOR), update, "",
-                       lag if update != "exponential map" else None, marker=marker, hollow=added,
-                       size=8.0 if added else 4.0)
-            )  # fmt: skip
+                Series(
+                    text,
+                    steps,
+                    np.maximum(attitude, FLOOR),
+                    update,
+                    "",
+                    lag if update != "exponential map" else None,
+                    marker=marker,
+                    hollow=added,
+                    size=8.0 if added else 4.0,
+                )
+            )
     yield from (left, middle)
 
     right = Panel(
-        "At fourth order it hardly matters", "step [ms]",
-        "attitude error after 20 s of free tumbling [rad]", scale="log", ylim=(1e-11, 1e-4),
+        "At fourth order it hardly matters",
+        "step [ms]",
+        "attitude error after 20 s of free tumbling [rad]",
+        scale="log",
+        ylim=(1e-11, 1e-4),
         ticks=(2.5, 5, 10, 20, 40),
-    )  # fmt: skip
+    )
     problem = problems.tumble()
     dt = problem.duration / np.array(counts)
     for name, label in (
@@ -339,8 +380,13 @@ def quaternion_drift(
         order = np.polyfit(np.log(dt), np.log(error), 1)[0]
         middle_step = len(counts) // 2
         right.series.append(
-            Series(f"{label}: order {order:.2f}", dt * 1e3, error, name,
-                   note=f"tumble over 20 s, {name:<17} order {order:.2f}, error at "
-                   f"{dt[middle_step] * 1e3:g} ms {error[middle_step]:.2e} rad")
-        )  # fmt: skip
+            Series(
+                f"{label}: order {order:.2f}",
+                dt * 1e3,
+                error,
+                name,
+                note=f"tumble over 20 s, {name:<17} order {order:.2f}, error at "
+                f"{dt[middle_step] * 1e3:g} ms {error[middle_step]:.2e} rad",
+            )
+        )
     yield right

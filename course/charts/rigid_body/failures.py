@@ -148,8 +148,13 @@ def stability_limits(
         endless = math.isinf(found[0])
         series = Series(
             LABELS.get(name, name) + (f": none up to {NO_LIMIT:g}" if endless else ""),
-            zetas, found, name, "", contender.theory, hollow="MuJoCo" in name,
-        )  # fmt: skip
+            zetas,
+            found,
+            name,
+            "",
+            contender.theory,
+            hollow="MuJoCo" in name,
+        )
         (mujocos if "MuJoCo" in name else ours).series.append(series)
         worst = max(map(deviation, found, series.expected))
         cells = "".join(f"  {'none' if math.isinf(m) else format(m, '.4f'):<9}" for m in found)
@@ -263,16 +268,27 @@ def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
     x = np.geomspace(0.01, NO_LIMIT, points)
     modes = {name: [mujoco_mode(name, float(v)) for v in x] for name in MUJOCO_INTEGRATORS}
     left = Panel(
-        "Only discrete survives any step", "omega dt", "growth per step", scale="log",
-        lines=[("x", 2.0, "2"), ("x", 2.0 * math.sqrt(2.0), "2 sqrt(2)")], ylim=(1e-4, 1e4),
-    )  # fmt: skip
+        "Only discrete survives any step",
+        "omega dt",
+        "growth per step",
+        scale="log",
+        lines=[("x", 2.0, "2"), ("x", 2.0 * math.sqrt(2.0), "2 sqrt(2)")],
+        ylim=(1e-4, 1e4),
+    )
     widths = dict(zip(modes, (7.0, 2.0, 4.5, 2.0, 2.0), strict=True))
     for name, rows in modes.items():
         style = "--" if name == "implicitfast" else "-"
         left.series.append(
-            Series(name, x, [m.growth for m in rows], f"MuJoCo {name}", style, marker="",
-                   width=widths[name])
-        )  # fmt: skip
+            Series(
+                name,
+                x,
+                [m.growth for m in rows],
+                f"MuJoCo {name}",
+                style,
+                marker="",
+                width=widths[name],
+            )
+        )
     steps = {name: functools.partial(mujoco_step, name) for name in modes}
     found = {name: measured_limit(step) for name, step in steps.items()}
     for name, limit in found.items():
@@ -283,14 +299,24 @@ def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
     yield left
 
     middle = Panel(
-        "It pays with damping of its own", "omega dt", "damping ratio (the true one is 0)",
-        scale="log", ylim=(3e-3, 3.0), theory="theory: implicit Euler",
-    )  # fmt: skip
+        "It pays with damping of its own",
+        "omega dt",
+        "damping ratio (the true one is 0)",
+        scale="log",
+        ylim=(3e-3, 3.0),
+        theory="theory: implicit Euler",
+    )
     middle.series = [
-        Series("discrete", x, [m.damping for m in modes["discrete"]], "MuJoCo discrete", "",
-               lambda v: implicit_euler_mode(v).damping),
+        Series(
+            "discrete",
+            x,
+            [m.damping for m in modes["discrete"]],
+            "MuJoCo discrete",
+            "",
+            lambda v: implicit_euler_mode(v).damping,
+        ),
         Series("omega dt / 2", x, 0.5 * x, "theory", ":"),
-    ]  # fmt: skip
+    ]
     middle.notes.append("what discrete does to an undamped spring:")
     for value in (0.01, 0.1, 0.3, 1.0):
         m, t = mujoco_mode("discrete", value), implicit_euler_mode(value)
@@ -303,10 +329,13 @@ def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
     yield middle
 
     right = Panel(
-        "and with the frequency of the motion", "omega dt", "relative error of the frequency",
-        scale="log", ylim=(1e-9, 3.0),
+        "and with the frequency of the motion",
+        "omega dt",
+        "relative error of the frequency",
+        scale="log",
+        ylim=(1e-9, 3.0),
         theory="1 - atan(x) / x, 2 asin(x / 2) / x - 1",
-    )  # fmt: skip
+    )
     theory: dict[str, Callable[[float], float]] = {
         "discrete": lambda v: -implicit_euler_mode(v).phase,
         "Euler": lambda v: 2.0 * math.asin(0.5 * v) / v - 1.0,
@@ -316,7 +345,14 @@ def mujoco_stiff_spring(points: int = 121) -> Iterator[Panel]:
         phase = np.array([m.phase for m in modes[name]])[stable]
         side = "too low" if phase[phase.size // 3] < 0.0 else "too high"
         right.series.append(
-            Series(f"{name} ({side})", x[stable], np.abs(phase), f"MuJoCo {name}", "",
-                   theory.get(name), size=4.0)
-        )  # fmt: skip
+            Series(
+                f"{name} ({side})",
+                x[stable],
+                np.abs(phase),
+                f"MuJoCo {name}",
+                "",
+                theory.get(name),
+                size=4.0,
+            )
+        )
     yield right

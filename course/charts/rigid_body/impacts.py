@@ -35,17 +35,25 @@ def events_order(steps: Sequence[int] = (100, 200, 400, 800), phases: int = 8) -
     problem = events.bouncing_pendulum()
     panel = Panel(
         "An impact applied at the end of its step makes every integrator first order",
-        "step [ms]", "rms error of the angle after 2.5 s [rad]", scale="log",
-        ticks=(3, 6, 12, 24), ylim=(1e-11, 1.0),
-    )  # fmt: skip
+        "step [ms]",
+        "rms error of the angle after 2.5 s [rad]",
+        scale="log",
+        ticks=(3, 6, 12, 24),
+        ylim=(1e-11, 1.0),
+    )
     # The mean step of the phases belongs to the mean error.
     dt = problem.duration / (np.array(steps) + 0.5 * (phases - 1))
 
     def error(name: str, n: int, handled: bool) -> float:
         end, _ = events.simulate_with_events(
-            problem.system, name, problem.duration / n, n,
-            events.wall_gap, events.elastic_wall, handled,
-        )  # fmt: skip
+            problem.system,
+            name,
+            problem.duration / n,
+            n,
+            events.wall_gap,
+            events.elastic_wall,
+            handled,
+        )
         return problem.error(end.q[-1])
 
     for name in ("rk4", "velocity_verlet"):
@@ -55,13 +63,17 @@ def events_order(steps: Sequence[int] = (100, 200, 400, 800), phases: int = 8) -
             order = np.polyfit(np.log(dt), np.log(rms), 1)[0]
             panel.series.append(
                 Series(
-                    f"{LABELS[name]}, impact {where}: order {order:.2f}", dt * 1e3, rms, name,
-                    "-" if handled else "--", hollow=not handled,
+                    f"{LABELS[name]}, impact {where}: order {order:.2f}",
+                    dt * 1e3,
+                    rms,
+                    name,
+                    "-" if handled else "--",
+                    hollow=not handled,
                     size=7.0 if handled or name == "rk4" else 11.0,
                     note=f"{name:<16} {'handled' if handled else 'late':<8} order {order:5.2f}"
                     f"   error at {dt[-1] * 1e3:.1f} ms: {rms[-1]:.1e} rad",
                 )
-            )  # fmt: skip
+            )
     yield panel
 
 
@@ -229,23 +241,49 @@ def tunnelling(
 
     left = Panel(
         "Checks per step: one fast ball in two gets through at v dt = 2 D",
-        "travel per step over effective thickness, v dt / D", "share of balls that get through",
-        scale="log x", ticks=(0.5, 1, 2, 5, 10),
+        "travel per step over effective thickness, v dt / D",
+        "share of balls that get through",
+        scale="log x",
+        ticks=(0.5, 1, 2, 5, 10),
         theory="theory: 1 - D / (v dt)",
-    )  # fmt: skip
+    )
     left.series = [
-        Series("point, checked once a step: D = d", ratios,
-               [point_misses(r, balls, rng) for r in ratios], "checked once a step", "", law),
-        Series("impact as an event in the step", ratios,
-               [swept_misses(r, swept, rng) for r in ratios], "event in the step", ""),
-        Series("MuJoCo, one-step contact: D = d/2 + r", ratios, [stiff(r) for r in ratios],
-               "MuJoCo, one-step contact", "", law, hollow=True),
-    ]  # fmt: skip
+        Series(
+            "point, checked once a step: D = d",
+            ratios,
+            [point_misses(r, balls, rng) for r in ratios],
+            "checked once a step",
+            "",
+            law,
+        ),
+        Series(
+            "impact as an event in the step",
+            ratios,
+            [swept_misses(r, swept, rng) for r in ratios],
+            "event in the step",
+            "",
+        ),
+        Series(
+            "MuJoCo, one-step contact: D = d/2 + r",
+            ratios,
+            [stiff(r) for r in ratios],
+            "MuJoCo, one-step contact",
+            "",
+            law,
+            hollow=True,
+        ),
+    ]
     dense = np.geomspace(min(ratios), max(ratios), 200)
     left.series.append(
-        Series("MuJoCo if every overlap pushed back: D = d + 2r", dense,
-               miss_probability(dense, 2.0), "theory", "--", width=1.0)
-    )  # fmt: skip
+        Series(
+            "MuJoCo if every overlap pushed back: D = d + 2r",
+            dense,
+            miss_probability(dense, 2.0),
+            "theory",
+            "--",
+            width=1.0,
+        )
+    )
     points, handled, mujocos, _ = left.series
     left.notes = [
         "checked once a step: worst deviation from 1 - d/(v dt) "
@@ -257,11 +295,14 @@ def tunnelling(
     yield left
 
     right = Panel(
-        "MuJoCo's default contact: a smaller step does not help", "step [ms]",
-        "speed that gets through in some phase [m/s]", scale="log", ylim=(None, 1e3),
+        "MuJoCo's default contact: a smaller step does not help",
+        "step [ms]",
+        "speed that gets through in some phase [m/s]",
+        scale="log",
+        ylim=(None, 1e3),
         ticks=[h * 1e3 for h in steps],
         theory=f"theory: (d/2 + r) over {stopping_time() * 1e3:.2f} ms, or over the step",
-    )  # fmt: skip
+    )
     right.notes.append(
         "MuJoCo, default contact: sinks in by its speed times "
         f"{stopping_time() * 1e3:.2f} ms, {stopping_time() / _TIME_CONSTANT:.2f} of its time "
@@ -283,11 +324,28 @@ def tunnelling(
 
         step_ms, big = np.array(steps) * 1e3, wall == walls[0]
         right.series += [
-            Series(f"default contact, {name}", step_ms, soft, "MuJoCo, default contact", "", sunk,
-                   marker="o" if big else "v", size=6.0),
-            Series(f"one-step contact, {name}", step_ms, hard, "MuJoCo, one-step contact", "", one,
-                   marker="s" if big else "D", hollow=True, size=7.0),
-        ]  # fmt: skip
+            Series(
+                f"default contact, {name}",
+                step_ms,
+                soft,
+                "MuJoCo, default contact",
+                "",
+                sunk,
+                marker="o" if big else "v",
+                size=6.0,
+            ),
+            Series(
+                f"one-step contact, {name}",
+                step_ms,
+                hard,
+                "MuJoCo, one-step contact",
+                "",
+                one,
+                marker="s" if big else "D",
+                hollow=True,
+                size=7.0,
+            ),
+        ]
         speeds = ", ".join(f"{v:.2f} at {h * 1e3:g} ms" for h, v in zip(steps, soft, strict=True))
         right.notes += [
             f"  d/2 + r = {reach * 1e3:4.1f} mm: theory {sunk(0.0):.2f} m/s, measured {speeds}",
@@ -377,9 +435,17 @@ def mujoco_box_at_rest(
         dt: step [s].
     """
     runner = mujoco_box.box_drop(
-        (0.5 * _BOX[0], 0.5 * _BOX[1]), 1.0, [0.0, 0.3, 0.3], [0.0, 0.0, 0.0], dt, integrator,
-        restitution=0.7, friction=0.5, gravity=problems.STANDARD_GRAVITY, contact=contact,
-    )  # fmt: skip
+        (0.5 * _BOX[0], 0.5 * _BOX[1]),
+        1.0,
+        [0.0, 0.3, 0.3],
+        [0.0, 0.0, 0.0],
+        dt,
+        integrator,
+        restitution=0.7,
+        friction=0.5,
+        gravity=problems.STANDARD_GRAVITY,
+        contact=contact,
+    )
     path = runner.samples(round((5.0 + duration) / dt))
     after = path.times > 5.0
     q, v = path.q[:, after], path.v[:, after]
@@ -452,14 +518,23 @@ def chatter(duration: float = 10.0, points: int = 121) -> Iterator[Panel]:
         ("Its speed", "rms speed [mm/s]", speeds, 1e-4),
     ):
         panel = Panel(
-            title, unit, scale="log x", xlim=(floor, 100.0 * max(values)),
+            title,
+            unit,
+            scale="log x",
+            xlim=(floor, 100.0 * max(values)),
             ticks=() if values is speeds else None,
-        )  # fmt: skip
+        )
         for key, part in (("course", slice(0, 5)), ("MuJoCo", slice(5, 8))):
             panel.series.append(
-                Series(key, values[part], [row.words for row in rows[part]], key, "bar",
-                       tags=[f"{v:.3g}" for v in values[part]])
-            )  # fmt: skip
+                Series(
+                    key,
+                    values[part],
+                    [row.words for row in rows[part]],
+                    key,
+                    "bar",
+                    tags=[f"{v:.3g}" for v in values[part]],
+                )
+            )
         if values is speeds:
             panel.notes = [
                 f"{row.name:<56} {row.impacts_per_second:>8.1f} impacts/s "
@@ -477,9 +552,12 @@ def chatter(duration: float = 10.0, points: int = 121) -> Iterator[Panel]:
     late = np.array([end + 1.0])
     past = [zeno_counts(late, height, restitution, rest)[0] for rest in (0.0, 0.01)]
     bounces = Panel(
-        "Infinitely many bounces in a finite time", "time left to the end of the bouncing [s]",
-        "impacts so far", scale="log x", xlim=(2.0, 5e-7),
-    )  # fmt: skip
+        "Infinitely many bounces in a finite time",
+        "time left to the end of the bouncing [s]",
+        "impacts so far",
+        scale="log x",
+        xlim=(2.0, 5e-7),
+    )
     few = slice(None, None, max(1, points // 30))
     bounces.series = [
         Series("theory: ln(time left) / ln(e)", left, theory, "theory", "steps", width=1.0),

@@ -136,9 +136,16 @@ def box_contenders(samples: int = 24) -> list[Contender]:
 
     def mujocos(state: Array, dt: float, friction: float = 0.5) -> Run:
         return mujoco_box.batch_boxes(
-            (0.5 * BOX[0], 0.5 * BOX[1]), 1.0, state[:3], state[3:], dt, "Euler",
-            restitution=restitution, friction=friction, gravity=STANDARD_GRAVITY,
-        ).run  # fmt: skip
+            (0.5 * BOX[0], 0.5 * BOX[1]),
+            1.0,
+            state[:3],
+            state[3:],
+            dt,
+            "Euler",
+            restitution=restitution,
+            friction=friction,
+            gravity=STANDARD_GRAVITY,
+        ).run
 
     def errors(engine: Callable[..., Run], longest: float) -> Callable[[float], float]:
         def error(dt: float) -> float:
@@ -292,9 +299,16 @@ def _panel(title: str, y: str, rates: Sequence[Rate], per_step: bool) -> Panel:
             )
         )
         panel.series.append(
-            Series(f"{who.name}, dt = {who.dt * 1e3:g} ms", [r.n for r in rows], middle, who.key,
-                   "--" if "mujoco" in who.name else "-", low=low, high=high)
-        )  # fmt: skip
+            Series(
+                f"{who.name}, dt = {who.dt * 1e3:g} ms",
+                [r.n for r in rows],
+                middle,
+                who.key,
+                "--" if "mujoco" in who.name else "-",
+                low=low,
+                high=high,
+            )
+        )
     return panel
 
 
@@ -326,9 +340,11 @@ def throughput(
 
     bodies = measure_rates(body_contenders(samples), sizes, repeats)
     right = _panel(
-        "Free bodies, attitude to 1 mrad after 1 s", "simulated body-seconds per second",
-        bodies, False,
-    )  # fmt: skip
+        "Free bodies, attitude to 1 mrad after 1 s",
+        "simulated body-seconds per second",
+        bodies,
+        False,
+    )
     fastest = sorted(bodies, key=lambda r: r.seconds_per_second)
     theirs = [r.who.name for r in fastest if "mujoco" in r.who.name][-1]
     ours = [r.who.name for r in fastest if "course" in r.who.name][-1]

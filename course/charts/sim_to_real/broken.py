@@ -22,17 +22,23 @@ STIFF = 5e4  # of the direct contact, for a unit of mass [1/s^2]
 def break_it(
     forces: Sequence[float] = (0.4, 0.7, 0.9, 0.95, 1.0, 1.05, 1.2, 2.0, 3.6, 5.0, 7.0, 10.0),
     offsets: Sequence[float] = (0, 10, 14, 15, 16, 20, 24, 25, 26, 30, 40),
-    steps: Sequence[float] = (1, 2, 3, 3.5, 4, 5, 7, 10, 15, 20, 25, 30, 35, 40), n: int = 10,
-) -> Iterator[Panel]:  # fmt: skip
+    steps: Sequence[float] = (1, 2, 3, 3.5, 4, 5, 7, 10, 15, 20, 25, 30, 35, 40),
+    n: int = 10,
+) -> Iterator[Panel]:
     """A gripper whose model is wrong: force and friction, camera, time step.
 
     Args:
         forces: over m (g + a) / (2 mu); offsets: of the camera [mm]; steps: of time [ms].
         n: lifts of a success.
     """
-    panel = Panel("Grip: slips below, knocked out above", "force over m (g + a) / (2 mu)",
-                  "slid in the jaw [mm]", scale="log x", lines=[("x", 1.0, "limit")],
-                  ticks=(0.4, 1, 3.6, 10))  # fmt: skip
+    panel = Panel(
+        "Grip: slips below, knocked out above",
+        "force over m (g + a) / (2 mu)",
+        "slid in the jaw [mm]",
+        scale="log x",
+        lines=[("x", 1.0, "limit")],
+        ticks=(0.4, 1, 3.6, 10),
+    )
     for mu in (0.4, 0.9, 1.2):
         lab = replace(POLICY, friction=mu)
         runs = [lift(replace(lab, force=x * lab.needed)) for x in forces]
@@ -61,8 +67,13 @@ def break_it(
     kp, kv = POLICY.kp, POLICY.kv
     servo = 1e3 * (math.sqrt(kv**2 + 4.0 * kp * (PALM + 0.2)) - kv) / kp
     contact = 2e3 * (math.sqrt(2.0) - 1.0) / math.sqrt(STIFF)
-    panel = Panel("Step: what fails, and at which limit", "step [ms]", "held, share", scale="log x",
-                  lines=[("x", contact, "contact"), ("x", servo, "servo")])  # fmt: skip
+    panel = Panel(
+        "Step: what fails, and at which limit",
+        "step [ms]",
+        "held, share",
+        scale="log x",
+        lines=[("x", contact, "contact"), ("x", servo, "servo")],
+    )
     for k, y in rows.items():
         told = ", ".join(f"{h:g} ms {v:.1f}" for h, v in zip(steps, y, strict=True))
         panel.series.append(Series(k, steps, y, note=f"{k}: {told}"))
@@ -81,38 +92,59 @@ def break_it(
 
 @chart
 def shaping_speed(
-    n: int = 10, seeds: int = 15, most: int = 300_000,
+    n: int = 10,
+    seeds: int = 15,
+    most: int = 300_000,
     epss: Sequence[float] = (0.1, 0.03, 0.01, 1e-3),
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """What a potential does to learning on a grid, and how near a chain comes to the bound."""
     walk, far = grid(n), 2.0 * (n - 1)
     left = far - (np.arange(n * n) // n + np.arange(n * n) % n)
     phis = {
-        "none": 0.0 * left, "-distance": -left, f"{far:g} - distance": far - left,
-        "twice the next": 2.0 * (far - left) / far, f"that over {far:g}": (far - left) / far,
-        "a hundredth of it": 0.01 * (far - left) / far, "true value": value_iteration(walk).value,
-    }  # fmt: skip
-    panel = Panel("The optimum is safe, the speed is not", "steps of Q-learning", scale="log x",
-                  xlim=(30, 1e6))  # fmt: skip
+        "none": 0.0 * left,
+        "-distance": -left,
+        f"{far:g} - distance": far - left,
+        "twice the next": 2.0 * (far - left) / far,
+        f"that over {far:g}": (far - left) / far,
+        "a hundredth of it": 0.01 * (far - left) / far,
+        "true value": value_iteration(walk).value,
+    }
+    panel = Panel(
+        "The optimum is safe, the speed is not",
+        "steps of Q-learning",
+        scale="log x",
+        xlim=(30, 1e6),
+    )
     steps = []
     for phi in phis.values():
-        runs = [learning_steps(shaped(walk, phi), np.random.default_rng(s), int(far), most=most)
-                for s in range(seeds)]  # fmt: skip
+        runs = [
+            learning_steps(shaped(walk, phi), np.random.default_rng(s), int(far), most=most)
+            for s in range(seeds)
+        ]
         steps.append(float(np.median(runs)))
     told = "; ".join(f"{k}: {s:,.0f}" for k, s in zip(phis, steps, strict=True))
     words = [f"{s:,.0f}" for s in steps]
     panel.series.append(Series("", steps, list(phis), style="bar", tags=words, note=told))
     yield panel
-    panel = Panel("The worst chain reaches the bound", "eps", "difference over the bound",
-                  scale="log x")  # fmt: skip
+    panel = Panel(
+        "The worst chain reaches the bound", "eps", "difference over the bound", scale="log x"
+    )
     pays = np.zeros((2, 1, 2))
     pays[0] = 1.0
     for gamma in (0.9, 0.95, 0.99):
         moves = {e: np.array([[[1.0 - e, e]], [[0.0, 1.0]]]) for e in (0.0, *epss)}
-        value = {e: evaluate_policy(Process(P, pays, gamma, NO_END), [0, 0])[0]
-                 for e, P in moves.items()}  # fmt: skip
+        value = {
+            e: evaluate_policy(Process(P, pays, gamma, NO_END), [0, 0])[0] for e, P in moves.items()
+        }
         y = [(value[0.0] - value[e]) / transfer_bound(gamma, e) for e in epss]
         told = ", ".join(f"{v:.3f}" for v in y)
-        panel.series.append(Series(f"gamma {gamma:g}", epss, y, note=f"gamma {gamma:g}: {told}",
-                                   theory=partial(reached, gamma)))  # fmt: skip
+        panel.series.append(
+            Series(
+                f"gamma {gamma:g}",
+                epss,
+                y,
+                note=f"gamma {gamma:g}: {told}",
+                theory=partial(reached, gamma),
+            )
+        )
     yield panel

@@ -36,15 +36,28 @@ def success_over_gap(n: int = 1000, seen: int = 256) -> Iterator[Panel]:
     """Success on n tasks over the gap by what was tuned on, and over the range, the twin beside."""
     record, posed = recorded(), tasks(n, SEEN)
     panel = Panel("The real arm, 10 ms late", "gap", "success")
-    for label, kind, k in (("no range", "range", 0), ("range 0.4", "range", 4),
-                           ("range 1", "range", 10)):  # fmt: skip
+    for label, kind, k in (
+        ("no range", "range", 0),
+        ("range 0.4", "range", 4),
+        ("range 1", "range", 10),
+    ):
         rows = np.array([rollouts(real(g, LATE), record[kind][k].T, posed).rate for g in GRID])
         told = ", ".join(f"{rate:.2f}" for rate in rows.mean(axis=1))
-        panel.series.append(Series(label, GRID, rows.mean(axis=1), low=rows.min(axis=1),
-                                   high=rows.max(axis=1), note=f"{label}: {told}"))  # fmt: skip
+        panel.series.append(
+            Series(
+                label,
+                GRID,
+                rows.mean(axis=1),
+                low=rows.min(axis=1),
+                high=rows.max(axis=1),
+                note=f"{label}: {told}",
+            )
+        )
     for label, kind in (("identified", "known"), ("identified, range 0.4", "both")):
-        rates = [float(rollouts(real(g, LATE), record[kind][k, 0], posed).rate)
-                 for k, g in enumerate(GRID)]  # fmt: skip
+        rates = [
+            float(rollouts(real(g, LATE), record[kind][k, 0], posed).rate)
+            for k, g in enumerate(GRID)
+        ]
         panel.series.append(banded(label, GRID, rates, n))
     yield panel
     panel = Panel("By the range it was tuned on", "range", "success")
@@ -93,8 +106,10 @@ def adaptive(twin: Twin, posed: plants.Tasks, rate: float) -> float:
     The setting was seen on the twin, one of eight slopes and dampings and of three rates: all never
     fail on `PLAIN`, and on the twin they gave 0.69 to 1.00, not adapting 0.78 to 0.92.
     """
-    laws = [Adaptive(plants.ARM, 10.0, np.diag([4.0, 1.0]), rate, plants.DT, plants.ARM.parameters)
-            for _ in range(posed.size)]  # fmt: skip
+    laws = [
+        Adaptive(plants.ARM, 10.0, np.diag([4.0, 1.0]), rate, plants.DT, plants.ARM.parameters)
+        for _ in range(posed.size)
+    ]
     last, v, way = posed.start, np.zeros(posed.start.shape), posed.reference - posed.start
 
     def law(k: int, seen: Array) -> Array:
@@ -107,8 +122,9 @@ def adaptive(twin: Twin, posed: plants.Tasks, rate: float) -> float:
             dp * way,
             60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / T**2 * way,
         )
-        return np.array([one(seen[:, i], v[:, i], *(x[:, i] for x in wanted))
-                         for i, one in enumerate(laws)]).T  # fmt: skip
+        return np.array(
+            [one(seen[:, i], v[:, i], *(x[:, i] for x in wanted)) for i, one in enumerate(laws)]
+        ).T
 
     angles, _, _ = twin.run(law, posed.start, round(plants.SECONDS / plants.DT), posed.seed)
     return float(judged(angles, posed).rate)
@@ -116,17 +132,20 @@ def adaptive(twin: Twin, posed: plants.Tasks, rate: float) -> float:
 
 @chart
 def robot_time(
-    n: int = 256, seeds: int = 3, counts: Sequence[int] = (1, 3, 10),
+    n: int = 256,
+    seeds: int = 3,
+    counts: Sequence[int] = (1, 3, 10),
     rounds: Sequence[int] = (1, 2, 4),
-) -> Iterator[Panel]:  # fmt: skip
+) -> Iterator[Panel]:
     """Success on MuJoCo's twin over seconds of its time used: ranges, logs, fine-tuning.
 
     Args:
         n: tasks; seeds: of logs and tuning; counts: of logs; rounds: of 96 episodes of fine-tuning.
     """
     twin, posed, record = Twin(), tasks(n, SEEN), recorded()["range"]
-    panel = Panel("What a second of the robot buys", "robot time [s]", "success on the twin",
-                  scale="log x")  # fmt: skip
+    panel = Panel(
+        "What a second of the robot buys", "robot time [s]", "success on the twin", scale="log x"
+    )
     for label, k in (("no range", 0), ("range 0.4", 4), ("range 1", 10)):
         rate = np.mean([twin.rollouts(gains, posed).rate for gains in record[k]])
         panel.lines = [*panel.lines, ("y", float(rate), label)]
@@ -138,8 +157,15 @@ def robot_time(
     x = [plants.SECONDS * k for k in counts]
     arms = [[from_log(twin, s, seed) for seed in range(seeds)] for s in x]
     for label, draws in (("identified from a log", only), ("and a range", about)):
-        rows = np.array([[twin.rollouts(tune(draws(each), seed).gains, posed).rate
-                          for seed, each in enumerate(row)] for row in arms])  # fmt: skip
+        rows = np.array(
+            [
+                [
+                    twin.rollouts(tune(draws(each), seed).gains, posed).rate
+                    for seed, each in enumerate(row)
+                ]
+                for row in arms
+            ]
+        )
         panel.series.append(banded(label, x, rows.mean(axis=1), n))
 
     def trial(sets: Array, turn: int) -> sim_to_real.Outcome:
@@ -157,8 +183,14 @@ def robot_time(
 
 
 ORDER = ("delay", "friction", "motor", "load", "encoder")  # of the worked trace
-FINDINGS = ("nothing mended:", "stamps differ; delay:", "stops short; friction:",
-            "commands lag; motor:", "fits too heavy; load:", "rests off; encoder:")  # fmt: skip
+FINDINGS = (
+    "nothing mended:",
+    "stamps differ; delay:",
+    "stops short; friction:",
+    "commands lag; motor:",
+    "fits too heavy; load:",
+    "rests off; encoder:",
+)
 
 
 @chart
@@ -177,21 +209,32 @@ def mending(n: int = 1000, seeds: int = 2, rounds: int = 20) -> Iterator[Panel]:
     trace = [frozenset(ORDER[:k]) for k in range(len(ORDER) + 1)]
     y, count = np.array([value[some] for some in trace]), n * seeds
     panel.series.append(Series("delay first", range(len(y)), y, tags=["", *ORDER]))
-    panel.notes += ["row {}, {:<29} {:.2f} [{:.2f}, {:.2f}] of {}".format(k, said, v, *band,
-        count) for k, (said, v, band) in enumerate(zip(FINDINGS, y, np.transpose(wilson(count * y,
-        count)), strict=True))]  # fmt: skip
+    panel.notes += [
+        "row {}, {:<29} {:.2f} [{:.2f}, {:.2f}] of {}".format(k, said, v, *band, count)
+        for k, (said, v, band) in enumerate(
+            zip(FINDINGS, y, np.transpose(wilson(count * y, count)), strict=True)
+        )
+    ]
     worse = sim_to_real.hurting(value)
     before, part, change = worse[0]
-    panel.notes.append(f"{len(worse)} of 80 mendings hurt; worst: {part} after "
-                       f"{' '.join(sorted(before)) or 'none'}, {change:+.2f}")  # fmt: skip
+    panel.notes.append(
+        f"{len(worse)} of 80 mendings hurt; worst: {part} after "
+        f"{' '.join(sorted(before)) or 'none'}, {change:+.2f}"
+    )
     yield panel
     shares = sim_to_real.attribution(value)
-    panel = Panel("The same parameter, asked three times", "0 alone, 1 Shapley's average, 2 last",
-                  "change of the success", ticks=(0, 1, 2), lines=[("y", 0.0, "")])  # fmt: skip
+    panel = Panel(
+        "The same parameter, asked three times",
+        "0 alone, 1 Shapley's average, 2 last",
+        "change of the success",
+        ticks=(0, 1, 2),
+        lines=[("y", 0.0, "")],
+    )
     for part in ORDER:
         told = ", ".join(f"{change:+.2f}" for change in shares[part])
-        panel.series.append(Series(part, (0, 1, 2), shares[part],
-                                   note=f"{part}: alone, average, last {told}"))  # fmt: skip
+        panel.series.append(
+            Series(part, (0, 1, 2), shares[part], note=f"{part}: alone, average, last {told}")
+        )
     yield panel
 
 
@@ -226,8 +269,9 @@ def late_commands(n: int = 200, points: int = 31, seen: int = 64) -> Iterator[Pa
     """Success over delay and gain with the limit of stability, and MuJoCo's own delay beside."""
     gains, posed = recorded()["range"][0, 0], tasks(n, SEEN)
     late, factors = np.linspace(0.0, 0.06, points), np.linspace(0.2, 1.6, 15)
-    fails = np.array([1.0 - rollouts(real(0.0, x), np.outer(gains, factors), posed).rate
-                      for x in late]).T  # fmt: skip
+    fails = np.array(
+        [1.0 - rollouts(real(0.0, x), np.outer(gains, factors), posed).rate for x in late]
+    ).T
     grid = Map(1e3 * late, factors, 2.0 * fails, quantity="share that fails, over a half")
     limits = np.array([delay_limit(gains, f) for f in factors])
     seen_limit = [float(np.interp(0.5, row, late)) for row in fails]
@@ -236,17 +280,27 @@ def late_commands(n: int = 200, points: int = 31, seen: int = 64) -> Iterator[Pa
     turn = posed.reference[1]
     held = rollouts(real(0.0, 0.012), gains, posed).success
     yield Panel(
-        "Success, and the limit of joint 2 alone", "delay [ms]", "factor on all gains",
+        "Success, and the limit of joint 2 alone",
+        "delay [ms]",
+        "factor on all gains",
         [Series("limit of joint 2", 1e3 * limits, factors, "theory on a map", marker="")],
-        grid=grid, xlim=(0.0, 60.0),
-        notes=["delay at which half fail over the limit of joint 2: " + ", ".join(
-            f"{ratio[i]:.2f} at {factors[i]:.1f} of the gains" for i in range(2, 15, 3)),
-            "both joints free, swings from " + ", ".join(
-                f"{1e3 * x:.1f} ms at an elbow of {e:g}" for e, x in bent.items()) + " rad",
-            "success at 12 ms by the elbow: " + ", ".join(
+        grid=grid,
+        xlim=(0.0, 60.0),
+        notes=[
+            "delay at which half fail over the limit of joint 2: "
+            + ", ".join(
+                f"{ratio[i]:.2f} at {factors[i]:.1f} of the gains" for i in range(2, 15, 3)
+            ),
+            "both joints free, swings from "
+            + ", ".join(f"{1e3 * x:.1f} ms at an elbow of {e:g}" for e, x in bent.items())
+            + " rad",
+            "success at 12 ms by the elbow: "
+            + ", ".join(
                 f"{held[(turn >= e) & (turn < e + 0.6)].mean():.2f} from {e:g} rad"
-                for e in (0.3, 0.9, 1.5, 2.1))],
-    )  # fmt: skip
+                for e in (0.3, 0.9, 1.5, 2.1)
+            ),
+        ],
+    )
     panel = Panel("MuJoCo's own delay fails where ours does", "delay [ms]", "success")
     some, ms = tasks(seen, SEEN), range(0, 33, 4)
     for label, k in (("no range", 0), ("range 1", 10)):
@@ -254,7 +308,9 @@ def late_commands(n: int = 200, points: int = 31, seen: int = 64) -> Iterator[Pa
         ours = [float(rollouts(real(0.0, 1e-3 * m), sets, some).rate) for m in ms]
         theirs = [float(Twin(replace(PLAIN, delay=1e-3 * m)).rollouts(sets, some).rate) for m in ms]
         limit = 1e3 * delay_limit(sets)
-        panel.series += [banded(label, ms, ours, seen), banded(f"{label}, MuJoCo", ms, theirs,
-            seen)]  # fmt: skip
+        panel.series += [
+            banded(label, ms, ours, seen),
+            banded(f"{label}, MuJoCo", ms, theirs, seen),
+        ]
         panel.lines = [*panel.lines, ("x", limit, f"{label}: {limit:.1f} ms")]
     yield panel

@@ -26,10 +26,12 @@ def plan(kind: str, seconds: float = SECONDS, dt: float = DT) -> Array:
     """Torques of "two sines", "steps" or "one slow joint", shape (2, T) [N m]."""
     t = 2.0 * np.pi * dt * np.arange(round(seconds / dt))
     if kind == "two sines":
-        return np.array([
-            1.5 * np.sin(0.9 * t) + np.sin(2.3 * t + 1.0),
-            0.6 * np.sin(1.3 * t + 0.5) + 0.5 * np.sin(3.1 * t + 2.0),
-        ])  # fmt: skip
+        return np.array(
+            [
+                1.5 * np.sin(0.9 * t) + np.sin(2.3 * t + 1.0),
+                0.6 * np.sin(1.3 * t + 0.5) + 0.5 * np.sin(3.1 * t + 2.0),
+            ]
+        )
     if kind == "steps":
         side = np.where(np.sin(0.5 * t + 1e-9) > 0.0, 1.0, -1.0)
         return np.array([side, 0.4 * side])
@@ -37,9 +39,14 @@ def plan(kind: str, seconds: float = SECONDS, dt: float = DT) -> Array:
 
 
 def record(
-    kind: str = "two sines", noise: float = NOISE, seed: int = 0, *, seconds: float = SECONDS,
-    dt: float = DT, **changed: float,
-) -> Log:  # fmt: skip
+    kind: str = "two sines",
+    noise: float = NOISE,
+    seed: int = 0,
+    *,
+    seconds: float = SECONDS,
+    dt: float = DT,
+    **changed: float,
+) -> Log:
     """A log of the arm, from rest, with what is `changed` in it: rows of `plants.ROWS`, by name."""
     sent = plan(kind, seconds, dt)
     times = dt * np.arange(sent.shape[1] + 1)
@@ -125,8 +132,9 @@ def regress(log: Log, form: str, width: float | None = None, window: float = 0.3
     n, q = round(window / dt), q[:, reach:-reach]
     sent = held[:, reach : reach + q.shape[1] - 1]
     u, length = np.linspace(0.0, 1.0, n + 1), n * dt
-    bump, slope, curve = (dt * p(u) / length**k for k, p in
-                          enumerate((_BUMP, _BUMP.deriv(), _BUMP.deriv(2))))  # fmt: skip
+    bump, slope, curve = (
+        dt * p(u) / length**k for k, p in enumerate((_BUMP, _BUMP.deriv(), _BUMP.deriv(2)))
+    )
     area = np.diff(length * _BUMP.integ()(u))  # exact for a torque that is held
     c, sine = np.cos(smooth[1]), np.sin(smooth[1])
     starts = range(0, q.shape[1] - n, max(1, n // 8))

@@ -23,11 +23,14 @@ WANTED = 1.0  # of each number [%]: a tenth of what a gap of 0.3 moves the heavi
 def ways(log: Log) -> dict[str, Callable[[], Array]]:
     """What finds five numbers in a log, prepared outside of the clock."""
     theirs = sysid.prepared(plants.ARM, log, GUESS)
-    return {"differentiated": lambda: regress(log, "differentiated"),
-        "filtered, 10 ms": lambda: regress(log, "filtered"), "filtered, 40 ms": lambda: regress(log,
-        "filtered", 0.04), "integral": lambda: regress(log, "integral"),
+    return {
+        "differentiated": lambda: regress(log, "differentiated"),
+        "filtered, 10 ms": lambda: regress(log, "filtered"),
+        "filtered, 40 ms": lambda: regress(log, "filtered", 0.04),
+        "integral": lambda: regress(log, "integral"),
         "output error": lambda: fit(arm, log, GUESS, FREE).value,
-        "mujoco.sysid": lambda: theirs().value}  # fmt: skip
+        "mujoco.sysid": lambda: theirs().value,
+    }
 
 
 def worst(answers: Sequence[Array]) -> float:
@@ -38,18 +41,29 @@ def worst(answers: Sequence[Array]) -> float:
 @chart
 def what_finds_the_numbers(
     noises: Sequence[float] = (1e-6, 1e-5, 1e-4, 3e-4, 1e-3, 3e-3),
-    lengths: Sequence[float] = (0.5, 1.0, 2.0, 4.0), seeds: int = 4,
-) -> Iterator[Panel]:  # fmt: skip
+    lengths: Sequence[float] = (0.5, 1.0, 2.0, 4.0),
+    seeds: int = 4,
+) -> Iterator[Panel]:
     """Error of five numbers over the noise, and over the time it takes, `mujoco.sysid` beside.
 
     Args:
         noises: deviations of the angles [rad]; lengths: of the logs on the right [s].
         seeds: logs of a point; MuJoCo gets two.
     """
-    panel = Panel("Two seconds of angles", "noise [mrad]", "error of the worst number [%]",
-                  scale="log", lines=[("y", WANTED, "wanted")])  # fmt: skip
-    priced = Panel("1 mrad, logs of 0.5 to 4 s", "time [ms]", "error of the worst number [%]",
-                   scale="log", lines=[("y", WANTED, "wanted")])  # fmt: skip
+    panel = Panel(
+        "Two seconds of angles",
+        "noise [mrad]",
+        "error of the worst number [%]",
+        scale="log",
+        lines=[("y", WANTED, "wanted")],
+    )
+    priced = Panel(
+        "1 mrad, logs of 0.5 to 4 s",
+        "time [ms]",
+        "error of the worst number [%]",
+        scale="log",
+        lines=[("y", WANTED, "wanted")],
+    )
     best: tuple[float, str, float] = (np.inf, "", 0.0)
     at_noise = [[ways(record(noise=x, seed=s)) for s in range(seeds)] for x in noises]
     at_length = [[ways(record(seed=s, seconds=t)) for s in range(seeds)] for t in lengths]
@@ -60,16 +74,24 @@ def what_finds_the_numbers(
         panel.series.append(Series(name, 1e3 * np.array(noises), y, name, note=f"{name}: {told} %"))
         errors = [worst([way[name]() for way in row[:some]]) for row in at_length]
         turns = 3 if name == "mujoco.sysid" else 15
-        times = [1e3 * interleaved([calls(row[0][name])], repeats=turns)[0].median
-                 for row in at_length]  # fmt: skip
+        times = [
+            1e3 * interleaved([calls(row[0][name])], repeats=turns)[0].median for row in at_length
+        ]
         priced.series.append(Series(name, times, errors, name))
         # With a fifth to spare: what is just within on these logs is not on others.
         near = [(t, name, e) for t, e in zip(times, errors, strict=True) if e <= 0.8 * WANTED]
         best = min([best, *near])
     priced.series.append(
-        Series("", [best[0]], [best[2]], "chosen", style="", hollow=True,
-               note=f"cheapest within {WANTED:g} %: {best[1]}")
-    )  # fmt: skip
+        Series(
+            "",
+            [best[0]],
+            [best[2]],
+            "chosen",
+            style="",
+            hollow=True,
+            note=f"cheapest within {WANTED:g} %: {best[1]}",
+        )
+    )
     yield panel
     yield priced
 
@@ -77,8 +99,9 @@ def what_finds_the_numbers(
 @chart
 def believed_error_bars(
     frictions: Sequence[float] = (1e-4, 1e-3, 2e-3, 5e-3, 2e-2, 1e-1),
-    delays: Sequence[float] = (5e-5, 1e-4, 2e-4, 5e-4, 2e-3, 1e-2), seeds: int = 8,
-) -> Iterator[Panel]:  # fmt: skip
+    delays: Sequence[float] = (5e-5, 1e-4, 2e-4, 5e-4, 2e-3, 1e-2),
+    seeds: int = 8,
+) -> Iterator[Panel]:
     """A fit whose model lacks something: what it claims, how wrong it is, whether it is noticed.
 
     Args:
@@ -86,25 +109,39 @@ def believed_error_bars(
         seeds: logs of a point.
     """
     for title, x, unit, scale, changes in (
-        ("Dry friction left out", frictions, "friction of joint 1 [mN m]", 1e3,
-         [{"f1": f, "f2": 0.5 * f} for f in frictions]),
+        (
+            "Dry friction left out",
+            frictions,
+            "friction of joint 1 [mN m]",
+            1e3,
+            [{"f1": f, "f2": 0.5 * f} for f in frictions],
+        ),
         ("Delay left out", delays, "delay [ms]", 1e3, [{"delay": d} for d in delays]),
-    ):  # fmt: skip
-        fits = [[fit(arm, record("two sines", NOISE, s, **changed), GUESS, FREE)
-                 for s in range(seeds)] for changed in changes]  # fmt: skip
+    ):
+        fits = [
+            [fit(arm, record("two sines", NOISE, s, **changed), GUESS, FREE) for s in range(seeds)]
+            for changed in changes
+        ]
         wrong = [worst([f.value for f in row]) for row in fits]
         claim = [max(float((100.0 * f.half_width() / TRUE).max()) for f in row) for row in fits]
         heard = [float(np.mean([f.white < ALARM for f in row])) for row in fits]
         first = next((i for i, share in enumerate(heard) if share > 0.5), len(x) - 1)
         at = scale * np.array(x)
-        told = ", ".join(f"{v:g}: {w:.2g} % wrong, {c:.2g} % claimed, heard in {100 * h:.0f} %"
-                         for v, w, c, h in zip(at, wrong, claim, heard, strict=True))  # fmt: skip
+        told = ", ".join(
+            f"{v:g}: {w:.2g} % wrong, {c:.2g} % claimed, heard in {100 * h:.0f} %"
+            for v, w, c, h in zip(at, wrong, claim, heard, strict=True)
+        )
         yield Panel(
-            title, unit, "of the worst number [%]",
-            [Series("error", at, wrong, "no anti-windup", note=f"{title.lower()}, {told}"),
-             Series("half-width claimed", at, claim, "course")],
-            scale="log", spans=[("x", at[first], at[-1], "residual not white")],
-        )  # fmt: skip
+            title,
+            unit,
+            "of the worst number [%]",
+            [
+                Series("error", at, wrong, "no anti-windup", note=f"{title.lower()}, {told}"),
+                Series("half-width claimed", at, claim, "course"),
+            ],
+            scale="log",
+            spans=[("x", at[first], at[-1], "residual not white")],
+        )
 
 
 LAGS, AHEAD = 8, 60  # samples that a learned model looks back, and that it foretells
@@ -161,8 +198,9 @@ def learned_model(
         error = 1e3 * float(np.sqrt(np.mean(np.square(off))))
         return error if error < 1e3 else np.inf
 
-    panel = Panel("Learned, or written", "seconds of the twin", "error over 0.6 s [mrad]",
-                  scale="log")  # fmt: skip
+    panel = Panel(
+        "Learned, or written", "seconds of the twin", "error over 0.6 s [mrad]", scale="log"
+    )
     logged = [[twin.log(random_sines(t, s), [0.3, 1.2], s) for s in range(seeds)] for t in lengths]
     short = [t for t in lengths if t <= 10]
     cases = {"learned": (lengths, [worth(rolled, [learned(x) for x in row]) for row in logged])}

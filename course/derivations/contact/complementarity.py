@@ -52,7 +52,7 @@ def contact_velocity_jumps(found):
         outside=[
             lost(m, *row) for m in ("soft", "penalty") for row in zip(speeds, steps, strict=True)
         ],
-    )  # fmt: skip
+    )
     shorter = solve("soft", _ball(-1e-9, -1.0, 0.1 * dt)).velocity[0] + 1.0
     found.corrected(abs(shorter / soft - 0.1) < 0.02)
 

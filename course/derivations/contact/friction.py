@@ -61,9 +61,10 @@ def below_the_limit_sticks(found):
         ],
     )
     found.corrected(
-        creep > 1e-4, not any(above),
+        creep > 1e-4,
+        not any(above),
         all(sticks(m, a, 1.0) for m in RIGID for a in mus[:4]),
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -329,9 +330,13 @@ def condim_4_is_the_full_cone(found):
     mujoco.mj_step(model, standing, 300)
     found.heard(abs(stretched - 1) < 0.01)
     found.corrected(
-        stretched > 1.3, abs(same - 1) < 1e-6, abs(kept - 10) < 1e-9, abs(lost) < 0.01,
-        standing.ncon > 1, abs(standing.qvel[5]) < 0.01,
-    )  # fmt: skip
+        stretched > 1.3,
+        abs(same - 1) < 1e-6,
+        abs(kept - 10) < 1e-9,
+        abs(lost) < 0.01,
+        standing.ncon > 1,
+        abs(standing.qvel[5]) < 0.01,
+    )
 
 
 @claim(

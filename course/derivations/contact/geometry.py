@@ -27,8 +27,10 @@ def _angle():
 
     from course import contact
 
-    plates = [(contact.box([0.5, 0.5, 0.05]), _still(0.45, 0.0, -0.05)),
-              (contact.box([0.05, 0.5, 0.45]), _still(0.0, 0.0, 0.45))]  # fmt: skip
+    plates = [
+        (contact.box([0.5, 0.5, 0.05]), _still(0.45, 0.0, -0.05)),
+        (contact.box([0.05, 0.5, 0.45]), _still(0.0, 0.0, 0.45)),
+    ]
     return plates, np.hstack([plate.corners + place[:3, None] for plate, place in plates])
 
 
@@ -123,16 +125,20 @@ def aabb_listing_two_axes(found):
 
     def listing(a_min, a_max, b_min, b_max):
         return (
-            a_min[0] <= b_max[0] and a_max[0] >= b_min[0]
-            and a_min[1] <= b_max[1] and a_max[1] >= b_min[1]
-        )  # fmt: skip
+            a_min[0] <= b_max[0]
+            and a_max[0] >= b_min[0]
+            and a_min[1] <= b_max[1]
+            and a_max[1] >= b_min[1]
+        )
 
     low = found.rng.uniform(0.0, 4.0, (3, 60))
     boxes = np.stack((low, low + found.rng.uniform(0.5, 1.0, (3, 60))))
     reported = {
-        (i, j) for i in range(60) for j in range(i + 1, 60)
+        (i, j)
+        for i in range(60)
+        for j in range(i + 1, 60)
         if listing(boxes[0, :, i], boxes[1, :, i], boxes[0, :, j], boxes[1, :, j])
-    }  # fmt: skip
+    }
     true = set(map(tuple, contact.brute_force(boxes)[0].T.tolist()))
     flat = set(map(tuple, contact.brute_force(boxes[:, :2])[0].T.tolist()))
     found.figure("false_percent", 100.0 * len(reported - true) / len(reported), 0.02)
@@ -144,27 +150,37 @@ def aabb_listing_two_axes(found):
 @claim(
     "A naive broad phase of 100 objects tests 4,950 pairs, and grows with the square of N.",
     "Every pair once is N (N - 1) / 2 tests: {tests:.0f} for {objects:.0f} objects.",
-    ask=Ask("N bodies, every pair tested once: how many tests?", "n*(n - 1)/2", {
-        "n**2": "A body is not tested against itself, and (i, j) is (j, i).",
-        "n*(n - 1)": "That counts (i, j) and (j, i).",
-        "n**2/2": "A body is not tested against itself.",
-        "n*(n + 1)/2": "That tests each body against itself, too."}),
-)  # fmt: skip
+    ask=Ask(
+        "N bodies, every pair tested once: how many tests?",
+        "n*(n - 1)/2",
+        {
+            "n**2": "A body is not tested against itself, and (i, j) is (j, i).",
+            "n*(n - 1)": "That counts (i, j) and (j, i).",
+            "n**2/2": "A body is not tested against itself.",
+            "n*(n + 1)/2": "That tests each body against itself, too.",
+        },
+    ),
+)
 def brute_force_pairs(found):
     import sympy
 
     from course import contact
 
     n = sympy.symbols("n", positive=True)
-    found.formula = sympy.factor(sympy.summation(n - 1 - sympy.symbols("i"),
-                                                 (sympy.symbols("i"), 0, n - 1)))  # fmt: skip
+    found.formula = sympy.factor(
+        sympy.summation(n - 1 - sympy.symbols("i"), (sympy.symbols("i"), 0, n - 1))
+    )
     objects = found.given("objects", 100)
     tests = [contact.brute_force(np.zeros((2, 3, size)))[1] for size in (objects, 2, 57)]
     found.figure("tests", tests[0])
     found.statement = "The tests of `brute_force`, counted, and the sum."
     found.heard(tests[0] == 4950)
-    found.corrected(*[bool(found.formula.subs(n, size) == count)
-                      for size, count in zip((objects, 2, 57), tests, strict=True)])  # fmt: skip
+    found.corrected(
+        *[
+            bool(found.formula.subs(n, size) == count)
+            for size, count in zip((objects, 2, 57), tests, strict=True)
+        ]
+    )
 
 
 def _exponent(crowd, sizes=(500, 4000)):
@@ -206,9 +222,11 @@ def sweep_and_prune_n_log_n(found):
         outside=[exponent <= most for exponent in spread],
     )
     found.corrected(
-        abs(crowds["spread"] - 5 / 3) < 0.06, abs(crowds["settled"] - 3 / 2) < 0.06,
-        abs(crowds["aligned"] - 2) < 0.06, abs(np.mean(rows) - 1.0) < 0.05,
-    )  # fmt: skip
+        abs(crowds["spread"] - 5 / 3) < 0.06,
+        abs(crowds["settled"] - 3 / 2) < 0.06,
+        abs(crowds["aligned"] - 2) < 0.06,
+        abs(np.mean(rows) - 1.0) < 0.05,
+    )
 
 
 def _pile(geom, width, shape, count, seed=1):
@@ -266,17 +284,19 @@ def pile_of_a_hundred(found):
         left[name] = found.figure(name, count, 0.15)
         found.figure(f"{name}_touch", touching, 0.15)
         speeds.append(speed)
-    again = found.figure("cubes_again", _pile(scenes["cubes"][0], 0.2, scenes["cubes"][1], bodies,
-                                              seed=2)[0], 0.15)  # fmt: skip
+    again = found.figure(
+        "cubes_again", _pile(scenes["cubes"][0], 0.2, scenes["cubes"][1], bodies, seed=2)[0], 0.15
+    )
     found.statement = (
         "Dropped by MuJoCo into a bin 0.4 m wide for 1.5 s; median speed at the end at most "
         f"{max(speeds):.3f} m/s; touching is within 1 mm."
     )
     found.heard(all(150 <= count <= 250 for count in left.values()))
     found.corrected(
-        left["rods"] > 2 * max(left["balls"], left["cubes"]), max(speeds) < 0.1,
+        left["rods"] > 2 * max(left["balls"], left["cubes"]),
+        max(speeds) < 0.1,
         left["balls"] > max(left["cubes"], again),
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -367,18 +387,30 @@ def coal_is_the_truth(found):
     missed = found.figure("far_um", 1e6 * np.abs(other - truth).max(), 0.5)
     ours = found.figure("ours", max(near, far, 1e-15), 0.5)
     first, turned = (
-        abs(float(subprocess.run([sys.executable, "-c", _FRESH, how, str(tight)],
-                                 capture_output=True, text=True, check=True).stdout))
+        abs(
+            float(
+                subprocess.run(
+                    [sys.executable, "-c", _FRESH, how, str(tight)],
+                    capture_output=True,
+                    text=True,
+                    check=True,
+                ).stdout
+            )
+        )
         for how in ("aligned", "turned")
-    )  # fmt: skip
+    )
     found.figure("large", first, 0.01)
     found.figure("plain", turned, 1e-6)
     found.statement = f"The same two cubes: off by {first:.1e} m, or {turned:.0e} m."
     found.heard(touch < 1e-3 and missed < 1.0)
     found.corrected(
-        0.5 < touch < 2.0, coals[gap > 2e-6].min() > 0.0, missed > 1.0, 1e-11 < first < 1e-10,
-        turned < 1e-15, ours < 1e-14,
-    )  # fmt: skip
+        0.5 < touch < 2.0,
+        coals[gap > 2e-6].min() > 0.0,
+        missed > 1.0,
+        1e-11 < first < 1e-10,
+        turned < 1e-15,
+        ours < 1e-14,
+    )
 
 
 @claim(
@@ -446,9 +478,10 @@ def circle_test_concentric(found):
     found.heard(depth > 0)
     found.corrected(
         bool(np.allclose(np.maximum(0.0, np.negative(ours)), theirs, atol=1e-12)),
-        not normal.any(), abs(np.linalg.norm(deepest.normal) - 1.0) < 1e-12,
+        not normal.any(),
+        abs(np.linalg.norm(deepest.normal) - 1.0) < 1e-12,
         abs(deepest.distance + 1.2) < 1e-12,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -482,9 +515,11 @@ def circles_once_a_step(found):
     found.figure("missed_percent", 100.0 * (1.0 - np.mean(outside)), 0.02)
     found.statement = "Discs of 0.3 and 0.5 m; phase of the step and offset of the path at random."
     found.heard(
-        all(outside), only_if="a step is no longer than the way on which the circles overlap",
-        inside=inside, outside=outside,
-    )  # fmt: skip
+        all(outside),
+        only_if="a step is no longer than the way on which the circles overlap",
+        inside=inside,
+        outside=outside,
+    )
     found.corrected(all(inside), all_inside, all_outside, not all(outside))
 
 
@@ -545,8 +580,47 @@ def concave_mesh_is_its_hull(found):
     from course import contact
 
     plates, corners = _angle()
-    faces = np.reshape([0, 2, 3, 0, 3, 1, 4, 5, 7, 4, 7, 6, 0, 1, 5, 0, 5, 4,
-                        2, 6, 7, 2, 7, 3, 0, 4, 6, 0, 6, 2, 1, 3, 7, 1, 7, 5], (12, 3))  # fmt: skip
+    faces = np.reshape(
+        [
+            0,
+            2,
+            3,
+            0,
+            3,
+            1,
+            4,
+            5,
+            7,
+            4,
+            7,
+            6,
+            0,
+            1,
+            5,
+            0,
+            5,
+            4,
+            2,
+            6,
+            7,
+            2,
+            7,
+            3,
+            0,
+            4,
+            6,
+            0,
+            6,
+            2,
+            1,
+            3,
+            7,
+            1,
+            7,
+            5,
+        ],
+        (12, 3),
+    )
     ball, place = contact.sphere(0.02), _still(0.15, 0.0, 0.1)
     # In MuJoCo a mesh stands at its centre of mass, unless its frame is asked for.
     mesh = f'vertex="{_text(corners.T)}" face="{_text([faces, faces + 8])}" inertia="legacy"'

@@ -123,8 +123,10 @@ def nconmax_helps(found):
     small = f'njmax="6" nconmax="{allowed}"'
     sizes = ("", small, 'njmax="2000" nconmax="500"', 'memory="10M"')
     speeds = found.rng.uniform(-1.0, 1.0, (8, 6))
-    same = [all(np.array_equal(end(sizes[0], v, False), end(s, v, False)) for s in sizes[1:])
-            for v in speeds]  # fmt: skip
+    same = [
+        all(np.array_equal(end(sizes[0], v, False), end(s, v, False)) for s in sizes[1:])
+        for v in speeds
+    ]
     touching = found.figure("contacts", max(end(small, v, True) for v in speeds))
     found.statement = f"{sum(same)} of {len(same)} boxes end alike with any size."
     found.heard(not all(same))
@@ -267,11 +269,14 @@ def heavy_on_light_sinks(found):
         outside=[sunk(m, "pgs", sweeps=20000) > 1e-3 for m in masses],
     )
     found.corrected(
-        newton > 10 * equal, rigid < 1e-9, swept > 1.0, sunk(huge, "lcp") < 1e-9,
+        newton > 10 * equal,
+        rigid < 1e-9,
+        swept > 1.0,
+        sunk(huge, "lcp") < 1e-9,
         # The heavy one's lowest point, which began a diameter up, is at the ground or below it.
         all(sum(deep) > 2 * radius and deep[1] > 0.99 * radius for deep in swallowed),
         np.ptp(swallowed, axis=0).max() < 1e-3,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -422,9 +427,13 @@ def mujoco_is_velocity_level(found):
     discrete = found.figure("discrete", other, tolerance=1e-3)
     found.heard(change > 0.1)
     found.corrected(
-        all(kept), grown > 5, discrete > 0.1, force(15.0) < 0.9 * force(9.9), force(9.9) > 0,
+        all(kept),
+        grown > 5,
+        discrete > 0.1,
+        force(15.0) < 0.9 * force(9.9),
+        force(9.9) > 0,
         abs(force(9.9) / force(long) - 1) < 1e-9,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -466,9 +475,12 @@ def constraints_take_larger_steps(found):
     calm = [blows_up(m, h) for m in ("lcp", "pgs", "coulomb", "convex") for h in (dt, 0.1, 1.0)]
     found.heard(all(worse) and not any(blows_up("coulomb", h) for h in (*steps, dt)))
     found.corrected(
-        rest < 1e-9, abs(missed(dt) / missed(0.1 * dt) - 10) < 2, not any(calm),
-        blows_up("soft", soft, refsafe=False), not blows_up("soft", soft),
-    )  # fmt: skip
+        rest < 1e-9,
+        abs(missed(dt) / missed(0.1 * dt) - 10) < 2,
+        not any(calm),
+        blows_up("soft", soft, refsafe=False),
+        not blows_up("soft", soft),
+    )
 
 
 @claim(

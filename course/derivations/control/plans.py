@@ -40,9 +40,12 @@ def mpc_beats_clipping(found):
     found.figure("gain", 1 + saved(np.array([far, 0.0]))[0], 1e-3)
     found.figure("same", max(np.abs(less).max(), 1e-12), 0.5)
     found.statement = "Costs of runs to rest from drawn places and speeds, 2 s ahead."
-    found.heard(min(s for s, _ in draws) > 1e-9,
-                only_if="a limit begins to bind after the start",
-                inside=[s > 1e-9 for s in coming], outside=[s > 1e-9 for s in less])  # fmt: skip
+    found.heard(
+        min(s for s, _ in draws) > 1e-9,
+        only_if="a limit begins to bind after the start",
+        inside=[s > 1e-9 for s in coming],
+        outside=[s > 1e-9 for s in less],
+    )
     found.corrected(max(coming) > 0.05, draws[-1][0] > 0.05, np.abs(less).max() < 1e-9)
 
 
@@ -106,8 +109,11 @@ def inertia_by_differences(found):
     found.figure("integral", np.abs(off).max(), 0.05)
     found.statement = "Inertias out of six drawn joints' logs, friction and gravity known."
     found.heard(np.abs(diff).max() < 0.05)
-    found.corrected(abs(drawn.std() / float(found.formula.subs({s: noise, h: dt})) - 1) < 0.02,
-                    np.abs(off).max() < 0.005, np.max(diff) < -0.1)  # fmt: skip
+    found.corrected(
+        abs(drawn.std() / float(found.formula.subs({s: noise, h: dt})) - 1) < 0.02,
+        np.abs(off).max() < 0.005,
+        np.max(diff) < -0.1,
+    )
 
 
 @claim(
@@ -126,8 +132,10 @@ def acceleration_means_inertia(found):
 
     def told(cases):
         recorded = logs.record([truth for _, truth in cases], seconds=5.0)
-        return [set(diagnose(log, model).causes)
-                for log, (model, _) in zip(recorded, cases, strict=True)]  # fmt: skip
+        return [
+            set(diagnose(log, model).causes)
+            for log, (model, _) in zip(recorded, cases, strict=True)
+        ]
 
     changes = [{"inertia": logs.FLAT.inertia * x} for x in found.rng.uniform(1.1, 1.4, 3)]
     changes += [{"constant": x} for x in found.rng.uniform(0.7, 0.9, 3)]

@@ -67,15 +67,24 @@ def p_at_any_gain(found):
     found.figure("worst", max(abs(gains[D][0] / theory[D][0] - 1) for D in gains), 0.01)
     coarse = sampled.ultimate_gain(*sampled.joint_system(1.0, 1.0), 1.0)[0]
     found.figure("coarse", coarse / sampled.delay_limit(1.0, 1.0, 0.5)[0] - 1, 0.01)
-    edges = [_edge(gains[D][0], 0.0, dt=dt, delay=D, inertia=inertia, damping=damping)
-             for D in gains]  # fmt: skip
+    edges = [
+        _edge(gains[D][0], 0.0, dt=dt, delay=D, inertia=inertia, damping=damping) for D in gains
+    ]
     found.statement = "Ultimate gain of the exact sampled joint at five delays."
     found.heard(_growth(1e5, 0.0, dt=dt, inertia=inertia, damping=damping) <= 1)
     found.corrected(
-        all(edges), max(abs(gains[D][0] / theory[D][0] - 1) for D in gains) < 1e-4,
-        all(abs(theory[D][0] / float(found.formula.subs(
-            {J: inertia, b: damping, w: 2 * np.pi / theory[D][1]})) - 1) < 1e-9 for D in gains),
-    )  # fmt: skip
+        all(edges),
+        max(abs(gains[D][0] / theory[D][0] - 1) for D in gains) < 1e-4,
+        all(
+            abs(
+                theory[D][0]
+                / float(found.formula.subs({J: inertia, b: damping, w: 2 * np.pi / theory[D][1]}))
+                - 1
+            )
+            < 1e-9
+            for D in gains
+        ),
+    )
 
 
 def _coefficients(open_loop):
@@ -129,8 +138,9 @@ def pd_exact_rate(found):
     found.corrected(
         all(_edge(sampled.pd_limit(V, 1, 1), V) for V in draws),
         all(abs(sampled.pd_limit(v, 1, 1) - float(limit.subs(V, v))) < 1e-12 for v in draws),
-        _growth(1e-3, float(highest) + 1e-3) > 1, _growth(1e-6, 0.0) > 1,
-    )  # fmt: skip
+        _growth(1e-3, float(highest) + 1e-3) > 1,
+        _growth(1e-6, 0.0) > 1,
+    )
 
 
 @claim(
@@ -167,10 +177,12 @@ def pd_difference(found):
     found.heard(all(_edge(2 * V, V, rate="filtered") for V in draws))
     found.corrected(
         all(_edge(sampled.pd_limit(V, 1, 1, "difference"), V, rate="filtered") for V in draws),
-        all(abs(sampled.pd_limit(2 * x, 1, 1, "difference") - 2 * float(limit.subs(c, x))) < 1e-12
-            for x in draws / 2),
+        all(
+            abs(sampled.pd_limit(2 * x, 1, 1, "difference") - 2 * float(limit.subs(c, x))) < 1e-12
+            for x in draws / 2
+        ),
         abs(tip - 4 * float(sympy.sqrt(2) - 1) ** 2) < 1e-12,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -210,10 +222,12 @@ def pd_sample_late(found):
     found.heard(sampled.pd_limit(0.625, 1, 1, "late") > sampled.pd_limit(0.625, 1, 1) / 2)
     found.corrected(
         all(_edge(sampled.pd_limit(V, 1, 1, "late"), V, delay=1.0) for V in draws),
-        all(_edge(1e6 * sampled.pd_limit(V, 1, 1, "late"), 1e3 * V, dt=1e-3, delay=1e-3)
-            for V in draws),
+        all(
+            _edge(1e6 * sampled.pd_limit(V, 1, 1, "late"), 1e3 * V, dt=1e-3, delay=1e-3)
+            for V in draws
+        ),
         max(sampled.pd_limit(V, 1, 1, "late") for V in draws) <= 0.25,
-    )  # fmt: skip
+    )
 
 
 def _most(growth, high, low=0.0):
@@ -247,9 +261,12 @@ def pade_is_enough(found):
     loop = {"dt": dt, "delay": delay - dt / 2}  # a hold is the other half sample
     exact = _most(lambda k: _growth(k, k * ratio, **loop), 5.0)
     first, second = (_most(lambda k, n=n: pade(n, k, k * ratio), 5.0) / exact - 1 for n in (1, 2))
-    slow, heavy = (_most(lambda k, b=b: pade(1, k, 0.0, b), 200.0)
-                   / _most(lambda k, b=b: _growth(k, 0.0, damping=b, **loop), 200.0) - 1
-                   for b in (0.05, 50.0))  # fmt: skip
+    slow, heavy = (
+        _most(lambda k, b=b: pade(1, k, 0.0, b), 200.0)
+        / _most(lambda k, b=b: _growth(k, 0.0, damping=b, **loop), 200.0)
+        - 1
+        for b in (0.05, 50.0)
+    )
     found.figure("first", first, 0.02)
     found.figure("second", second, 0.05)
     found.figure("slow", abs(slow), 0.3)
@@ -278,8 +295,10 @@ def too_much_d(found):
         return record, step_metrics(record.times, record.q, 1.0)
 
     slow, fast = (run(kd)[1].settling for kd in (heavy, light))
-    edge = _most(lambda kd: _growth(20, kd, dt=dt, delay=late, rate="filtered", inertia=0.5,
-                                    damping=0.5), 1e4)  # fmt: skip
+    edge = _most(
+        lambda kd: _growth(20, kd, dt=dt, delay=late, rate="filtered", inertia=0.5, damping=0.5),
+        1e4,
+    )
     swing = run(1.02 * edge, 1.0)[0].v[500:]
     turns = np.count_nonzero(np.diff(np.sign(swing))) / 2 / (swing.size * dt)
     found.figure("slow_s", slow)
@@ -287,12 +306,19 @@ def too_much_d(found):
     found.figure("edge", edge)
     found.figure("hertz", turns, 0.02)
     found.statement = "A step of 1 rad with kp = 20, and the loop's matrix."
-    found.heard(max(_growth(20, kd, dt=dt, delay=late, rate="filtered", inertia=0.5, damping=0.5)
-                    for kd in (2 * edge, 10 * edge)) <= 1)  # fmt: skip
+    found.heard(
+        max(
+            _growth(20, kd, dt=dt, delay=late, rate="filtered", inertia=0.5, damping=0.5)
+            for kd in (2 * edge, 10 * edge)
+        )
+        <= 1
+    )
     found.corrected(
-        slow > 4 * fast, run(0.98 * edge, 2.0)[1].overshoot < 1, run(1.05 * edge)[1].settling > 19,
+        slow > 4 * fast,
+        run(0.98 * edge, 2.0)[1].overshoot < 1,
+        run(1.05 * edge)[1].settling > 19,
         20 < turns < 500,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -311,8 +337,15 @@ def encoder_ripple(found):
 
     def ripple(tau, kd=kd, target=0.3, bits=bits):
         gains = Gains(kp, 0.0, kd, tau)
-        run = run_joint(Joint(0.05, 0.1, 0.4), Actuator(delay=dt), Encoder(bits, 0.2 * line),
-                        gains, target, dt, 3.0)  # fmt: skip
+        run = run_joint(
+            Joint(0.05, 0.1, 0.4),
+            Actuator(delay=dt),
+            Encoder(bits, 0.2 * line),
+            gains,
+            target,
+            dt,
+            3.0,
+        )
         return np.ptp(run.command[2000:]), np.ptp(run.measured[2000:]) < 1.5 * line
 
     tau = found.given("tau_ms", 10) / 1000
@@ -322,15 +355,19 @@ def encoder_ripple(found):
     draws = [
         (line * (2 * kd / (tau + dt) + kp), *ripple(tau, kd, target))
         for tau, kd, target in zip(
-            found.rng.uniform(0, 0.02, 8), found.rng.uniform(0.5, 3, 8),
-            found.rng.uniform(0.1, 1, 8), strict=True,
+            found.rng.uniform(0, 0.02, 8),
+            found.rng.uniform(0.5, 3, 8),
+            found.rng.uniform(0.1, 1, 8),
+            strict=True,
         )
-    ]  # fmt: skip
+    ]
     found.statement = (
         "The last second of a step with a load, the encoder's noise a fifth of a line."
     )
     found.heard(plain < 3 * kp * line)
     found.corrected(
         all(size <= bound * (1 + 1e-9) for bound, size, flickers in draws if flickers),
-        sum(flickers for *_, flickers in draws) > 3, plain > kd * line / dt, soft < plain / 5,
-    )  # fmt: skip
+        sum(flickers for *_, flickers in draws) > 3,
+        plain > kd * line / dt,
+        soft < plain / 5,
+    )

@@ -37,9 +37,12 @@ def simulator_hold(found):
     theory = [sampled.delay_limit(inertia, damping, (dt - dt / n) / 2)[0] for n in (10, 50)]
     found.statement = "Limits by bisection of the loop's growth, MuJoCo's joint and the matrix."
     found.heard(abs(read[1] / robot - 1) < 0.1)
-    found.corrected(off < 1e-5, read[1] > 1000 * robot,
-                    max(abs(read[n] / t - 1) for n, t in zip((10, 50), theory, strict=True)) < 1e-3,
-                    abs(read[50] / robot - 1) < 0.03)  # fmt: skip
+    found.corrected(
+        off < 1e-5,
+        read[1] > 1000 * robot,
+        max(abs(read[n] / t - 1) for n, t in zip((10, 50), theory, strict=True)) < 1e-3,
+        abs(read[50] / robot - 1) < 0.03,
+    )
 
 
 @claim(
@@ -67,8 +70,11 @@ def servo_is_a_sampled_loop(found):
     )
     found.statement = "Growth per step of MuJoCo's servo at drawn kv; one step a sample."
     found.heard(np.all(np.abs(fast / sampled_limit - 1) < 0.1))
-    found.corrected(np.allclose(euler, 4 - 2 * kvs, rtol=1e-4),
-                    np.allclose(fast, 4 + 2 * kvs, rtol=1e-4), np.all(discrete >= 1e5))  # fmt: skip
+    found.corrected(
+        np.allclose(euler, 4 - 2 * kvs, rtol=1e-4),
+        np.allclose(fast, 4 + 2 * kvs, rtol=1e-4),
+        np.all(discrete >= 1e5),
+    )
 
 
 @claim(
@@ -99,8 +105,11 @@ def delay_delays_the_loop(found):
     found.figure("motor_rad", np.max(np.abs(swings)), 0.1)
     found.statement = "A step of 1 rad through MuJoCo's servo and through a late motor."
     found.heard(np.max(np.abs(angles)) > 10)
-    found.corrected(abs(angles[-1] - 1) < 1e-3, np.max(np.abs(swings)) > 1e3,
-                    sampled.growth(sampled.loop_matrix(plant, law)) > 1.01)  # fmt: skip
+    found.corrected(
+        abs(angles[-1] - 1) < 1e-3,
+        np.max(np.abs(swings)) > 1e3,
+        sampled.growth(sampled.loop_matrix(plant, law)) > 1.01,
+    )
 
 
 @claim(
@@ -157,15 +166,19 @@ def friction_loss_holds(found):
         return q[-1] - q[200]
 
     here = creep(inertia, True)
-    exact = run_joint(Joint(inertia, 0.1, share * 0.2, 0.2), Actuator(), Encoder(), Gains(0.0), 0.0,
-                      dt, 2.0)  # fmt: skip
+    exact = run_joint(
+        Joint(inertia, 0.1, share * 0.2, 0.2), Actuator(), Encoder(), Gains(0.0), 0.0, dt, 2.0
+    )
     found.figure("creep_mrad_s", 1000 * here, 0.01)
     found.figure("stiff_mrad_s", 1000 * creep(inertia, False), 0.05)
     found.statement = "MuJoCo's hinge under a constant torque, over a second."
     found.heard(here < 1e-6)
-    found.corrected(here > 1e-4, creep(inertia / 10, True) > 5 * here,
-                    creep(inertia, False) < here / 100,
-                    np.max(np.abs(exact.q)) < 1e-12)  # fmt: skip
+    found.corrected(
+        here > 1e-4,
+        creep(inertia / 10, True) > 5 * here,
+        creep(inertia, False) < here / 100,
+        np.max(np.abs(exact.q)) < 1e-12,
+    )
 
 
 @claim(
@@ -195,12 +208,18 @@ def contact_is_the_wall(found):
     friction, late = touch.ARM.damping, delay + touch.DT / 2
     tried = [(k, D, touch.force_edge_mujoco(k, D, "contact", 1, default_d))
              for k, D in ((1e4, 0.002), (1e5, 0.001), (1e6, 0.004))]  # fmt: skip
-    free = [k * (D + touch.DT / 2) * (1 - default_d) / default_d / 2 < friction
-            for k, D, _ in tried]  # fmt: skip
+    free = [
+        k * (D + touch.DT / 2) * (1 - default_d) / default_d / 2 < friction for k, D, _ in tried
+    ]
     found.statement = "Gain limits of P on the force, by bisection of runs in MuJoCo."
     found.heard(abs(default / exact - 1) < 0.1)
-    found.corrected(abs(spring / exact - 1) < 0.05, abs(soft / exact - 1) < 0.1,
-                    all((abs(edge * default_d - 1) < 0.05) == ok
-                        for (_, _, edge), ok in zip(tried, free, strict=True)),
-                    ke * late * (1 - default_d) / default_d / 2 < friction,
-                    abs(default * default_d - 1) < 0.05)  # fmt: skip
+    found.corrected(
+        abs(spring / exact - 1) < 0.05,
+        abs(soft / exact - 1) < 0.1,
+        all(
+            (abs(edge * default_d - 1) < 0.05) == ok
+            for (_, _, edge), ok in zip(tried, free, strict=True)
+        ),
+        ke * late * (1 - default_d) / default_d / 2 < friction,
+        abs(default * default_d - 1) < 0.05,
+    )

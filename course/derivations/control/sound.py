@@ -62,8 +62,10 @@ def filtered_rate_is_late(found):
     taus = found.rng.uniform(10 * dt, 0.1, 8)
     found.statement = "Lag under a steady acceleration, and what white noise becomes."
     found.heard(all(abs(lag("filtered", x) / x - 1) < 0.06 for x in taus))
-    found.corrected(all(abs(lag("filtered", x) - x - dt / 2) < 1e-9 for x in taus / 20),
-                    lag("observer", tau) > 1.9 * lag("filtered", tau))  # fmt: skip
+    found.corrected(
+        all(abs(lag("filtered", x) - x - dt / 2) < 1e-9 for x in taus / 20),
+        lag("observer", tau) > 1.9 * lag("filtered", tau),
+    )
 
 
 @claim(

@@ -68,8 +68,10 @@ def force_gain_is_free(found):
     found.figure("off", 1 - fast, 1e-2)
     found.statement = "Largest gain by the loop's matrix, at walls of 100 N/m to 100 kN/m."
     found.heard(min(exact) > 0.5)
-    found.corrected(all(-1e-6 < x / t - 1 < 0.05 for x, t in zip(exact, theory, strict=True)),
-                    exact[0] > 100 * exact[-1])  # fmt: skip
+    found.corrected(
+        all(-1e-6 < x / t - 1 < 0.05 for x, t in zip(exact, theory, strict=True)),
+        exact[0] > 100 * exact[-1],
+    )
 
 
 @claim(
@@ -111,9 +113,11 @@ def stiffness_depends_on_the_wall(found):
     found.corrected(
         all(np.all(limits[D] > bounds[D]) for D in limits),
         all(np.max(limits[D][:5]) < 1.05 * bounds[D] for D in limits),
-        all(abs(float(found.formula.subs({b: friction, h: dt, D: x})) / bounds[x] - 1) < 1e-9
-            for x in bounds),
-    )  # fmt: skip
+        all(
+            abs(float(found.formula.subs({b: friction, h: dt, D: x})) / bounds[x] - 1) < 1e-9
+            for x in bounds
+        ),
+    )
 
 
 @claim(
@@ -142,8 +146,9 @@ def damping_is_safe(found):
     found.figure("too_much", edge, 0.02)
     found.statement = "Largest stiffness by the loop's matrix, the damping varied."
     found.heard(all(held(d) for d in np.geomspace(20, 1e5, 30)))
-    found.corrected(active > 50 * own, late_hard < late_soft / 3, not held(2 * edge),
-                    held(0.5 * edge))  # fmt: skip
+    found.corrected(
+        active > 50 * own, late_hard < late_soft / 3, not held(2 * edge), held(0.5 * edge)
+    )
 
 
 @claim(
@@ -167,8 +172,11 @@ def admittance_is_light(found):
     found.figure("own", touch.ARM.mass * float(np.sign(hard)))
     found.statement = "Least stable virtual mass by the loop's matrix, over a stiff inner loop."
     found.heard(hard < 0.1)
-    found.corrected(soft < 0.01 < middle < 1 < hard < touch.ARM.mass, damped < hard / 2,
-                    np.all(np.diff([touch.lightest(k) for k in WALLS[2:]]) > 0))  # fmt: skip
+    found.corrected(
+        soft < 0.01 < middle < 1 < hard < touch.ARM.mass,
+        damped < hard / 2,
+        np.all(np.diff([touch.lightest(k) for k in WALLS[2:]]) > 0),
+    )
 
 
 @claim(
@@ -203,16 +211,21 @@ def vibration_needs_softness(found):
     found.heard(
         calmed(force) and calmed(give),
         only_if="what is too high is the stiffness, an impedance's or an inner loop's",
-        inside=[calmed(TouchLaw(x * edge), k)
-                for x, k in zip(found.rng.uniform(1, 5, 8), found.rng.uniform(1e3, 1e5, 8),
-                                strict=True)]
-        + [calmed(TouchLaw(x, 800.0, mass=8.0, give=400.0))
-           for x in found.rng.uniform(4e5, 8e5, 8)],
-        outside=[calmed(force), calmed(give)] + [
-            calmed(TouchLaw(100.0, 0.0, force_gain=x * gain)) for x in found.rng.uniform(1, 4, 6)],
-    )  # fmt: skip
-    found.corrected(touch.growth(force, 1e4) > 1, touch.growth(give, 1e4) > 1,
-                    touch.growth(TouchLaw(0.0, 0.0, force_gain=gain), 1e4) > 1)  # fmt: skip
+        inside=[
+            calmed(TouchLaw(x * edge), k)
+            for x, k in zip(found.rng.uniform(1, 5, 8), found.rng.uniform(1e3, 1e5, 8), strict=True)
+        ]
+        + [
+            calmed(TouchLaw(x, 800.0, mass=8.0, give=400.0)) for x in found.rng.uniform(4e5, 8e5, 8)
+        ],
+        outside=[calmed(force), calmed(give)]
+        + [calmed(TouchLaw(100.0, 0.0, force_gain=x * gain)) for x in found.rng.uniform(1, 4, 6)],
+    )
+    found.corrected(
+        touch.growth(force, 1e4) > 1,
+        touch.growth(give, 1e4) > 1,
+        touch.growth(TouchLaw(0.0, 0.0, force_gain=gain), 1e4) > 1,
+    )
 
 
 @claim(
@@ -245,10 +258,12 @@ def critical_in_contact(found):
     found.statement = "Poles of the law and the wall at a megahertz, eight drawn pairs."
     found.heard(min(ratios) > 0.9)
     found.corrected(
-        all(abs(r / float(found.formula.subs({K: k, ke: w})) - 1) < 5e-3
-            for r, (k, w) in zip(ratios, draws, strict=True)),
+        all(
+            abs(r / float(found.formula.subs({K: k, ke: w})) - 1) < 5e-3
+            for r, (k, w) in zip(ratios, draws, strict=True)
+        ),
         abs(_damping_ratio(stiff, needed, wall) - 1) < 0.01,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -297,8 +312,12 @@ def stiff_control_hurts(found):
     found.figure("held_soft", soft[1], 0.05)
     found.statement = "The exact probe at 1 kHz, a law of 2000 and of 20 N/m."
     found.heard(soft[0] < 0.5 * stiff[0])
-    found.corrected(abs(soft[0] / theory - 1) < 0.1, abs(stiff[0] / theory - 1) < 0.1,
-                    soft[1] < stiff[1] / 20, hard > 0.5)  # fmt: skip
+    found.corrected(
+        abs(soft[0] / theory - 1) < 0.1,
+        abs(stiff[0] / theory - 1) < 0.1,
+        soft[1] < stiff[1] / 20,
+        hard > 0.5,
+    )
 
 
 @claim(

@@ -58,15 +58,20 @@ def perfect_model_perfect_tracking(found):
         ]
 
     draws = [{"size": s, "speed": w} for s, w in found.rng.uniform([0.3, 0.5], [1.3, 1.5], (8, 2))]
-    plain, ahead = (np.array([errors(name, **how) for how in draws])
-                    for name in ("computed torque", "half-sample preview"))  # fmt: skip
+    plain, ahead = (
+        np.array([errors(name, **how) for how in draws])
+        for name in ("computed torque", "half-sample preview")
+    )
     for name, key in (("plain", "computed torque"), ("ahead", "half-sample preview")):
         found.figure(name, tracking.error(law[key](tracking.ARM, 1 / rate), 1 / rate), 1e-3)
     found.statement = "Largest error at the samples, at two sample times and eight drawn motions."
     found.heard(np.max(plain) < 1e-6)
     orders = [np.log2(x[:, 0] / x[:, 1]) for x in (plain, ahead)]
-    found.corrected(np.abs(orders[0] - 1).max() < 0.1, np.abs(orders[1] - 2).max() < 0.2,
-                    (ahead < plain / 20).all())  # fmt: skip
+    found.corrected(
+        np.abs(orders[0] - 1).max() < 0.1,
+        np.abs(orders[1] - 2).max() < 0.2,
+        (ahead < plain / 20).all(),
+    )
 
 
 @claim(
@@ -117,16 +122,20 @@ def error_follows_acceleration(found):
 
     found.figure("share", share(1.2, fast, pole), 0.01)
     draws = found.rng.uniform([0.75, 5], [1.3, 15], (8, 2))
-    slow = [share(a, s * b, b) for (a, b), s in zip(draws, found.rng.uniform(0.02, 0.1, 8),
-                                                    strict=True)]  # fmt: skip
-    quick = [share(a, s * b, b) for (a, b), s in zip(draws, found.rng.uniform(0.3, 0.9, 8),
-                                                     strict=True)]  # fmt: skip
+    slow = [
+        share(a, s * b, b) for (a, b), s in zip(draws, found.rng.uniform(0.02, 0.1, 8), strict=True)
+    ]
+    quick = [
+        share(a, s * b, b) for (a, b), s in zip(draws, found.rng.uniform(0.3, 0.9, 8), strict=True)
+    ]
     theory = float(found.formula.subs({r: 1.2, p: pole, w: fast})) / (0.2 / pole**2)
     found.statement = "A joint whose model is wrong, followed over a period; slopes of eight draws."
-    found.heard(abs(share(1.2, fast, pole) - 1) < 0.1,
-                only_if="the motion is ten times slower than the poles",
-                inside=[abs(x - 1) < 0.1 for x in slow],
-                outside=[abs(x - 1) < 0.1 for x in quick])  # fmt: skip
+    found.heard(
+        abs(share(1.2, fast, pole) - 1) < 0.1,
+        only_if="the motion is ten times slower than the poles",
+        inside=[abs(x - 1) < 0.1 for x in slow],
+        outside=[abs(x - 1) < 0.1 for x in quick],
+    )
     found.corrected(abs(share(1.2, fast, pole) / theory - 1) < 0.03)
 
 
@@ -177,8 +186,9 @@ def residual_of_the_state(found):
 
     def log(start, seconds, dt=8e-3):
         law = tracking.LAWS["half-sample preview"](tracking.ARM, dt)
-        return lacking(tracking.WRONG, track(
-            tracking.ARM, law, lambda t: motion(t + start), dt, seconds))  # fmt: skip
+        return lacking(
+            tracking.WRONG, track(tracking.ARM, law, lambda t: motion(t + start), dt, seconds)
+        )
 
     end = found.given("seconds", 8.0)
     logs = {"seen": log(0.0, end), "later": log(end, 4.0)}
@@ -250,8 +260,9 @@ def axes_of_a_surface(found):
         v -= np.linalg.pinv(J) @ n * (n @ J @ v)  # it slides
         drift, goal = (jacobian_rate(arm, q, v) @ v)[:2], found.rng.normal(size=3)
         forced = np.array([not swapped, swapped])
-        tau = hybrid(arm, q, v, goal, 0.0, 0.0, 100.0, 20.0, push * forced, 0.0, frame, forced,
-                     rows=(0, 1))  # fmt: skip
+        tau = hybrid(
+            arm, q, v, goal, 0.0, 0.0, 100.0, 20.0, push * forced, 0.0, frame, forced, rows=(0, 1)
+        )
         K = np.block([[M, -(n @ J)[:, None]], [(n @ J)[None], np.zeros((1, 1))]])
         a = np.linalg.solve(K, np.append(tau - bias(arm, q, v), -(n @ drift)))
         asked = 100 * (goal - tip(arm, q)[:3])[:2] - 20 * (J @ v)
@@ -288,7 +299,9 @@ def impedance_holds_a_force(found):
     found.statement = "Steady forces of the exact probe, its surface moved, at drawn stiffnesses."
     found.heard(abs(touch.surface_error(soft, off)) < 0.01)
     found.corrected(
-        all(abs(touch.surface_error(law, off) / touch.series_stiffness(law, off) - 1) < 1e-3
-            for law in laws),
+        all(
+            abs(touch.surface_error(law, off) / touch.series_stiffness(law, off) - 1) < 1e-3
+            for law in laws
+        ),
         np.max(loops) < 0.1 * touch.surface_error(soft, off),
-    )  # fmt: skip
+    )

@@ -22,8 +22,9 @@ def _step(gains, *, joint=None, delay=0.0, dt=1e-3, seconds=8.0, target=1.0, **m
 
     from course.control import Actuator, Encoder, Joint, run_joint, step_metrics
 
-    run = run_joint(joint or Joint(J, B), Actuator(delay=delay), Encoder(), gains, target, dt,
-                    seconds, **more)  # fmt: skip
+    run = run_joint(
+        joint or Joint(J, B), Actuator(delay=delay), Encoder(), gains, target, dt, seconds, **more
+    )
     return run, step_metrics(run.times, run.q, target)
 
 
@@ -79,10 +80,11 @@ def p_alone_overshoots(found):
     draws = found.rng.uniform([0.1, 0.1], [2, 2], (8, 2))
     above, below = (1.6, 1.8, 2, 4, 8, 20, 50, 90), np.linspace(0.2, 0.98, 8)
     found.heard(
-        over(J, B, 0.9) > 0, only_if="kp is above b^2/(4*J)",
+        over(J, B, 0.9) > 0,
+        only_if="kp is above b^2/(4*J)",
         inside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, above, strict=True)],
         outside=[over(d[0], d[1], share) > 0 for d, share in zip(draws, below, strict=True)],
-    )  # fmt: skip
+    )
     found.corrected(over(mine, own, 0.99) < 1e-12, over(mine, own, 2.0) > 1e-3)
 
 
@@ -110,13 +112,18 @@ def integral_removes_the_error(found):
     found.figure("left_with_p", left(Gains(20, 0, 6, rate="exact")))
     found.figure("left_with_i", left(), 0.5)
     found.figure("ramp", left(extra=-0.1 * 2e-3 * np.arange(n)), 1e-3)
-    found.figure("limited", left(Gains(20, 20, 6, rate="exact", u_min=-1.5, u_max=1.5),
-                                 joint=Joint(J, B, -2.0, 0.0)), 1e-3)  # fmt: skip
+    found.figure(
+        "limited",
+        left(Gains(20, 20, 6, rate="exact", u_min=-1.5, u_max=1.5), joint=Joint(J, B, -2.0, 0.0)),
+        1e-3,
+    )
     found.figure("hunting", np.ptp(swing[-15_000:]), 0.05)
     found.statement = "Steps of 1 rad, 30 s long; hunting over the last 15 of 40 s."
     loads = found.rng.uniform(-3, 3, 8)
-    sets = [Gains(kp, share * (B + kd) * kp / J, kd, rate="exact") for kp, kd, share in
-            found.rng.uniform([10, 2, 0.2], [40, 8, 0.5], (8, 3))]  # fmt: skip
+    sets = [
+        Gains(kp, share * (B + kd) * kp / J, kd, rate="exact")
+        for kp, kd, share in found.rng.uniform([10, 2, 0.2], [40, 8, 0.5], (8, 3))
+    ]
     found.heard(
         left(extra=-0.1 * 2e-3 * np.arange(n)) < 1e-3,
         only_if="the loop is stable, load and set-point stay constant, the command has room, "
@@ -125,8 +132,9 @@ def integral_removes_the_error(found):
         outside=[left(extra=-abs(load) * 2e-3 * np.arange(n)) < 1e-4 for load in loads]
         + [left(replace(g, ki=3 * g.ki / 0.5)) < 1e-4 for g in sets[:3]],
     )
-    found.corrected(left(Gains(20, 0, 6, rate="exact")) > 0.05, left() < 1e-6,
-                    np.ptp(swing[-15_000:]) > 0.01)  # fmt: skip
+    found.corrected(
+        left(Gains(20, 0, 6, rate="exact")) > 0.05, left() < 1e-6, np.ptp(swing[-15_000:]) > 0.01
+    )
 
 
 def _as_printed(seconds, steps=1000):
@@ -203,8 +211,9 @@ def listing_settles(found):
     found.figure("settled", f"after {metrics.settling:.1f} s" if late else "within them")
     found.statement = "The listing's own arithmetic, 3 s and 60 s; its roots without sampling."
     found.heard(abs(error) < 1e-3)
-    found.corrected(abs(error) > 1e-3, -1 / np.max(roots.real) > 2, sent[0] > 49,
-                    abs(long[1][-1] - 1) < 1e-6)  # fmt: skip
+    found.corrected(
+        abs(error) > 1e-3, -1 / np.max(roots.real) > 2, sent[0] > 49, abs(long[1][-1] - 1) < 1e-6
+    )
 
 
 @claim(
@@ -263,11 +272,12 @@ def overshoot_means_p(found):
     draws = found.rng.uniform([20, 0.5], [80, 3], (8, 2))
     found.statement = "Steps of the joint with the exact rate."
     found.heard(
-        mended(low, ki, kd), only_if="there is no integral, and delay is far from limiting kd",
+        mended(low, ki, kd),
+        only_if="there is no integral, and delay is far from limiting kd",
         inside=[mended(kp, 0, kd, most=x) for (kp, kd), x in zip(draws, limits, strict=True)],
         outside=[mended(0.4 * kp, 1.2 * kp, kd + 1) for kp, kd in draws]
         + [mended(kp, 0, 5.0, 0.1) for kp, _ in draws[:3]],
-    )  # fmt: skip
+    )
     found.corrected(_overshoot(low, ki, kd) > 1.5 * _overshoot(high, ki, kd))
 
 
@@ -315,9 +325,11 @@ def tenth_of_p(found):
     found.heard(all(0.4 < ratio(p, 0.1 * p) < 1.2 for p in stiffness))
     numbers = {J_: J, b: B, zeta: 0.7}
     found.corrected(
-        all(abs(ratio(p, float(found.formula.subs(numbers).subs(kp, p))) - 0.7) < 1e-3
-            for p in stiffness),
-    )  # fmt: skip
+        all(
+            abs(ratio(p, float(found.formula.subs(numbers).subs(kp, p))) - 0.7) < 1e-3
+            for p in stiffness
+        ),
+    )
 
 
 @claim(
@@ -332,8 +344,15 @@ def critical_settles_fastest(found):
 
     def settling(zeta):
         """In units of 1/omega: J = 1, kp = 1."""
-        run = run_joint(Joint(1.0), Actuator(), Encoder(),
-                        Gains(1.0, 0, 2 * zeta, rate="exact"), 1.0, 2e-3, 20.0)  # fmt: skip
+        run = run_joint(
+            Joint(1.0),
+            Actuator(),
+            Encoder(),
+            Gains(1.0, 0, 2 * zeta, rate="exact"),
+            1.0,
+            2e-3,
+            20.0,
+        )
         return step_metrics(run.times, run.q, 1.0, band=band).settling
 
     ratios = np.linspace(0.6, 1.2, 601)
@@ -367,8 +386,10 @@ def overdamped_cure(found):
 
     def cured(kp, kd, delay=0.0, seconds=6.0):
         now = settling(kp, kd, delay, seconds)
-        return max(settling(1.5 * kp, kd, delay, seconds),
-                   settling(kp, kd / 1.5, delay, seconds)) < now  # fmt: skip
+        return (
+            max(settling(1.5 * kp, kd, delay, seconds), settling(kp, kd / 1.5, delay, seconds))
+            < now
+        )
 
     found.figure("slow_samples", -1 / np.log(growth(low)))
     found.figure("growth_high", growth(high))
@@ -378,9 +399,10 @@ def overdamped_cure(found):
         cured(0.24 * unit, V * J / 1e-3, 1e-3, 0.2),
         only_if="the loop is far from the limits that sampling and delay set",
         inside=[cured(kp, 2 * z * np.sqrt(kp * J)) for kp, z in slow],
-        outside=[cured(P * unit, V * J / 1e-3, 1e-3, 0.2)
-                 for P in found.rng.uniform(0.22, 0.32, 8)],
-    )  # fmt: skip
+        outside=[
+            cured(P * unit, V * J / 1e-3, 1e-3, 0.2) for P in found.rng.uniform(0.22, 0.32, 8)
+        ],
+    )
     found.corrected(growth(low) < 1 < growth(high))
 
 
@@ -462,9 +484,12 @@ def quoted_gains_overshoot(found):
     gain = sampled.ultimate_gain(*sampled.joint_system(J, B), 1e-3, late)[0]
     found.statement = "Routh's condition, and the loop's matrix."
     found.heard(_step(Gains(kp, ki, kd), delay=late, seconds=20.0)[1].settling < 20)
-    found.corrected(np.max(roots.real) > 0, per_second(late) > 1,
-                    all(_growth(kp, ki, kd, dt=dt) > 1 for dt in np.geomspace(1e-5, 1, 30)),
-                    abs(gain / said - 1) < 0.02)  # fmt: skip
+    found.corrected(
+        np.max(roots.real) > 0,
+        per_second(late) > 1,
+        all(_growth(kp, ki, kd, dt=dt) > 1 for dt in np.geomspace(1e-5, 1, 30)),
+        abs(gain / said - 1) < 0.02,
+    )
 
 
 @claim(
@@ -516,8 +541,9 @@ def ziegler_nichols_is_safe(found):
     found.figure("placed", max(r.overshoot for r in mine), 0.05)
     found.statement = "Every row at 25 delays: growth, margins and a step."
     found.heard(min(stable.values()) == 1 and over < 0.2)
-    found.corrected(over > 0.2, all(r.growth < 1 for r in mine),
-                    max(r.overshoot for r in mine) < over)  # fmt: skip
+    found.corrected(
+        over > 0.2, all(r.growth < 1 for r in mine), max(r.overshoot for r in mine) < over
+    )
 
 
 @claim(
@@ -541,11 +567,17 @@ def one_gain_one_symptom(found):
     found.figure("p_later", np.mean(later), 0.05)
     found.statement = "Steps of the joint, one gain changed by a fifth at a time."
     found.heard(np.mean(later) == 0 and metrics(20, 36, 4).overshoot <= now.overshoot)
-    found.corrected(0.05 < np.mean(later), metrics(20, 36, 4).overshoot > now.overshoot,
-                    metrics(24, 30, 4).overshoot < now.overshoot, abs(now.error) < 1e-6,
-                    more_d.overshoot < now.overshoot, more_d.settling > now.settling,
-                    abs(metrics(20, 36, 4).settling / now.settling - 1) > 0.05,
-                    alone[1] < 0.9 * alone[0], abs(alone[2] / alone[0] - 1) < 1e-6)  # fmt: skip
+    found.corrected(
+        0.05 < np.mean(later),
+        metrics(20, 36, 4).overshoot > now.overshoot,
+        metrics(24, 30, 4).overshoot < now.overshoot,
+        abs(now.error) < 1e-6,
+        more_d.overshoot < now.overshoot,
+        more_d.settling > now.settling,
+        abs(metrics(20, 36, 4).settling / now.settling - 1) > 0.05,
+        alone[1] < 0.9 * alone[0],
+        abs(alone[2] / alone[0] - 1) < 1e-6,
+    )
 
 
 @claim(
@@ -579,5 +611,7 @@ def high_gain_catches(found):
     found.figure("edge_rad", edges[1], 1e-6)
     found.statement = "Saturated feedback at three gains, the limit by bisection."
     found.heard(caught(1.2, 0.0, share, 30.0).all())
-    found.corrected(all(abs(x / theory - 1) < 1e-3 for x in edges),
-                    abs(edge_of_rest(share, linear=True) / share - 1) < 1e-3)  # fmt: skip
+    found.corrected(
+        all(abs(x / theory - 1) < 1e-3 for x in edges),
+        abs(edge_of_rest(share, linear=True) / share - 1) < 1e-3,
+    )

@@ -46,9 +46,12 @@ def two_link_mass_matrix(found):
     def along(*steps: Any) -> sympy.Matrix:
         """A point so far along each link."""
         return sum(
-            (sympy.Matrix([r * sympy.cos(a), r * sympy.sin(a)])
-             for r, a in zip(steps, heading, strict=False)), sympy.zeros(2, 1),
-        )  # fmt: skip
+            (
+                sympy.Matrix([r * sympy.cos(a), r * sympy.sin(a)])
+                for r, a in zip(steps, heading, strict=False)
+            ),
+            sympy.zeros(2, 1),
+        )
 
     centres = [along(l1 / 2), along(l1, l2 / 2)]
     kinetic = sum(
@@ -88,9 +91,11 @@ def two_link_mass_matrix(found):
     )
     found.heard(np.ptp(swing[0, 0]) < 1e-9 and np.abs(swing[0, 1]).max() < 1e-9)
     found.corrected(
-        max(off(draw) for draw in draws) < 1e-10, M == M.T, swing[0, 0, 0] > swing[0, 0, -1],
+        max(off(draw) for draw in draws) < 1e-10,
+        M == M.T,
+        swing[0, 0, 0] > swing[0, 0, -1],
         abs(arm.mass_matrix([0.0, turn])[0, 1]) < 1e-12,
-    )  # fmt: skip
+    )
 
 
 def exact_accelerations(
@@ -178,9 +183,11 @@ def articulated_bodies_lose_fewer_digits(found):
         outside=[better(2, load) for _, load in draws] + [better(8, 1e-6) for _ in draws],
     )
     found.corrected(
-        0.4 < short[1] / short[0] < 2.5, long[1] > 5 * long[0], loaded[1] > 20 * loaded[0],
+        0.4 < short[1] / short[0] < 2.5,
+        long[1] > 5 * long[0],
+        loaded[1] > 20 * loaded[0],
         loaded[0] > 1e3 * long[0],
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -217,6 +224,8 @@ def torques_tell_ten_numbers(found):
     found.statement = f"Rank of the regressor over 60 random motions; with 90 it is {more}."
     found.heard(seen == numbers)
     found.corrected(
-        np.allclose(torques, inverse_dynamics(arm, q, v, a), atol=1e-9), seen < numbers,
-        more == seen, rank(matrix[:, :10]) < 10,
-    )  # fmt: skip
+        np.allclose(torques, inverse_dynamics(arm, q, v, a), atol=1e-9),
+        seen < numbers,
+        more == seen,
+        rank(matrix[:, :10]) < 10,
+    )

@@ -100,8 +100,9 @@ def null_motion_leaves_the_tip(found):
     found.heard(drift.max() < 1e-9)
     found.corrected(
         np.allclose(sizes(1e-3)[0], c * 1e-6, rtol=0.05, atol=1e-9),
-        abs(orders[0] - 2) < 0.05, abs(orders[1] - 4) < 0.2,
-    )  # fmt: skip
+        abs(orders[0] - 2) < 0.05,
+        abs(orders[1] - 4) < 0.2,
+    )
 
 
 @claim(
@@ -150,11 +151,12 @@ def projector_of_the_null_space(found):
         outside=leaks(value)[:40] < 1e-9,
     )
     found.corrected(
-        exact.all(), np.abs(N - N.transpose(0, 2, 1)).max() < 1e-12,
+        exact.all(),
+        np.abs(N - N.transpose(0, 2, 1)).max() < 1e-12,
         np.abs(N @ N - N).max() < 1e-12,
         all((leaks(x) <= x / 2 + 1e-12).all() for x in (0.01, 0.1, 1.0)),
         leaks(value).max() > 0.45 * value,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -202,9 +204,10 @@ def second_task(found):
     found.statement = "3000 random postures with a random wish each; ranks 3 and 6."
     found.heard(gone.max() < 1e-9)
     found.corrected(
-        first.max() < 1e-9, np.median(gone) > 1e-4,
+        first.max() < 1e-9,
+        np.median(gone) > 1e-4,
         all(abs(kept(rows) - law(7, rows)) < 0.01 for rows in (3, 6)),
-    )  # fmt: skip
+    )
 
 
 @claim(

@@ -95,9 +95,10 @@ def pseudo_inverse_beside(found):
     found.statement = "Two-link Jacobian by algebra; pinv of NumPy at 40 random arms and angles."
     found.heard(not asked(lengths, 0.0, 0.01) < 1e6)
     found.corrected(
-        asked(lengths, 0.0, 0.01) == 0, asked(lengths, beside, 0.01) > 1e4,
+        asked(lengths, 0.0, 0.01) == 0,
+        asked(lengths, beside, 0.01) > 1e4,
         np.allclose(ratios, 1, atol=1e-3),
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -136,8 +137,10 @@ def damped_gain(found):
     found.statement = "Norm of the damped inverse at 4000 postures, half of them near stretched."
     found.heard(all(x.max() <= 1 + 1e-9 for x in gains.values()))
     found.corrected(
-        best == damping, gains[lam].max() > 0.999, np.abs(gains[lam] - law).max() < 1e-9,
-    )  # fmt: skip
+        best == damping,
+        gains[lam].max() > 0.999,
+        np.abs(gains[lam] - law).max() < 1e-9,
+    )
 
 
 @claim(
@@ -209,9 +212,13 @@ def rank_loss_is_failure(found):
     found.statement = f"500 targets; at most {left.max():.1e} m are left on the edge."
     found.heard(left.max() > 1e-3 or closed.max() > 1e-3)
     found.corrected(
-        closed.max() < 1e-12, (left < 1e-4).all(), (also < 1e-4).all(), max(rank) == 1,
-        np.median(slower) > 3 * np.median(slow), np.median(slow) > 1.5 * np.median(quick),
-    )  # fmt: skip
+        closed.max() < 1e-12,
+        (left < 1e-4).all(),
+        (also < 1e-4).all(),
+        max(rank) == 1,
+        np.median(slower) > 3 * np.median(slow),
+        np.median(slow) > 1.5 * np.median(quick),
+    )
 
 
 @claim(
@@ -259,9 +266,11 @@ def singular_start(found):
     found.heard(left(0.0, away) < 1e-3)
     found.corrected(
         all(left(0.0, e, value) == abs(sum(ARM) - (sum(ARM) - e)) for e, value in draws),
-        all(abs(growth(1e-5, *d) / law(*d) - 1) < 1e-4 for d in draws), bent < 1e-4,
-        not np.any(still), not np.any(stuck),
-    )  # fmt: skip
+        all(abs(growth(1e-5, *d) / law(*d) - 1) < 1e-4 for d in draws),
+        bent < 1e-4,
+        not np.any(still),
+        not np.any(stuck),
+    )
 
 
 @claim(
@@ -289,9 +298,11 @@ def listing_reaches_its_target(found):
     found.statement = "The listing from its own start and from 1000 random ones."
     found.heard(left[0] < 1e-4)
     found.corrected(
-        np.mean(away < 1e-4) > 0.98, left[0] > 1e-6, 0.55 < same.mean() < 0.75,
+        np.mean(away < 1e-4) > 0.98,
+        left[0] > 1e-6,
+        0.55 < same.mean() < 0.75,
         (np.abs(gap[:, :, away < 1e-4]).max(axis=0).min(axis=0) < 1e-2).all(),
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -344,11 +355,13 @@ def condition_is_a_product(found):
     found.statement = "300 random postures of two links, and the same arm a tenth as long."
     found.heard(np.allclose(ours, top * low))
     found.corrected(
-        np.allclose(ours, top / low), np.allclose(top * low, manipulability(large)),
+        np.allclose(ours, top / low),
+        np.allclose(top * low, manipulability(large)),
         np.allclose(manipulability(large), np.abs(np.linalg.det(np.moveaxis(large, 2, 0)))),
         np.allclose(asked.max(axis=1) / asked.min(axis=1), ours, rtol=1e-2),
-        np.allclose(ours, np.linalg.cond(np.moveaxis(small, 2, 0))), np.ptp(ratio) < 1e-9,
-    )  # fmt: skip
+        np.allclose(ours, np.linalg.cond(np.moveaxis(small, 2, 0))),
+        np.ptp(ratio) < 1e-9,
+    )
 
 
 @claim(
@@ -404,7 +417,7 @@ def condition_needs_a_length(found):
     found.corrected(
         np.median(factor) > 50,
         np.allclose(np.linalg.cond(position), np.linalg.cond(1e3 * position)),
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -437,9 +450,10 @@ def euler_jacobian_locks(found):
     found.statement = "60 random postures, each with the hand's frame turned two ways."
     found.heard(np.allclose(locked[:, 1], locked[:, 0], rtol=1))
     found.corrected(
-        np.allclose(flat[:, 0], locked[:, 0]), (locked[:, 1] > 5 * locked[:, 0]).mean() > 0.9,
+        np.allclose(flat[:, 0], locked[:, 0]),
+        (locked[:, 1] > 5 * locked[:, 0]).mean() > 0.9,
         np.median(flat[:, 1] / flat[:, 0]) < 2,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -466,6 +480,8 @@ def converged_within_limits(found):
     found.statement = f"{count} reachable poses, Pinocchio's functions in the loop of its example."
     found.heard(kept.sum() == there.sum())
     found.corrected(
-        there.mean() > 0.8, kept.mean() < 0.4, off.max() < 1e-5,
+        there.mean() > 0.8,
+        kept.mean() < 0.4,
+        off.max() < 1e-5,
         np.mean(ours.success & within(arm, ours.q)) > 0.98,
-    )  # fmt: skip
+    )

@@ -179,9 +179,10 @@ def singular_stretched_or_folded(found):
     arms, ends = _lengths(found.rng, 20), np.array([0.0, np.pi, -np.pi])
     turns = found.rng.uniform(-3, 3, (20, 2))
     straight = [
-        rank(planar_jacobian(a, [q[0], end])) == 1 for a, q in zip(arms, turns, strict=True)
+        rank(planar_jacobian(a, [q[0], end])) == 1
+        for a, q in zip(arms, turns, strict=True)
         for end in ends
-    ]  # fmt: skip
+    ]
     found.statement = "Singular values of 20 random two-link arms and 60 postures of the 7-R arm."
     found.heard(
         all(rank(jacobian(arm, q)) == 6 for q in bent),
@@ -193,8 +194,9 @@ def singular_stretched_or_folded(found):
     )
     found.corrected(
         all(rank(jacobian(arm, q)) == 5 for q in bent),
-        all(rank(jacobian(arm, q)) == 6 for q in usual), 0.3 < reach < 0.9,
-    )  # fmt: skip
+        all(rank(jacobian(arm, q)) == 6 for q in usual),
+        0.3 < reach < 0.9,
+    )
 
 
 @claim(
@@ -308,9 +310,12 @@ def number_of_solutions(found):
     found.heard(all(count != 2 for count in inner))
     found.corrected(
         np.abs(folded).max() < 1e-12,
-        set(inner) == {2}, set(edge) == {1}, set(outer) == {0}, max(headed) == 2,
+        set(inner) == {2},
+        set(edge) == {1},
+        set(outer) == {0},
+        max(headed) == 2,
         all(abs(free(links) - (links - 2)) < 1e-9 for links in (2, 3, 4, 7)),
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -345,6 +350,8 @@ def tip_plans_need_joints(found):
         outside=reached[~stays],
     )
     found.corrected(
-        0.05 < 1 - stays.mean() < 0.5, np.percentile(worst, 90) > 4,
-        (turned > lengths[0] - lengths[1] - 1e-9).all(), (turned < sum(lengths) + 1e-9).all(),
-    )  # fmt: skip
+        0.05 < 1 - stays.mean() < 0.5,
+        np.percentile(worst, 90) > 4,
+        (turned > lengths[0] - lengths[1] - 1e-9).all(),
+        (turned < sum(lengths) + 1e-9).all(),
+    )

@@ -65,11 +65,17 @@ def two_modes():
     "It is the squared error that does: it is least at {formula}, which nobody did. Of the first "
     "chunks fitted by it {mean:.1%} lead into the obstacle; of a mixture fitted by likelihood to "
     "the same demonstrations {mixture:.1%}, of the nearest ones themselves {nearest:.1%}.",
-    ask=("A share p passes w to the left, counted positive, the others w to the right. What does "
-         "the least squared error say?", "(2*p - 1)*w", {
-             "0*w": "So it is for as many left as right.", "p*w": "The others count as -w.",
-             "w": "The more frequent one is what the absolute error takes, for p above 1/2."}),
-)  # fmt: skip
+    ask=(
+        "A share p passes w to the left, counted positive, the others w to the right. What does "
+        "the least squared error say?",
+        "(2*p - 1)*w",
+        {
+            "0*w": "So it is for as many left as right.",
+            "p*w": "The others count as -w.",
+            "w": "The more frequent one is what the absolute error takes, for p above 1/2.",
+        },
+    ),
+)
 def cloning_averages(found):
     import sympy
 
@@ -79,8 +85,13 @@ def cloning_averages(found):
     mean, *others = (found.figure(n, between(n), 0.1) for n in ("mean", "mixture", "nearest"))
     found.statement = "2,000 first chunks of 8 steps each, from policies of 100 demonstrations."
     averages = [mean > 0.5, *(share > 0.5 for share in others)]
-    found.heard(all(averages), only_if="it is fitted by squared error", inside=averages[:1],
-                outside=averages[1:], cases=True)  # fmt: skip
+    found.heard(
+        all(averages),
+        only_if="it is fitted by squared error",
+        inside=averages[:1],
+        outside=averages[1:],
+        cases=True,
+    )
     shown = policy("nearest")(np.zeros((1, 2)), found.rng)
     found.corrected(mean > 0.95, max(others) < 0.01, shown.shape == (1, 8, 2))
 
@@ -90,12 +101,17 @@ def cloning_averages(found):
     "The mean has the least squared error there is, and who draws as people do has twice as much. "
     "Held out: {low:.4f} for the mean, which passes in {mean:.1%}, {high:.4f} for the mixture, "
     "which passes in {mixture:.1%}; squared, {ratio:.2f} times as much.",
-    ask=("A share p passes at w, the others at -w. Somebody draws as they do, by himself: mean "
-         "squared distance to a held-out one?", "8*p*(1 - p)*w^2", {
-             "4*p*(1 - p)*w^2": "That is the mean's, the variance.",
-             "2*p*(1 - p)*w^2": "They differ so often, by 2 w each time.",
-             "4*p^2*w^2 + 4*(1 - p)^2*w^2": "That counts where both agree."}),
-)  # fmt: skip
+    ask=(
+        "A share p passes at w, the others at -w. Somebody draws as they do, by himself: mean "
+        "squared distance to a held-out one?",
+        "8*p*(1 - p)*w^2",
+        {
+            "4*p*(1 - p)*w^2": "That is the mean's, the variance.",
+            "2*p*(1 - p)*w^2": "They differ so often, by 2 w each time.",
+            "4*p^2*w^2 + 4*(1 - p)^2*w^2": "That counts where both agree.",
+        },
+    ),
+)
 def held_out_error(found):
     import sympy
 
@@ -110,10 +126,14 @@ def held_out_error(found):
         off = policy(name)(held.states[:, 0], np.random.default_rng(1)) - held.actions[:, :8]
         return np.sqrt(np.mean(off**2))
 
-    low, high = found.figure("low", error("mean"), 0.05), found.figure("high", error("mixture"),
-                                                                       0.05)  # fmt: skip
-    mean, mixture = (found.figure(n, passed(Commit(policy(n), 8)), 0.5 if n == "mean" else 0.05)
-                     for n in ("mean", "mixture"))  # fmt: skip
+    low, high = (
+        found.figure("low", error("mean"), 0.05),
+        found.figure("high", error("mixture"), 0.05),
+    )
+    mean, mixture = (
+        found.figure(n, passed(Commit(policy(n), 8)), 0.5 if n == "mean" else 0.05)
+        for n in ("mean", "mixture")
+    )
     ratio = found.figure("ratio", (high / low) ** 2, 0.1)
     found.statement = "1,000 held-out demonstrations at their start, where the ways part [m]."
     found.heard((low < high) == (mean > mixture))
@@ -131,8 +151,10 @@ def diffusion_between(found):
     from course.learning import TwoWays
 
     most = int(found.given("most", 50))
-    ten, fifty = (found.figure(name, between("diffusion", steps=n), 0.2)
-                  for name, n in (("ten", 10), ("fifty", most)))  # fmt: skip
+    ten, fifty = (
+        found.figure(name, between("diffusion", steps=n), 0.2)
+        for name, n in (("ten", 10), ("fifty", most))
+    )
     mixture = found.figure("mixture", between("mixture"))
     left = found.figure("left", np.mean(aside("diffusion", steps=most) > 0.0), 0.05)
     shown = found.figure("shown", np.mean(TwoWays().demonstrate(100, 0).states[:, 8, 1] > 0.0))
@@ -148,12 +170,17 @@ def diffusion_between(found):
     "time 0 into it: of first chunks {net:.0%} lead into the obstacle by one step of the flow on "
     "record, of the mean's {mean:.0%}. With exact fields two steps make a mode of {exact:.3f} wide "
     "{two:.2f}, ten {ten:.3f}: too wide, then too narrow.",
-    ask=("From noise z at time 0, by the exact field of flow matching to actions of mean m: where "
-         "does an Euler step of h end?", "(1 - h)*z + h*m", {
-             "z + h*m": "The velocity is clean minus noise.",
-             "h*z + (1 - h)*m": "At h = 0 it is still z.",
-             "m": "That is a whole step, h = 1."}),
-)  # fmt: skip
+    ask=(
+        "From noise z at time 0, by the exact field of flow matching to actions of mean m: where "
+        "does an Euler step of h end?",
+        "(1 - h)*z + h*m",
+        {
+            "z + h*m": "The velocity is clean minus noise.",
+            "h*z + (1 - h)*m": "At h = 0 it is still z.",
+            "m": "That is a whole step, h = 1.",
+        },
+    ),
+)
 def one_euler_step(found):
     import sympy
 
@@ -165,8 +192,11 @@ def one_euler_step(found):
     def off(parts, size):
         """How far from their mean single steps end, for a drawn mixture."""
         rng = found.rng
-        made = Mixture(rng.dirichlet(np.ones(parts)), rng.normal(0, 2, (parts, size)),
-                       rng.uniform(0.1, 1.0, parts))  # fmt: skip
+        made = Mixture(
+            rng.dirichlet(np.ones(parts)),
+            rng.normal(0, 2, (parts, size)),
+            rng.uniform(0.1, 1.0, parts),
+        )
         noise = rng.standard_normal((50, size))
         return np.abs(integrate(made.velocity, noise, 1, "euler") - made.weights @ made.means).max()
 
@@ -184,10 +214,16 @@ def one_euler_step(found):
     found.statement = "20 drawn mixtures with exact fields, two modes of width 0.1, a flow net."
     net = found.figure("net", between("flow", steps=1), 0.15)
     mean = found.figure("mean", between("mean"), 0.15)
-    found.heard(net > 0.9, only_if="the field is the exact one", cases=True,
-                inside=[worst < 1e-9], outside=[net > 0.9])  # fmt: skip
-    found.corrected(np.allclose(half, first), two > 2.0 * exact, ten < 0.9 * exact,
-                    net < 0.9 * mean)  # fmt: skip
+    found.heard(
+        net > 0.9,
+        only_if="the field is the exact one",
+        cases=True,
+        inside=[worst < 1e-9],
+        outside=[net > 0.9],
+    )
+    found.corrected(
+        np.allclose(half, first), two > 2.0 * exact, ten < 0.9 * exact, net < 0.9 * mean
+    )
 
 
 @claim(
@@ -213,21 +249,35 @@ def sampler_orders(found):
         return np.divide(*(np.sqrt(np.mean((end - exact) ** 2)) for end in ends))
 
     first = (np.array([0.3, 0.7]), np.array([[-1.0], [1.0]]), np.array([0.4, 0.5]))
-    euler, ddim, heun, rk4 = (found.figure(x, gain(x, *first, 20 if x == "rk4" else 80), 0.02)
-                              for x in ("euler", "ddim", "heun", "rk4"))  # fmt: skip
+    euler, ddim, heun, rk4 = (
+        found.figure(x, gain(x, *first, 20 if x == "rk4" else 80), 0.02)
+        for x in ("euler", "ddim", "heun", "rk4")
+    )
     rng = found.rng
-    drawn = [(rng.dirichlet([3, 3]), rng.normal(0.0, 1.5, (2, 1)), rng.uniform(0.3, 1.0, 2))
-             for _ in range(8)]  # fmt: skip
+    drawn = [
+        (rng.dirichlet([3, 3]), rng.normal(0.0, 1.5, (2, 1)), rng.uniform(0.3, 1.0, 2))
+        for _ in range(8)
+    ]
     narrow = (np.full(2, 0.5), first[1], np.full(2, 0.1))
     few = found.figure("few", gain("euler", *narrow, 2), 0.02)
-    inside, outside = ([abs(gain(x, *made) - 2.0) < 0.1 for made in drawn]
-                       for x in ("euler", "heun"))  # fmt: skip
+    inside, outside = (
+        [abs(gain(x, *made) - 2.0) < 0.1 for made in drawn] for x in ("euler", "heun")
+    )
     outside.append(abs(few - 2.0) < 0.1)
     found.statement = "Mixtures of two in a line, exact fields, 80 steps and 160."
-    found.heard(all(outside), only_if="the sampler is of first order, its steps are short",
-                inside=inside, outside=outside)  # fmt: skip
-    found.corrected(abs(euler - 2.0) < 0.1, abs(ddim - 2.0) < 0.1, abs(heun - 4.0) < 0.4,
-                    abs(rk4 - 16.0) < 3.0, few > 3.0)  # fmt: skip
+    found.heard(
+        all(outside),
+        only_if="the sampler is of first order, its steps are short",
+        inside=inside,
+        outside=outside,
+    )
+    found.corrected(
+        abs(euler - 2.0) < 0.1,
+        abs(ddim - 2.0) < 0.1,
+        abs(heun - 4.0) < 0.4,
+        abs(rk4 - 16.0) < 3.0,
+        few > 3.0,
+    )
 
 
 @claim(
@@ -246,10 +296,13 @@ def ten_denoising_steps(found):
     five, ten = found.figure("five", left(5), 0.05), found.figure("ten", left(10), 0.1)
     nine = left(9)
     found.statement = "20,000 samples, modes at -1 and 1 of width 0.1; between is within 0.5."
-    inside, outside = ([bool(nine > share) for share in found.rng.uniform(*some, 8)]
-                       for some in ((0.2 * ten, ten), (five, 2.0 * five)))  # fmt: skip
-    found.heard(nine > five, only_if="less than {ten:.2%} may fall between", inside=inside,
-                outside=outside)  # fmt: skip
+    inside, outside = (
+        [bool(nine > share) for share in found.rng.uniform(*some, 8)]
+        for some in ((0.2 * ten, ten), (five, 2.0 * five))
+    )
+    found.heard(
+        nine > five, only_if="less than {ten:.2%} may fall between", inside=inside, outside=outside
+    )
     found.corrected(five > 5.0 * ten, ten < 0.005)
 
 
@@ -259,10 +312,16 @@ def ten_denoising_steps(found):
     "tells what was begun they agree: the mixture on record passes in {mixture:.1%} with an "
     "ensemble, in {alone:.1%} without; one that tosses a coin at every step in {coin:.1%} and, "
     "carried out whole, in {whole:.1%}.",
-    ask=("K chunks say +w or -w, each by a coin of its own. Root mean square of their mean?",
-         "w/sqrt(K)", {"w": "That is one chunk.", "w/K": "Variances add, not deviations.",
-                       "w*sqrt(K)": "That grows; the sum does, not the mean."}),
-)  # fmt: skip
+    ask=(
+        "K chunks say +w or -w, each by a coin of its own. Root mean square of their mean?",
+        "w/sqrt(K)",
+        {
+            "w": "That is one chunk.",
+            "w/K": "Variances add, not deviations.",
+            "w*sqrt(K)": "That grows; the sum does, not the mean.",
+        },
+    ),
+)
 def ensembling_averages(found):
     import sympy
 
@@ -279,16 +338,24 @@ def ensembling_averages(found):
         side = rng.choice([-0.35, 0.35], (len(states), 1)) * np.sin(np.pi * later)
         return np.diff(np.stack((later, side), axis=2), axis=1)
 
-    acts = {"mixture": Ensemble(policy("mixture")), "alone": Commit(policy("mixture"), 1),
-            "coin": Ensemble(coin, 0.0), "whole": Commit(coin, 16)}  # fmt: skip
+    acts = {
+        "mixture": Ensemble(policy("mixture")),
+        "alone": Commit(policy("mixture"), 1),
+        "coin": Ensemble(coin, 0.0),
+        "whole": Commit(coin, 16),
+    }
     mixture, _, tossed, whole = (found.figure(n, passed(a), 0.2) for n, a in acts.items())
     found.statement = "400 runs each of two ways, no noise."
     kept = [passed(Ensemble(policy(n))) > 0.7 for n in ("flow", "diffusion", "mixture")]
-    found.heard(mixture < 0.2, only_if="the chunks don't follow what was begun",
-                inside=[tossed < 0.2], outside=[not x for x in kept], cases=True)  # fmt: skip
+    found.heard(
+        mixture < 0.2,
+        only_if="the chunks don't follow what was begun",
+        inside=[tossed < 0.2],
+        outside=[not x for x in kept],
+        cases=True,
+    )
     mean = np.mean(found.rng.choice([-1.0, 1.0], (20_000, 8)), axis=1)
-    found.corrected(all(kept), whole > 0.95,
-                    abs(mean.std() * np.sqrt(8) - 1) < 0.03)  # fmt: skip
+    found.corrected(all(kept), whole > 0.95, abs(mean.std() * np.sqrt(8) - 1) < 0.03)
 
 
 @claim(
@@ -297,11 +364,17 @@ def ensembling_averages(found):
     "{size} m the mixture on record passes in {two:.1%} if it looks every second step, in "
     "{eight:.1%} every eighth; undisturbed in {quiet_two:.1%} and {quiet_eight:.1%}. To react most "
     "is not to pass most: with a look at each step it wavers, {each:.1%}.",
-    ask=("Each step is pushed by an independent deviation s. How far off after k steps that nobody "
-         "corrects, root mean square?", "s*sqrt(k)", {
-             "s*k": "Pushes cancel in part: variances add.", "s": "That is one step, or a look "
-             "that mends all at each step.", "s/sqrt(k)": "That is their mean, not their sum."}),
-)  # fmt: skip
+    ask=(
+        "Each step is pushed by an independent deviation s. How far off after k steps that nobody "
+        "corrects, root mean square?",
+        "s*sqrt(k)",
+        {
+            "s*k": "Pushes cancel in part: variances add.",
+            "s": "That is one step, or a look that mends all at each step.",
+            "s/sqrt(k)": "That is their mean, not their sum.",
+        },
+    ),
+)
 def react_less(found):
     import sympy
 
@@ -311,8 +384,9 @@ def react_less(found):
     found.formula = sympy.sqrt(k * s**2)
     size = found.given("size", 0.05)
     steps = {"two": 2, "eight": 8}
-    two, eight = (found.figure(n, passed(Commit(policy("mixture"), k), size), 0.15)
-                  for n, k in steps.items())  # fmt: skip
+    two, eight = (
+        found.figure(n, passed(Commit(policy("mixture"), k), size), 0.15) for n, k in steps.items()
+    )
     for name, each in steps.items():
         found.figure(f"quiet_{name}", passed(Commit(policy("mixture"), each)), 0.05)
     found.figure("each", passed(Commit(policy("mixture"), 1), size), 0.15)
@@ -363,8 +437,7 @@ def pauses(found):
     pairs = [(found.rng.integers(1, 8), found.rng.random()) for _ in range(8)]
     found.statement = "30 demonstrations, chunks of 8 steps, 60 steps of time."
     inside = [stuck(n, 1 + int(part * n), j) == 1.0 for j, (n, part) in enumerate(pairs)]
-    outside = [stuck(n, n + 1 + int(part * (8 - n)), j) == 1.0
-               for j, (n, part) in enumerate(pairs)]  # fmt: skip
+    outside = [stuck(n, n + 1 + int(part * (8 - n)), j) == 1.0 for j, (n, part) in enumerate(pairs)]
     outside.append(drawn == 1.0)
     only_if = "it draws nothing, and carries out no more steps than a pause has"
     found.heard(over == 1.0, only_if=only_if, inside=inside, outside=outside)
@@ -376,11 +449,17 @@ def pauses(found):
     "They miss one that a share p takes with chance (1 - p)^n: {rare:.0%} for n of {n:.0f}, p of "
     "{share:.0%}. Of two ways, of which p take the first, five people miss one with the chance "
     "{formula}.",
-    ask=("A share p passes left, the others right. Chance that five demonstrations show one way "
-         "only?", "p^5 + (1 - p)^5", {
-             "(1 - p)^5": "They may miss the other way too.", "2*p^5": "That is for p = 1/2.",
-             "5*p*(1 - p)^4": "That is the chance of exactly one to the left."}),
-)  # fmt: skip
+    ask=(
+        "A share p passes left, the others right. Chance that five demonstrations show one way "
+        "only?",
+        "p^5 + (1 - p)^5",
+        {
+            "(1 - p)^5": "They may miss the other way too.",
+            "2*p^5": "That is for p = 1/2.",
+            "5*p*(1 - p)^4": "That is the chance of exactly one to the left.",
+        },
+    ),
+)
 def ways_missed(found):
     import sympy
 
@@ -399,14 +478,20 @@ def ways_missed(found):
     rare = found.figure("rare", missed(share, n, 1000, 0)[0], 0.1)
     found.statement = "1,000 sets of demonstrations, then 300 of drawn shares."
     limit = 1.0 - 0.01 ** (1.0 / n)
-    inside, outside = ([bool(missed(x, n, 300, j)[0] < 0.03) for j, x in enumerate(
-                        found.rng.uniform(*some, 8))]
-                       for some in ((limit, 0.5), (0.1 * limit, 0.5 * limit)))  # fmt: skip
-    found.heard(rare < 0.03, only_if="it is taken by a share above 1 - (1/100)^(1/n)",
-                inside=inside, outside=outside)  # fmt: skip
+    inside, outside = (
+        [bool(missed(x, n, 300, j)[0] < 0.03) for j, x in enumerate(found.rng.uniform(*some, 8))]
+        for some in ((limit, 0.5), (0.1 * limit, 0.5 * limit))
+    )
+    found.heard(
+        rare < 0.03,
+        only_if="it is taken by a share above 1 - (1/100)^(1/n)",
+        inside=inside,
+        outside=outside,
+    )
     five = missed(0.3, 5, 4000, 1)[1]
-    found.corrected(abs(rare - (1.0 - share) ** n) < 0.05,
-                    abs(five - float(found.formula.subs(p, 0.3))) < 0.03)  # fmt: skip
+    found.corrected(
+        abs(rare - (1.0 - share) ** n) < 0.05, abs(five - float(found.formula.subs(p, 0.3))) < 0.03
+    )
 
 
 @claim(

@@ -41,13 +41,18 @@ def regulator(rng):
     "Three steps cost {formula} where nothing leads back, T in general the sum of 1 - (1 - eps)^t; "
     "fitted over five to eighty steps that grows with the exponent {alone:.2f}. Where a wrong step "
     "costs itself alone it is eps T, exponent {mended:.2f}; where eps T is large {lost:.2f}.",
-    ask=("Each step is wrong with chance eps, and after the first wrong one all are. How many of "
-         "three are wrong on average?", "6*eps - 4*eps^2 + eps^3", {
-             "3*eps": "So it is where each step is a new start.",
-             "6*eps": "That is for small eps: steps lost already cannot be lost again.",
-             "3 - 3*(1 - eps)^3": "A fall in the third step leaves two that were right."}),
+    ask=(
+        "Each step is wrong with chance eps, and after the first wrong one all are. How many of "
+        "three are wrong on average?",
+        "6*eps - 4*eps^2 + eps^3",
+        {
+            "3*eps": "So it is where each step is a new start.",
+            "6*eps": "That is for small eps: steps lost already cannot be lost again.",
+            "3 - 3*(1 - eps)^3": "A fall in the third step leaves two that were right.",
+        },
+    ),
     source="S. Ross and D. Bagnell, Efficient reductions for imitation learning, 2010",
-)  # fmt: skip
+)
 def errors_compound(found):
     import sympy
 
@@ -71,10 +76,16 @@ def errors_compound(found):
     lost = found.figure("lost", exponent(0.3, False), 0.04)
     found.statement = "20,000 episodes each of a table of contexts; doubled times by the formula."
     drawn = list(found.rng.integers(20, 200, 10))
-    inside, outside = ([square(x / T, T) for x, T in zip(found.rng.uniform(*some, 10), drawn,
-                        strict=True)] for some in ((0.01, 0.3), (0.7, 3.0)))  # fmt: skip
-    found.heard(square(0.1, 80), only_if="nothing leads back, and eps T is below a third",
-                inside=inside, outside=outside)  # fmt: skip
+    inside, outside = (
+        [square(x / T, T) for x, T in zip(found.rng.uniform(*some, 10), drawn, strict=True)]
+        for some in ((0.01, 0.3), (0.7, 3.0))
+    )
+    found.heard(
+        square(0.1, 80),
+        only_if="nothing leads back, and eps T is below a third",
+        inside=inside,
+        outside=outside,
+    )
     three = expected_cost(0.2, 3.0, recovers=False) - found.formula.subs(eps, 0.2)
     found.corrected(1.8 < alone < 2.0, abs(mended - 1.0) < 0.1, lost < 1.3, abs(three) < 1e-12)
 
@@ -84,12 +95,16 @@ def errors_compound(found):
     "The loop decides. With x' = a x + e the summed deviation of three steps is {formula}: in the "
     "long run it grows with exponent {below:.2f} for a of {low}, with {one:.2f} for a of 1, and "
     "exponentially only above.",
-    ask=("x' = a x + e from x = 0, a and e positive: sum of x over the first three steps?",
-         "3*e + 2*a*e + a^2*e", {
-             "3*e": "An error stays in the state, a times what it was.",
-             "e + a*e + a^2*e": "That is x after the third step.",
-             "6*e": "That is for a = 1."}),
-)  # fmt: skip
+    ask=(
+        "x' = a x + e from x = 0, a and e positive: sum of x over the first three steps?",
+        "3*e + 2*a*e + a^2*e",
+        {
+            "3*e": "An error stays in the state, a times what it was.",
+            "e + a*e + a^2*e": "That is x after the third step.",
+            "6*e": "That is for a = 1.",
+        },
+    ),
+)
 def clone_error_grows(found):
     import sympy
 
@@ -113,13 +128,21 @@ def clone_error_grows(found):
     low = found.given("low", 0.9)
     below, one = found.figure("below", exponent(low)), found.figure("one", exponent(1.0))
     found.statement = "2,000 steps from rest with the same error in each."
-    inside, outside = ([explodes(x) for x in found.rng.uniform(*some, 10)]
-                       for some in ((1.05, 1.5), (0.5, 1.0)))  # fmt: skip
-    found.heard(explodes(low), only_if="a deviation grows by itself, |a| above 1", inside=inside,
-                outside=outside)  # fmt: skip
+    inside, outside = (
+        [explodes(x) for x in found.rng.uniform(*some, 10)] for some in ((1.05, 1.5), (0.5, 1.0))
+    )
+    found.heard(
+        explodes(low),
+        only_if="a deviation grows by itself, |a| above 1",
+        inside=inside,
+        outside=outside,
+    )
     three = float(found.formula.subs({a: low, e: 0.01}))
-    found.corrected(abs(below - 1.0) < 0.02, abs(one - 2.0) < 0.01,
-                    abs(accumulated(low, 0.01, 3)[-1] - three) < 1e-12)  # fmt: skip
+    found.corrected(
+        abs(below - 1.0) < 0.02,
+        abs(one - 2.0) < 0.01,
+        abs(accumulated(low, 0.01, 3)[-1] - three) < 1e-12,
+    )
 
 
 @claim(
@@ -127,13 +150,17 @@ def clone_error_grows(found):
     "An expert that starts on its slow mode shows states of one line. The shortest gain that fits "
     "is, for the angle, {formula}; its loop has the spectral radius {copy:.3f}, the expert's "
     "{expert:.3f}, and no label is missed.",
-    ask=("An expert acts by -K1 x - K2 v; all states seen are multiples of (c, s). Of the gains "
-         "that fit all labels take the shortest: what is it for x?",
-         "(K1*c + K2*s)*c/(c^2 + s^2)", {
-             "K1": "The data don't tell this from other gains, and it is not the shortest.",
-             "(K1*c + K2*s)/c": "That fits too, with nothing for v; it is longer.",
-             "K1*c^2/(c^2 + s^2)": "The labels hold the part of v too."}),
-)  # fmt: skip
+    ask=(
+        "An expert acts by -K1 x - K2 v; all states seen are multiples of (c, s). Of the gains "
+        "that fit all labels take the shortest: what is it for x?",
+        "(K1*c + K2*s)*c/(c^2 + s^2)",
+        {
+            "K1": "The data don't tell this from other gains, and it is not the shortest.",
+            "(K1*c + K2*s)/c": "That fits too, with nothing for v; it is longer.",
+            "K1*c^2/(c^2 + s^2)": "The labels hold the part of v too.",
+        },
+    ),
+)
 def perfect_fit(found):
     import sympy
 
@@ -156,12 +183,20 @@ def perfect_fit(found):
     plants = [regulator(found.rng) for _ in range(10)]
     found.statement = "20 runs of 40 steps, then drawn plants, each with states on a line or not."
     inside, outside = ([as_good(plant, x) for plant in plants] for x in (0.01, 0.0))
-    found.heard(copy < 1.0, only_if="the states it was shown span all directions", inside=inside,
-                outside=outside)  # fmt: skip
+    found.heard(
+        copy < 1.0,
+        only_if="the states it was shown span all directions",
+        inside=inside,
+        outside=outside,
+    )
     mode = task.slow_mode()
     values = dict(zip((K1, K2, c, s), (*task.K, *mode), strict=True))
-    found.corrected(missed < 1e-9, law.rank == 1, copy > 1.1,
-                    abs(float(found.formula.subs(values)) - law.gain[0, 0]) < 1e-6)  # fmt: skip
+    found.corrected(
+        missed < 1e-9,
+        law.rank == 1,
+        copy > 1.1,
+        abs(float(found.formula.subs(values)) - law.gain[0, 0]) < 1e-6,
+    )
 
 
 @claim(
@@ -183,13 +218,24 @@ def dagger_fixes_drift(found):
     pushed = found.figure("pushed", law_of(0, task, rounds=0, injected=size))
     sizes = 10.0 ** found.rng.uniform(-6.0, -1.5, 10)
     found.statement = "Ten runs of 40 steps a round, a linear learner."
-    inside, outside = ([law_of(k, task, rounds=2, label_noise=x) < 1.0
-                        for k, x in enumerate(some)] for some in (sizes, 0.0 * sizes))  # fmt: skip
-    found.heard(quiet < 1.0, only_if="something takes the learner off the line that was shown",
-                inside=inside, outside=outside)  # fmt: skip
+    inside, outside = (
+        [law_of(k, task, rounds=2, label_noise=x) < 1.0 for k, x in enumerate(some)]
+        for some in (sizes, 0.0 * sizes)
+    )
+    found.heard(
+        quiet < 1.0,
+        only_if="something takes the learner off the line that was shown",
+        inside=inside,
+        outside=outside,
+    )
     expert = task.radius(task.K)
-    found.corrected(quiet > 1.1, abs(mended - expert) < 0.01, worst > 1.3,
-                    np.median(one) < 0.96, abs(pushed - expert) < 1e-6)  # fmt: skip
+    found.corrected(
+        quiet > 1.1,
+        abs(mended - expert) < 0.01,
+        worst > 1.3,
+        np.median(one) < 0.96,
+        abs(pushed - expert) < 1e-6,
+    )
 
 
 @claim(
@@ -226,8 +272,13 @@ def dagger_needs_room(found):
     lower = [bool(last < first) for first, last in ends]
     worse = found.figure("worse", np.sum(ends[2:, 1] > ends[2:, 0]), 0.4)
     found.statement = "20 laps of 40 steps a round, 32 units a layer, medians of all seeds."
-    found.heard(all(lower), only_if="it is trained long enough to fit the new states",
-                inside=lower[:2], outside=lower[2:], cases=True)  # fmt: skip
+    found.heard(
+        all(lower),
+        only_if="it is trained long enough to fit the new states",
+        inside=lower[:2],
+        outside=lower[2:],
+        cases=True,
+    )
     found.corrected(max(grown) < 1.35, min(grown) > 0.7, worse > 0.5 * n)
 
 
@@ -248,8 +299,9 @@ def diffusion_mends_drift(found):
         rng = np.random.default_rng(1)
         ran = roll(task, task.expert, task.starts(100, rng), 40, rng, injected=injected)
         rows = ran.states[:, :-1].reshape(-1, 2)
-        policy = diffusion_policy(rows, ran.actions.reshape(-1, 1), 0, width=32, steps=400,
-                                  rate=3e-3)  # fmt: skip
+        policy = diffusion_policy(
+            rows, ran.actions.reshape(-1, 1), 0, width=32, steps=400, rate=3e-3
+        )
         far = np.abs(roll(task, policy, task.starts(100, rng), 100, rng).states).max(axis=2)
         return np.mean(far[:, -1] > 10.0 * far[:, 0])
 

@@ -39,13 +39,18 @@ def drawn(rng, cut=0.0, T=40):
     "The sum of the critic's errors, discounted by gamma lambda, with {formula} for three, is the "
     "mean of all n-step estimates with weights (1 - lambda) lambda^(n-1). Computed backwards it "
     "agrees with that double sum to {worst:.0e}, with episodes that end and that are cut.",
-    ask=("Three steps are left; d0, d1, d2 are the errors of the critic. Generalised advantage of "
-         "the first?", "d0 + gamma*lam*d1 + gamma^2*lam^2*d2", {
-             "d0 + gamma*d1 + gamma^2*d2": "That is for lambda = 1.",
-             "d0 + lam*d1 + lam^2*d2": "Later errors are discounted too.",
-             "d0": "That is for lambda = 0."}),
+    ask=(
+        "Three steps are left; d0, d1, d2 are the errors of the critic. Generalised advantage of "
+        "the first?",
+        "d0 + gamma*lam*d1 + gamma^2*lam^2*d2",
+        {
+            "d0 + gamma*d1 + gamma^2*d2": "That is for lambda = 1.",
+            "d0 + lam*d1 + lam^2*d2": "Later errors are discounted too.",
+            "d0": "That is for lambda = 0.",
+        },
+    ),
     source="J. Schulman et al., High-dimensional continuous control, 2016",
-)  # fmt: skip
+)
 def lambda_mixes(found):
     import sympy
 
@@ -73,8 +78,10 @@ def lambda_mixes(found):
                 weight, n = weight * trace, n + 1
         return each
 
-    off = [gae(a, b, c, e, f, gamma, trace) - double(a, b, c, e, f) for a, b, c, e, f, _ in
-           (drawn(found.rng, 0.1) for _ in range(20))]  # fmt: skip
+    off = [
+        gae(a, b, c, e, f, gamma, trace) - double(a, b, c, e, f)
+        for a, b, c, e, f, _ in (drawn(found.rng, 0.1) for _ in range(20))
+    ]
     found.figure("worst", np.abs(off).max(), 0.5)
     found.statement = "20 drawn runs of 40 steps."
     found.heard(np.abs(off).max() < 1e-12)
@@ -110,21 +117,32 @@ def next_row(found):
     found.figure("worst", max(cut))
     found.statement = "Drawn runs of 40 steps, a tenth of them ends; without or with cuts."
     inside, outside = ([x < 1e-12 for x in some] for some in (ended, cut))
-    found.heard(all(outside), inside=inside, outside=outside,
-                only_if="no episode is cut off and reset within the step")  # fmt: skip
-    found.corrected(min(cut) > 1e-3, max(ended) < 1e-12, follows("NextStep"),
-                    not follows("SameStep"))  # fmt: skip
+    found.heard(
+        all(outside),
+        inside=inside,
+        outside=outside,
+        only_if="no episode is cut off and reset within the step",
+    )
+    found.corrected(
+        min(cut) > 1e-3, max(ended) < 1e-12, follows("NextStep"), not follows("SameStep")
+    )
 
 
 @claim(
     "Where the ratio is beyond the clip there is no gradient.",
     "There is where the action has to come back: an advantage below 0 and a ratio above, or one "
     "above 0 and a ratio below. The objective takes the smaller one: there it is {formula}.",
-    ask=("Ratio r above 1 + clip, advantage A below 0: PPO's clipped objective?", "r*A", {
-        "(1 + clip)*A": "That is the larger of the two.", "(1 - clip)*A": "The ratio is above.",
-        "0*A": "A mistake that has become likelier is corrected."}),
+    ask=(
+        "Ratio r above 1 + clip, advantage A below 0: PPO's clipped objective?",
+        "r*A",
+        {
+            "(1 + clip)*A": "That is the larger of the two.",
+            "(1 - clip)*A": "The ratio is above.",
+            "0*A": "A mistake that has become likelier is corrected.",
+        },
+    ),
     source="J. Schulman et al., Proximal policy optimization algorithms, 2017",
-)  # fmt: skip
+)
 def beyond_the_clip(found):
     import sympy
 
@@ -143,12 +161,22 @@ def beyond_the_clip(found):
     signs = np.resize([1.0, -1.0], 10)
     found.figure("slope", objective(np.array([1.5]), np.array([-1.0]))[1][0])
     found.statement = "Finite differences of the objective, clip 0.2, at drawn ratios."
-    inside, outside = ([flat(1.0 + s * k * x, s * y) for s, x, y in zip(signs, over, size,
-                        strict=True)] for k in (1.0, -1.0))  # fmt: skip
-    found.heard(all(outside), only_if="it has moved the way its advantage pushes",
-                inside=inside, outside=outside)  # fmt: skip
-    found.corrected(not any(outside), abs(objective(np.array([1.5]), np.array([-2.0]))[0][0] + 3.0)
-                    < 1e-12, not flat(1.1, 1.0), not flat(0.9, -1.0))  # fmt: skip
+    inside, outside = (
+        [flat(1.0 + s * k * x, s * y) for s, x, y in zip(signs, over, size, strict=True)]
+        for k in (1.0, -1.0)
+    )
+    found.heard(
+        all(outside),
+        only_if="it has moved the way its advantage pushes",
+        inside=inside,
+        outside=outside,
+    )
+    found.corrected(
+        not any(outside),
+        abs(objective(np.array([1.5]), np.array([-2.0]))[0][0] + 3.0) < 1e-12,
+        not flat(1.1, 1.0),
+        not flat(0.9, -1.0),
+    )
 
 
 @claim(
@@ -180,11 +208,17 @@ def clip_keeps(found):
     "If failures take far longer they come too late: one reads {formula} for a share p below 1/2, "
     "and 1 above. On the point a policy that ignores some goals succeeds in {true:.2f} and reads "
     "{read:.2f}; another {true_more:.2f} and {read_more:.2f}.",
-    ask=("Successes take a moment, failures for ever so long; N environments start anew by "
-         "themselves. Successes by the time the first failures end, over N?", "p/(1 - p)", {
-             "p": "Who succeeds plays again at once.", "p + p^2": "And again.",
-             "1 - p": "That is the share of first episodes that fail."}),
-)  # fmt: skip
+    ask=(
+        "Successes take a moment, failures for ever so long; N environments start anew by "
+        "themselves. Successes by the time the first failures end, over N?",
+        "p/(1 - p)",
+        {
+            "p": "Who succeeds plays again at once.",
+            "p + p^2": "And again.",
+            "1 - p": "That is the share of first episodes that fail.",
+        },
+    ),
+)
 def first_to_finish(found):
     import sympy
 
@@ -206,8 +240,12 @@ def first_to_finish(found):
         return true, first_finished(act, envs, N, 0).success.mean()
 
     (true, read), (more, read_more) = played(0.1), played(-0.5)
-    for name, value in (("true", true), ("read", read), ("true_more", more),
-                        ("read_more", read_more)):  # fmt: skip
+    for name, value in (
+        ("true", true),
+        ("read", read),
+        ("true_more", more),
+        ("read_more", read_more),
+    ):
         found.figure(name, value, 0.05)
 
     def tells(share, slow):
@@ -225,8 +263,12 @@ def first_to_finish(found):
 
     found.statement = "128 environments, 100 steps at most; then games of drawn shares."
     inside, outside = ([tells(s, n) for s in found.rng.uniform(0.2, 0.8, 8)] for n in (1, 30))
-    found.heard(abs(read_more - more) < 0.05, only_if="failures take as long as successes",
-                inside=inside, outside=outside)  # fmt: skip
+    found.heard(
+        abs(read_more - more) < 0.05,
+        only_if="failures take as long as successes",
+        inside=inside,
+        outside=outside,
+    )
     law = float(found.formula.subs(p, true))
     found.corrected(abs(read - law) < 0.1, read_more == 1.0, more < 0.8)
 
@@ -270,11 +312,17 @@ def own_normaliser(found):
     "How often it does can be told: a way of length L sweeps {formula} of the goals. Random pushes "
     "of the point should get there in {law:.1%} of the episodes, {measured:.1%} do; into a disc a "
     "quarter as wide {small:.2%} of them.",
-    ask=("A point's way has length L and does not cross itself, the goal is anywhere in an area S: "
-         "chance to pass within R of it, ends left out?", "2*R*L/S", {
-             "R*L/S": "It sweeps to both sides.", "pi*R^2/S": "That is for a point that stays.",
-             "2*R*L": "That is the area swept."}),
-)  # fmt: skip
+    ask=(
+        "A point's way has length L and does not cross itself, the goal is anywhere in an area S: "
+        "chance to pass within R of it, ends left out?",
+        "2*R*L/S",
+        {
+            "R*L/S": "It sweeps to both sides.",
+            "pi*R^2/S": "That is for a point that stays.",
+            "2*R*L": "That is the area swept.",
+        },
+    ),
+)
 def sparse_chance(found):
     import sympy
 
@@ -305,10 +353,16 @@ def sparse_chance(found):
     seen = found.figure("measured", measured(0.05), 0.1)
     found.figure("small", measured(0.0125), 0.2)
     found.statement = "2,000 episodes of 100 steps each."
-    inside, outside = ([bool(measured(x) < 0.01) for x in found.rng.uniform(*some, 8)]
-                       for some in ((0.001, 0.015), (0.03, 0.2)))  # fmt: skip
-    found.heard(seen < 0.01, only_if="{formula}, taken where goals are dense, is below 1/100",
-                inside=inside, outside=outside)  # fmt: skip
+    inside, outside = (
+        [bool(measured(x) < 0.01) for x in found.rng.uniform(*some, 8)]
+        for some in ((0.001, 0.015), (0.03, 0.2))
+    )
+    found.heard(
+        seen < 0.01,
+        only_if="{formula}, taken where goals are dense, is below 1/100",
+        inside=inside,
+        outside=outside,
+    )
     found.corrected(abs(told / seen - 1.0) < 0.3, abs(measured(0.1) / law(0.1) - 1.0) < 0.3)
 
 
@@ -348,12 +402,17 @@ def minus_distance(found):
     "Only one above {formula} a step: else the prize, put off by a step, loses more. And a bonus "
     "in the reward of a step is paid at every step near, {paid:.0f} times in {steps:.0f} steps, "
     "not once.",
-    ask=("Near the goal each step pays b, the last one the prize P besides and ends it. From which "
-         "b on does it pay to wait?", "b > (1 - gamma)*P/gamma", {
-             "(1 - gamma)*P": "The bonus won is one of the step after.",
-             "P": "That compares a step with the whole prize.",
-             "gamma*P/(1 - gamma)": "That is all bonuses to come over one."}),
-)  # fmt: skip
+    ask=(
+        "Near the goal each step pays b, the last one the prize P besides and ends it. From which "
+        "b on does it pay to wait?",
+        "b > (1 - gamma)*P/gamma",
+        {
+            "(1 - gamma)*P": "The bonus won is one of the step after.",
+            "P": "That compares a step with the whole prize.",
+            "gamma*P/(1 - gamma)": "That is all bonuses to come over one.",
+        },
+    ),
+)
 def hovering(found):
     import sympy
 
@@ -377,12 +436,17 @@ def hovering(found):
     envs.reset(seed=0)
     still = np.zeros((1, 2), np.float32)
     found.figure("paid", np.sum([envs.step(still)[1][0] for _ in range(steps)]), 0.0)
-    tasks = list(zip(found.rng.uniform(0.6, 0.98, 10), found.rng.uniform(0.5, 20.0, 10),
-                     strict=True))  # fmt: skip
+    tasks = list(
+        zip(found.rng.uniform(0.6, 0.98, 10), found.rng.uniform(0.5, 20.0, 10), strict=True)
+    )
     found.statement = "Two states with drawn discounts and prizes; a point that rests near."
     inside, outside = ([hovers(x, *task) for task in tasks] for x in (1.05, 0.95))
-    found.heard(all(outside), only_if="the bonus is above (1 - gamma) / gamma of the prize",
-                inside=inside, outside=outside)  # fmt: skip
+    found.heard(
+        all(outside),
+        only_if="the bonus is above (1 - gamma) / gamma of the prize",
+        inside=inside,
+        outside=outside,
+    )
     found.corrected(not any(outside), found.figures["paid"] == steps)
 
 
@@ -404,12 +468,18 @@ def no_time_penalty(found):
         return evaluate(act, envs, 0, discount=gamma).returns.mean()
 
     discount = found.given("discount", 0.99)
-    slow, fast = (found.figure(x, worth(gain, discount), 1e-3)
-                  for x, gain in (("slow", 0.3), ("fast", 2.0)))  # fmt: skip
+    slow, fast = (
+        found.figure(x, worth(gain, discount), 1e-3) for x, gain in (("slow", 0.3), ("fast", 2.0))
+    )
     same = [bool(abs(worth(0.3, x) - worth(2.0, x)) < 1e-9) for x in (1.0, 0.999, 0.95)]
     found.statement = "64 starts, up to 1,000 steps, critically damped laws of 0.3 / s and 2 / s."
-    found.heard(all(same[1:]), only_if="nothing is discounted and no clock runs out",
-                inside=same[:1], outside=same[1:], cases=True)  # fmt: skip
+    found.heard(
+        all(same[1:]),
+        only_if="nothing is discounted and no clock runs out",
+        inside=same[:1],
+        outside=same[1:],
+        cases=True,
+    )
     found.corrected(fast > slow + 0.1, not any(same[1:]))
 
 
@@ -458,13 +528,17 @@ def two_gains(found):
     "Of products of a network of two hidden layers the backward pass takes {formula}, in PyTorch "
     "{ratio:.2f} times the forward one's for {width:.0f} units a layer. What autograd adds are "
     "calls: {calls:.0f} operators in one step, whatever the width.",
-    ask=("d inputs, two hidden layers of h, m outputs. A forward pass takes d h + h h + h m "
-         "products a row; how many the backward pass, by all weights?",
-         "d*h + 2*h^2 + 2*h*m", {
-             "d*h + h^2 + h*m": "That is for the weights, or for what comes in, not both.",
-             "2*d*h + 2*h^2 + 2*h*m": "Nobody asks for the slope by the inputs.",
-             "3*d*h + 3*h^2 + 3*h*m": "That is with the forward pass, and by the inputs."}),
-)  # fmt: skip
+    ask=(
+        "d inputs, two hidden layers of h, m outputs. A forward pass takes d h + h h + h m "
+        "products a row; how many the backward pass, by all weights?",
+        "d*h + 2*h^2 + 2*h*m",
+        {
+            "d*h + h^2 + h*m": "That is for the weights, or for what comes in, not both.",
+            "2*d*h + 2*h^2 + 2*h*m": "Nobody asks for the slope by the inputs.",
+            "3*d*h + 3*h^2 + 3*h*m": "That is with the forward pass, and by the inputs.",
+        },
+    ),
+)
 def gradient_cost(found):
     import sympy
     from torch.utils._python_dispatch import TorchDispatchMode

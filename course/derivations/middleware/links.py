@@ -34,13 +34,18 @@ def lossy(reliability, packets, loss, messages, rate=float("inf")):
     "A picture is lost with any of its packets. Of {n:.0f} packets, as VGA colour has, "
     "{lost:.0%} of the pictures were lost at {p:.1%}, of {twelve:.0f} packets {few:.1%}, which is "
     "{formula}: if each is lost for itself. Packets that are lost in a row hit fewer pictures.",
-    ask=("Each packet is lost with the probability p, for itself, and none is sent again. With "
-         "which probability is a message of 12 packets lost?", "1 - (1 - p)^12", {
-             "p": "That is one packet.",
-             "12*p": "Close where it is small; two lost packets lose one message.",
-             "p^12": "That is all of them lost.",
-             "(1 - p)^12": "That is the message that comes through."}),
-)  # fmt: skip
+    ask=(
+        "Each packet is lost with the probability p, for itself, and none is sent again. With "
+        "which probability is a message of 12 packets lost?",
+        "1 - (1 - p)^12",
+        {
+            "p": "That is one packet.",
+            "12*p": "Close where it is small; two lost packets lose one message.",
+            "p^12": "That is all of them lost.",
+            "(1 - p)^12": "That is the message that comes through.",
+        },
+    ),
+)
 def picture_lost_like_packet(found):
     import sympy
 
@@ -95,14 +100,18 @@ def forgets(packets, loss, messages=1000):
     "rounds in the mean; sent anew as a whole until all is there it would take {whole:.2f} times "
     "all. The price is age, as each round is a way back and forth; a writer of depth 1, asked when "
     "the next picture is out, sent nothing again.",
-    ask=("A message of n packets, each lost with the probability p each time. Only those that are "
-         "lost are sent again, until all are there. How many packets are sent, in the mean?",
-         "n/(1 - p)", {
-             "n*(1 + p)": "Of those sent again some are lost again.",
-             "n": "That is without losses.",
-             "n/p": "A quiet link sends few.",
-             "n/(1 - p)^2": "The way there counts once."}),
-)  # fmt: skip
+    ask=(
+        "A message of n packets, each lost with the probability p each time. Only those that are "
+        "lost are sent again, until all are there. How many packets are sent, in the mean?",
+        "n/(1 - p)",
+        {
+            "n*(1 + p)": "Of those sent again some are lost again.",
+            "n": "That is without losses.",
+            "n/p": "A quiet link sends few.",
+            "n/(1 - p)^2": "The way there counts once.",
+        },
+    ),
+)
 def reliable_resends_all(found):
     import sympy
 
@@ -125,8 +134,12 @@ def reliable_resends_all(found):
     seen = [(packets(a, b)[0], float(found.formula.subs({n: a, p: b}))) for a, b in drawn]
     found.statement = "Bytes on the bus's wire; what asks for them is not lost and not counted."
     found.heard(bool(abs(rounds / whole - 1.0) < 0.1))
-    found.corrected(all(abs(a / b - 1.0) < 0.03 for a, b in seen), rounds < whole - 0.2,
-                    sent < 1.01 * size, forgets(size, loss))  # fmt: skip
+    found.corrected(
+        all(abs(a / b - 1.0) < 0.03 for a, b in seen),
+        rounds < whole - 0.2,
+        sent < 1.01 * size,
+        forgets(size, loss),
+    )
 
 
 @claim(
@@ -134,13 +147,18 @@ def reliable_resends_all(found):
     "Not as it is: {formula} is {camera:.0f} MB/s, and the cable carries {cable:.0f} at the most. "
     "Where all wait for it and none is thrown away, pictures get older by {slope_ms:.0f} ms with "
     "each second of recording. VGA colour is {vga:.1f} MB/s, in {packets:.0f} packets a picture.",
-    ask=("A camera gives f pictures a second, w by h pixels of c bytes each, as they are. How many "
-         "bytes a second?", "B, rate = w*h*c*f", {
-             "8*w*h*c*f": "That is bits.",
-             "w*h*f": "A pixel has more than one byte.",
-             "w*h*c/f": "More pictures are more bytes.",
-             "(w + h)*c*f": "Rows times columns."}),
-)  # fmt: skip
+    ask=(
+        "A camera gives f pictures a second, w by h pixels of c bytes each, as they are. How many "
+        "bytes a second?",
+        "B, rate = w*h*c*f",
+        {
+            "8*w*h*c*f": "That is bits.",
+            "w*h*f": "A pixel has more than one byte.",
+            "w*h*c/f": "More pictures are more bytes.",
+            "(w + h)*c*f": "Rows times columns.",
+        },
+    ),
+)
 def gigabit_is_enough(found):
     import sympy
 
@@ -157,8 +175,12 @@ def gigabit_is_enough(found):
         """By how much pictures get older in each second [s/s], their age when it ends [s]."""
         bus, seen = Bus(), list[tuple[float, float]]()
         out = bus.node("camera").writer("image", QoS(history="keep_all"))
-        bus.node("eye").reader("image", lambda s: seen.append((s.stamp, bus.now - s.stamp)),
-                               QoS(history="keep_all"), Link(rate=wire))  # fmt: skip
+        bus.node("eye").reader(
+            "image",
+            lambda s: seen.append((s.stamp, bus.now - s.stamp)),
+            QoS(history="keep_all"),
+            Link(rate=wire),
+        )
         bus.node("shutter").timer(1.0 / hz, lambda: (out.publish(0, size), None)[1])
         bus.run(seconds)
         stamp, old = np.transpose(seen)
@@ -171,9 +193,13 @@ def gigabit_is_enough(found):
     grows = found.figure("slope_ms", 1e3 * slope(int(rate(1280, 720, 5, 1)), wire), 0.01)
     found.statement = "Arithmetic, and pictures on a wire of that many bytes a second, no headers."
     found.heard(grows < 1.0)
-    found.corrected(camera > 125.0, abs(grows / (1e3 * (camera / 125.0 - 1.0)) - 1.0) < 0.01,
-                    abs(slope(int(rate(640, 480, 3, 1)), wire)) < 1e-6, vga < 28.0,
-                    packets * 1472 >= rate(640, 480, 3, 1))  # fmt: skip
+    found.corrected(
+        camera > 125.0,
+        abs(grows / (1e3 * (camera / 125.0 - 1.0)) - 1.0) < 0.01,
+        abs(slope(int(rate(640, 480, 3, 1)), wire)) < 1e-6,
+        vga < 28.0,
+        packets * 1472 >= rate(640, 480, 3, 1),
+    )
 
 
 @claim(
@@ -196,8 +222,12 @@ def command_waits_for_picture(found):
         qos = QoS(reliability, "keep_all")
         image, torque = (bus.node(x).writer(x, qos) for x in ("image", "torque"))
         bus.node("eye").reader("image", None, qos, wire)
-        bus.node("drive").reader("torque", lambda s: late.append(bus.now - s.stamp), qos,
-                                 wire if shared else Link(rate=speed))  # fmt: skip
+        bus.node("drive").reader(
+            "torque",
+            lambda s: late.append(bus.now - s.stamp),
+            qos,
+            wire if shared else Link(rate=speed),
+        )
         parts = wire.fragments(int(size)) if spread else 1
 
         def shot():
@@ -267,16 +297,23 @@ def joint_states_reliable(found):
         one, other = (newest(kind, float(loss), float(repair)).mean() for kind in kinds)
         return bool(other < one)
 
-    within, after = found.rng.uniform((0.1, 2e-4), (0.3, 7e-4), (8, 2)), found.rng.uniform(
-        (0.1, 1.3e-3), (0.3, 4e-3), (8, 2))  # fmt: skip
+    within, after = (
+        found.rng.uniform((0.1, 2e-4), (0.3, 7e-4), (8, 2)),
+        found.rng.uniform((0.1, 1.3e-3), (0.3, 4e-3), (8, 2)),
+    )
     found.statement = "Joint states on the bus, 5 s each, looked at in all phases."
-    found.heard(bool(sure.mean() < best.mean()),
-                only_if="what was lost is there again before the next state",
-                inside=[fresher(*x) for x in within], outside=[fresher(*x) for x in after]
-                )  # fmt: skip
-    found.corrected(bool(again < best.mean()), abs(fair[0] / fair[1] - 1.0) < 1e-6,
-                    bool(np.quantile(sure, 0.99) > np.quantile(best, 0.99)),
-                    not any(fresher(*x) for x in after[:3]))  # fmt: skip
+    found.heard(
+        bool(sure.mean() < best.mean()),
+        only_if="what was lost is there again before the next state",
+        inside=[fresher(*x) for x in within],
+        outside=[fresher(*x) for x in after],
+    )
+    found.corrected(
+        bool(again < best.mean()),
+        abs(fair[0] / fair[1] - 1.0) < 1e-6,
+        bool(np.quantile(sure, 0.99) > np.quantile(best, 0.99)),
+        not any(fresher(*x) for x in after[:3]),
+    )
 
 
 @claim(
@@ -374,5 +411,10 @@ def service_takes_five(found):
     heard = found.figure("heard", len(answered(work, clients=int(found.given("many", 20)))))
     found.statement = "A server with a second callback on the bus, and clients that ask at once."
     found.heard(len(crowd) < 2 or most < 1.5 * least)
-    found.corrected(all(right for _, right in crowd), len(crowd) == 5, most > 10.0 * least,
-                    abs(last - 5e3 * work) < 0.1, heard == depth)  # fmt: skip
+    found.corrected(
+        all(right for _, right in crowd),
+        len(crowd) == 5,
+        most > 10.0 * least,
+        abs(last - 5e3 * work) < 0.1,
+        heard == depth,
+    )

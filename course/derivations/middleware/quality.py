@@ -48,17 +48,24 @@ def reliability_both_ways(found):
 
     kinds = ORDERS["reliability"]
     pairs = [(QoS(a), QoS(b)) for a in kinds for b in kinds]
-    heard = {(a.reliability, b.reliability): one.delivered == 1
-             for (a, b), one in zip(pairs, verdicts(pairs), strict=True)}  # fmt: skip
+    heard = {
+        (a.reliability, b.reliability): one.delivered == 1
+        for (a, b), one in zip(pairs, verdicts(pairs), strict=True)
+    }
     silent = [pair for pair, one in heard.items() if not one]
     found.figure("silent", len(silent))
     reader = through(QoS(), QoS("best_effort"), Link(loss=found.given("loss", 0.2)))
     lost = found.figure("lost", reader.lost / 2000, 0.2)
     found.statement = "All pairs on Cyclone DDS; a link with losses on the bus."
     found.heard(not heard["reliable", "best_effort"] and not heard["best_effort", "reliable"])
-    found.corrected(silent == [tuple(kinds)], reader.rounds == 0, bool(abs(lost - 0.2) < 0.05),
-                    all(one == (not compatible(*pair)) for pair, one in
-                        zip(pairs, heard.values(), strict=True)))  # fmt: skip
+    found.corrected(
+        silent == [tuple(kinds)],
+        reader.rounds == 0,
+        bool(abs(lost - 0.2) < 0.05),
+        all(
+            one == (not compatible(*pair)) for pair, one in zip(pairs, heard.values(), strict=True)
+        ),
+    )
 
 
 @claim(
@@ -81,9 +88,12 @@ def mismatch_is_late(found):
     events = through(*pair, Link(), 3).bus.events
     found.statement = "On Cyclone DDS, and the events of the bus."
     found.heard(came > 0)
-    found.corrected(came == 0, told.writer == told.reader == "reliability",
-                    [one.end for one in events] == ["writer", "reader"],
-                    all(one.detail == (told.reader,) for one in events))  # fmt: skip
+    found.corrected(
+        came == 0,
+        told.writer == told.reader == "reliability",
+        [one.end for one in events] == ["writer", "reader"],
+        all(one.detail == (told.reader,) for one in events),
+    )
 
 
 def drawn(rng, least=None):
@@ -117,8 +127,10 @@ def stronger_offer(found):
     from course.oracles.cyclonedds import verdicts
 
     requests = [drawn(found.rng) for _ in range(int(found.given("tried", 24)))]
-    offers = [replace(drawn(found.rng, least=one), depth=int(found.rng.integers(1, 20)))
-              for one in requests]  # fmt: skip
+    offers = [
+        replace(drawn(found.rng, least=one), depth=int(found.rng.integers(1, 20)))
+        for one in requests
+    ]
     seen = verdicts(list(zip(offers, requests, strict=True)))
     ends: list[dict[str, Any]] = [{n: k[at] for n, k in ORDERS.items()} for at in (0, -1)]
     found.figure("ordered", len(compatible(QoS(**ends[0]), QoS(**ends[1], deadline=0.1))))
@@ -128,8 +140,11 @@ def stronger_offer(found):
     back = [bool(compatible(a, b)) for a, b in zip(requests, offers, strict=True)]
     found.statement = "Pairs by chance on Cyclone DDS."
     found.heard(all(one.delivered == 1 for one in seen))
-    found.corrected(not any(compatible(*pair) for pair in zip(offers, requests, strict=True)),
-                    not any(one.matched for one in mixed), all(back))  # fmt: skip
+    found.corrected(
+        not any(compatible(*pair) for pair in zip(offers, requests, strict=True)),
+        not any(one.matched for one in mixed),
+        all(back),
+    )
 
 
 @claim(
@@ -176,10 +191,15 @@ def deadline_for_deadline(found):
     inside, outside = heard("deadline", below), heard("deadline", above)
     met = found.figure("met", sum(heard("deadline", np.full(asked.size, math.inf))))
     found.statement = "Deadlines and leases by chance on Cyclone DDS."
-    found.heard(all(outside), only_if="the writer's is at most as long as the reader's",
-                inside=inside, outside=outside)  # fmt: skip
-    found.corrected(met == 0, all(heard("lease", below)), not any(heard("lease", above)),
-                    not any(outside))  # fmt: skip
+    found.heard(
+        all(outside),
+        only_if="the writer's is at most as long as the reader's",
+        inside=inside,
+        outside=outside,
+    )
+    found.corrected(
+        met == 0, all(heard("lease", below)), not any(heard("lease", above)), not any(outside)
+    )
 
 
 @claim(
@@ -235,15 +255,19 @@ def reliable_arrives(found):
         return history(QoS(depth=int(writer)), QoS(depth=int(reader)), int(n)) == list(range(n))
 
     n = found.rng.integers(2, 15, 8)
-    inside = [all_of(k, k + a, k + b) for k, (a, b) in
-              zip(n, found.rng.integers(0, 3, (8, 2)), strict=True)]  # fmt: skip
+    inside = [
+        all_of(k, k + a, k + b)
+        for k, (a, b) in zip(n, found.rng.integers(0, 3, (8, 2)), strict=True)
+    ]
     outside = [all_of(k, k, k - 1) for k in n]
     found.statement = "Bursts on Cyclone DDS, whose reader looks afterwards; losses on the bus."
-    found.heard(kept == burst,
-                only_if="the two have met, neither end's history overruns, no lifespan ends and "
-                "the writer lives on",
-                inside=[*inside, long.lost == 0],
-                outside=[*outside, history(QoS(), QoS(), 3, late=True) == [0, 1, 2]])  # fmt: skip
+    found.heard(
+        kept == burst,
+        only_if="the two have met, neither end's history overruns, no lifespan ends and "
+        "the writer lives on",
+        inside=[*inside, long.lost == 0],
+        outside=[*outside, history(QoS(), QoS(), 3, late=True) == [0, 1, 2]],
+    )
     found.corrected(
         len(best) == kept == depth, gone > 0.1, not any(outside), long.rounds > 0, quick.lost == 0
     )
@@ -275,14 +299,18 @@ def ages(depth, ratio, reliability="reliable", reads=400, apart=0.01):
     "- 1)*T and d*T old, with clocks of their own {formula} in the mean. Best effort with depth "
     "{depth:.0f} was {deep:.0f} periods of the writer late, reliable with depth 1 was "
     "{newest:.0f} late.",
-    ask=("A slower reader takes, one by one at moments of its own, the oldest of a full queue of "
-         "depth d, whose writer has the period T. The mean age of what it takes?",
-         "A, age = (d - 1/2)*T",
-         {"(d - 1)*T": "That is the least, just after a sample came.",
-          "d*T": "That is the greatest, just before the next one comes.",
-          "d*T/2": "The queue is full each time, not half full.",
-          "T/2": "That is depth 1."}),
-)  # fmt: skip
+    ask=(
+        "A slower reader takes, one by one at moments of its own, the oldest of a full queue of "
+        "depth d, whose writer has the period T. The mean age of what it takes?",
+        "A, age = (d - 1/2)*T",
+        {
+            "(d - 1)*T": "That is the least, just after a sample came.",
+            "d*T": "That is the greatest, just before the next one comes.",
+            "d*T/2": "The queue is full each time, not half full.",
+            "T/2": "That is depth 1.",
+        },
+    ),
+)
 def best_effort_is_fresh(found):
     import sympy
 
@@ -298,10 +326,12 @@ def best_effort_is_fresh(found):
     seen = [(int(k), ages(int(k), float(r), ORDERS["reliability"][int(k) % 2])) for k, r in drawn]
     found.statement = "On Cyclone DDS in turns, and on the bus with clocks of their own."
     found.heard(deep == 0)
-    found.corrected(deep == depth - 1, newest == 0,
-                    all(k - 1 - 1e-6 < a.min() and a.max() < k + 1e-6 for k, a in seen),
-                    all(abs(a.mean() - float(found.formula.subs({d: k, T: 1}))) < 0.1
-                        for k, a in seen))  # fmt: skip
+    found.corrected(
+        deep == depth - 1,
+        newest == 0,
+        all(k - 1 - 1e-6 < a.min() and a.max() < k + 1e-6 for k, a in seen),
+        all(abs(a.mean() - float(found.formula.subs({d: k, T: 1}))) < 0.1 for k, a in seen),
+    )
 
 
 def still_there(lifespan=math.inf, dies=False):
@@ -334,21 +364,32 @@ def late_joiner_gets_the_last(found):
 
     kinds = {name: ORDERS[name][:2] for name in ("durability", "reliability")}
     last = late(depth=1)
-    given = {name: [gets(late(**{"depth": 1, name: a}), late(**{name: b}))
-                    for a in some for b in some] for name, some in kinds.items()}  # fmt: skip
+    given = {
+        name: [gets(late(**{"depth": 1, name: a}), late(**{name: b})) for a in some for b in some]
+        for name, some in kinds.items()
+    }
     found.figure("given", sum(given["durability"]))
     found.figure("reliable", sum(given["reliability"]))
     found.statement = "Pairs on Cyclone DDS; lifespan and the writer's end on the bus."
     found.heard(
-        all(given["reliability"]), cases=True,
+        all(given["reliability"]),
+        cases=True,
         only_if="both ends are transient-local and reliable, its lifespan lasts and its writer "
         "lives",
         inside=[gets(last, late(depth=n)) for n in (1, 2, 10)] + [still_there()],
-        outside=[*given["durability"][:3], *given["reliability"][:3], still_there(lifespan=0.5),
-                 still_there(dies=True)],
-    )  # fmt: skip
-    found.corrected(sum(given["durability"]) == 1, sum(given["reliability"]) == 1,
-                    not still_there(lifespan=0.5), not still_there(dies=True))  # fmt: skip
+        outside=[
+            *given["durability"][:3],
+            *given["reliability"][:3],
+            still_there(lifespan=0.5),
+            still_there(dies=True),
+        ],
+    )
+    found.corrected(
+        sum(given["durability"]) == 1,
+        sum(given["reliability"]) == 1,
+        not still_there(lifespan=0.5),
+        not still_there(dies=True),
+    )
 
 
 @claim(
@@ -363,18 +404,27 @@ def late_joiner_depth(found):
     from course.oracles.qos_matrix import history
 
     def handed(depth, service, reader=20):
-        return len(history(late(depth=int(depth)), late(depth=reader), 12,
-                           late=True, kept_for_late=int(service)))  # fmt: skip
+        return len(
+            history(
+                late(depth=int(depth)),
+                late(depth=reader),
+                12,
+                late=True,
+                kept_for_late=int(service),
+            )
+        )
 
     depth = int(found.given("depth", 3))
     plain = found.figure("plain", handed(depth, 0))
     depths = found.rng.integers(2, 10, 8)
     found.statement = "Late readers on Cyclone DDS, after 12 samples."
-    found.heard(plain == depth,
-                only_if="its durability service has the depth d as well, and the reader no less",
-                inside=[handed(k, k) == k for k in depths],
-                outside=[handed(k, k - 1) == k for k in depths]
-                + [handed(k, k, int(k) - 1) == k for k in depths])  # fmt: skip
+    found.heard(
+        plain == depth,
+        only_if="its durability service has the depth d as well, and the reader no less",
+        inside=[handed(k, k) == k for k in depths],
+        outside=[handed(k, k - 1) == k for k in depths]
+        + [handed(k, k, int(k) - 1) == k for k in depths],
+    )
     found.corrected(plain == 1, handed(5, 5, reader=2) == 2)
 
 
@@ -469,7 +519,9 @@ def deadline_is_one_event(found):
     draws = found.rng.uniform((0.05, 0.01), (0.5, 0.049), (20, 2))
     found.statement = "Gaps on the bus, and those that there really were on Cyclone DDS."
     found.heard(events == 1)
-    found.corrected(all(missed_on_the_bus(float(g), float(d)) == [math.floor(g / d)] * 2
-                        for g, d in draws), never == closed == 0,
-                    real.least <= real.offered <= real.most,
-                    real.least <= real.requested <= real.most)  # fmt: skip
+    found.corrected(
+        all(missed_on_the_bus(float(g), float(d)) == [math.floor(g / d)] * 2 for g, d in draws),
+        never == closed == 0,
+        real.least <= real.offered <= real.most,
+        real.least <= real.requested <= real.most,
+    )

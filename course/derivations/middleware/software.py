@@ -87,9 +87,13 @@ def processes_isolate(found):
     import sys
 
     def python(code):
-        return subprocess.Popen([sys.executable, "-S", "-c", code], text=True,
-                                stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-                                stderr=subprocess.DEVNULL)  # fmt: skip
+        return subprocess.Popen(
+            [sys.executable, "-S", "-c", code],
+            text=True,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
 
     other = python("input(); print('alive')")
     crashed = python(CRASH)
@@ -141,8 +145,12 @@ def callback_sets_the_rate(found):
     late = commands(hz, stops=0.5)
     found.statement = "Joint states at some rates on the bus, one second each."
     found.heard(sent > 900)
-    found.corrected(all(commands(float(x)).size == np.ceil(0.9999 * x) for x in (50, 333, 1000)),
-                    sent == hz, bool(late.max() < 0.5), burst == QoS().depth)  # fmt: skip
+    found.corrected(
+        all(commands(float(x)).size == np.ceil(0.9999 * x) for x in (50, 333, 1000)),
+        sent == hz,
+        bool(late.max() < 0.5),
+        burst == QoS().depth,
+    )
 
 
 @claim(
@@ -177,8 +185,13 @@ def any_joint_message(found):
     told = [controller.torques(row[:6], row[6:], *settings) for row in rows]
     found.statement = "Both in C++ under the address sanitizer, and the same law in Python."
     found.heard(all(one.code == 0 for one in failed))
-    found.corrected(stopped == len(wrong), fine.code == 0 and made >= 2, none == 0, all(ours.good),
-                    bool(np.abs(np.array(ours.torque) - told).max() <= 1e-15))  # fmt: skip
+    found.corrected(
+        stopped == len(wrong),
+        fine.code == 0 and made >= 2,
+        none == 0,
+        all(ours.good),
+        bool(np.abs(np.array(ours.torque) - told).max() <= 1e-15),
+    )
 
 
 @claim(
@@ -203,8 +216,13 @@ def launch_comments(found):
     asked = control.parameters["rate"]
     found.statement = "Both files run against stand-ins of launch, their parameters read by name."
     found.heard(usual > 0)
-    found.corrected(usual == 0, ours > 4, left != asked, "rate" not in node.value,
-                    not launch.silent(launch.nodes(launch.OURS)))  # fmt: skip
+    found.corrected(
+        usual == 0,
+        ours > 4,
+        left != asked,
+        "rate" not in node.value,
+        not launch.silent(launch.nodes(launch.OURS)),
+    )
 
 
 @claim(
@@ -238,10 +256,12 @@ def parameters_are_tunable(found):
     found.figure("kinds", len(works))
     tuned = found.figure("tuned", sum(all(one) for one in works.values()))
     found.statement = "A stand-in that keeps parameters as rclcpp does, four ways to use one."
-    found.heard(all(works["copied"]),
-                only_if="it is declared, not read-only, and read anew or followed by a callback",
-                inside=works["read"] + works["told"],
-                outside=works["copied"] + works["undeclared"])  # fmt: skip
+    found.heard(
+        all(works["copied"]),
+        only_if="it is declared, not read-only, and read anew or followed by a callback",
+        inside=works["read"] + works["told"],
+        outside=works["copied"] + works["undeclared"],
+    )
     found.corrected(tuned == 2, not any(works["copied"]), not any(works["undeclared"]))
 
 
@@ -252,14 +272,19 @@ def parameters_are_tunable(found):
     "{chunk:.0f} actions a pass it is {few:.1f} GB/s, and from another computer it comes over a "
     "link, older by its {link_ms:.0f} ms: {far_ms:.0f} ms in place of {near_ms:.0f} in the mean. "
     "Computing, the cache of a transformer and several passes for one action come on top.",
-    ask=("A model of n parameters of b bytes makes k actions in a pass, in which each weight is "
-         "read once from memory, and gives f actions a second. How many bytes a second does it "
-         "read at the least?", "B, rate = n*b*f/k", {
-             "n*b*f": "A pass makes k actions.",
-             "n*b*f*k": "More actions a pass are fewer passes.",
-             "n*f/k": "A parameter has b bytes.",
-             "8*n*b*f/k": "That is bits."}),
-)  # fmt: skip
+    ask=(
+        "A model of n parameters of b bytes makes k actions in a pass, in which each weight is "
+        "read once from memory, and gives f actions a second. How many bytes a second does it "
+        "read at the least?",
+        "B, rate = n*b*f/k",
+        {
+            "n*b*f": "A pass makes k actions.",
+            "n*b*f*k": "More actions a pass are fewer passes.",
+            "n*f/k": "A parameter has b bytes.",
+            "8*n*b*f/k": "That is bits.",
+        },
+    ),
+)
 def seven_billion_on_board(found):
     import sympy
 
@@ -294,15 +319,21 @@ def seven_billion_on_board(found):
     found.figure("far_ms", 1e3 * far)
     sizes, few = found.rng.uniform(1.4, 4.0, 8), found.rng.uniform(2.0, 16.0, 8)
     found.statement = "Counted on small networks; two channels of DDR5-5600; ages of chapter 0."
-    found.heard(bool(traffic(2, chunk) > pc),
-                only_if="each action takes a pass of its own, the memory beside the processor is "
-                "too slow for that, and no link to another computer is quick enough",
-                inside=[traffic(x) > pc for x in sizes],
-                outside=[traffic(min(x, 2.5), a) > pc
-                         for x, a in zip(sizes, few, strict=True)])  # fmt: skip
-    found.corrected(each > pc, abs(far - near - link) < 1e-9,
-                    all(abs(bytes_ / float(found.formula.subs({n: size, b: 2, f: 24, k: x})) - 1.0)
-                        < 1e-9 for bytes_, size, x in counted))  # fmt: skip
+    found.heard(
+        bool(traffic(2, chunk) > pc),
+        only_if="each action takes a pass of its own, the memory beside the processor is "
+        "too slow for that, and no link to another computer is quick enough",
+        inside=[traffic(x) > pc for x in sizes],
+        outside=[traffic(min(x, 2.5), a) > pc for x, a in zip(sizes, few, strict=True)],
+    )
+    found.corrected(
+        each > pc,
+        abs(far - near - link) < 1e-9,
+        all(
+            abs(bytes_ / float(found.formula.subs({n: size, b: 2, f: 24, k: x})) - 1.0) < 1e-9
+            for bytes_, size, x in counted
+        ),
+    )
 
 
 @claim(
@@ -311,14 +342,19 @@ def seven_billion_on_board(found):
     "old. With a pass of {pass_ms:.0f} ms and chunks of {played:.0f} actions of {action_ms:.0f} ms "
     "that is {worst_ms:.0f} ms, and {mean_ms:.0f} in the mean; with chunks as short as the pass "
     "{short_ms:.0f}.",
-    ask=("A pass takes C from its picture. It gives a chunk, of which H actions of T each are "
-         "played while the next pass runs, so that the next chunk is there just in time. How old "
-         "is the picture at the end of a chunk?", "A, age = C + H*T", {
-             "C": "That is at its beginning.",
-             "H*T": "The pass has taken its time before.",
-             "C + H*T/2": "That is the mean.",
-             "2*C": "That is a chunk that lasts as long as a pass."}),
-)  # fmt: skip
+    ask=(
+        "A pass takes C from its picture. It gives a chunk, of which H actions of T each are "
+        "played while the next pass runs, so that the next chunk is there just in time. How old "
+        "is the picture at the end of a chunk?",
+        "A, age = C + H*T",
+        {
+            "C": "That is at its beginning.",
+            "H*T": "The pass has taken its time before.",
+            "C + H*T/2": "That is the mean.",
+            "2*C": "That is a chunk that lasts as long as a pass.",
+        },
+    ),
+)
 def chunks_hide_latency(found):
     import sympy
 
@@ -343,8 +379,11 @@ def chunks_hide_latency(found):
     found.statement = "A policy as a stage of chapter 0 on the bus, ages at drawn moments."
     found.heard(worst < 1.1e3 * a_pass)
     found.corrected(
-        all(abs(ages(a, h).max() / float(found.formula.subs({C: a, H: 1, T: h})) - 1.0) < 0.01
-            for a, h in drawn), bool(seen.min() > 0.99 * a_pass),
+        all(
+            abs(ages(a, h).max() / float(found.formula.subs({C: a, H: 1, T: h})) - 1.0) < 0.01
+            for a, h in drawn
+        ),
+        bool(seen.min() > 0.99 * a_pass),
         bool(abs(mean / (1e3 * (a_pass + 0.5 * played * action)) - 1.0) < 0.03),
         bool(abs(short.max() / (2.0 * a_pass) - 1.0) < 0.01),
-    )  # fmt: skip
+    )

@@ -23,15 +23,19 @@ SYMBOLS = {
     "deadlines, and periods that divide one another do up to a full core. Beside one task that "
     "uses u, another is safe up to {formula} whatever its period. Callbacks of an executor, which "
     "can't be interrupted, missed with {two:.0%}, below the bound for two.",
-    ask=("Two tasks under rate-monotonic priorities, of which one uses the share u of the core. Up "
-         "to which share of the other is no deadline missed, whatever the periods?",
-         "U, share = (1 - u)/(1 + u)", {
-             "1 - u": "That is a full core, for periods that divide one another.",
-             "2*(sqrt(2) - 1) - u": "That is Liu and Layland's sum, which promises less.",
-             "ln(2) - u": "That is the sum for many tasks.",
-             "(1 - u)^2": "Both shares plus 1, multiplied, may be 2."}),
+    ask=(
+        "Two tasks under rate-monotonic priorities, of which one uses the share u of the core. Up "
+        "to which share of the other is no deadline missed, whatever the periods?",
+        "U, share = (1 - u)/(1 + u)",
+        {
+            "1 - u": "That is a full core, for periods that divide one another.",
+            "2*(sqrt(2) - 1) - u": "That is Liu and Layland's sum, which promises less.",
+            "ln(2) - u": "That is the sum for many tasks.",
+            "(1 - u)^2": "Both shares plus 1, multiplied, may be 2.",
+        },
+    ),
     source="Liu and Layland, 1973; Bini, Buttazzo and Buttazzo, A hyperbolic bound, 2001",
-)  # fmt: skip
+)
 def liu_layland_says_no(found):
     import sympy
 
@@ -48,8 +52,10 @@ def liu_layland_says_no(found):
 
     def safe(share, other, ratios):
         """Whether two tasks are in time at all these ratios of periods, either the quicker one."""
-        pairs = [(np.array([share, other]), np.stack([np.ones_like(ratios), ratios])),
-                 (np.array([other, share]), np.stack([np.ones_like(ratios), ratios]))]  # fmt: skip
+        pairs = [
+            (np.array([share, other]), np.stack([np.ones_like(ratios), ratios])),
+            (np.array([other, share]), np.stack([np.ones_like(ratios), ratios])),
+        ]
         return all(np.isfinite(response_times(a[:, None] * t, t)).all() for a, t in pairs)
 
     ratios, shares = np.linspace(1.0, 3.0, 801), found.rng.uniform(0.05, 0.9, 12)
@@ -61,11 +67,15 @@ def liu_layland_says_no(found):
     waits = respond([short, long], "timers first", 1, (0.1, 0.0), 0.2)["control"].max()
     found.statement = "Exact response times of random sets, and of pairs at 800 ratios of periods."
     found.heard(meet < 0.01)
-    found.corrected(meet > 0.5, load > bound, two < liu_layland(2), bool(waits > short.period),
-                    all(safe(a, b * 0.999, r) for (a, b), r in zip(told, worst, strict=True)),
-                    not any(safe(a, b * 1.01, r) for (a, b), r in zip(told, worst, strict=True)),
-                    abs(float(breakdown([0.1, 0.2, 0.4], [1.0, 2.0, 4.0])) - 1.0) < 1e-6,
-                    )  # fmt: skip
+    found.corrected(
+        meet > 0.5,
+        load > bound,
+        two < liu_layland(2),
+        bool(waits > short.period),
+        all(safe(a, b * 0.999, r) for (a, b), r in zip(told, worst, strict=True)),
+        not any(safe(a, b * 1.01, r) for (a, b), r in zip(told, worst, strict=True)),
+        abs(float(breakdown([0.1, 0.2, 0.4], [1.0, 2.0, 4.0])) - 1.0) < 1e-6,
+    )
 
 
 @claim(
@@ -95,10 +105,14 @@ def critical_instant(found):
     late = np.zeros_like(T)
     late[0] = 0.5 * T[0]
     told, ran = response_times(C, T, jitter=late), run(C, T, 2.0, jitter=late).longest
-    found.corrected(bool(equal), bool(np.array_equal(first.late == 0, meets)),
-                    bool(np.any((ran > first.longest + 1e-9)[1:] & meets[1:])),
-                    not np.any((ran > told + 1e-9) & np.isfinite(told)),
-                    bool(np.all(held >= said)), meets.mean() > 0.5)  # fmt: skip
+    found.corrected(
+        bool(equal),
+        bool(np.array_equal(first.late == 0, meets)),
+        bool(np.any((ran > first.longest + 1e-9)[1:] & meets[1:])),
+        not np.any((ran > told + 1e-9) & np.isfinite(told)),
+        bool(np.all(held >= said)),
+        meets.mean() > 0.5,
+    )
 
 
 @claim(
@@ -121,13 +135,19 @@ def by_rate_is_best(found):
     # A slow task with an early deadline is in time in front of a quicker one, and not behind it.
     late = response_times([0.3, 0.2], [1.0, 2.0])[1], response_times([0.2, 0.3], [2.0, 1.0])
     J = T * np.where(found.rng.random(T.shape) < 0.3, 0.6, 0.0)
-    jitter = np.array([np.isfinite(response_times(0.8 * C[o], T[o], 0.0, J[o])).all(axis=0)
-                       for o in orders])  # fmt: skip
+    jitter = np.array(
+        [np.isfinite(response_times(0.8 * C[o], T[o], 0.0, J[o])).all(axis=0) for o in orders]
+    )
     found.statement = "Exact response times in all 24 orders of priority."
     found.heard(bool(np.array_equal(good[0], some)))
-    found.corrected(wrong < 0.8, some.sum() > 100, jitter[0].sum() < jitter.any(axis=0).sum(),
-                    bool(late[0] > 0.25), bool(late[1][0] < 0.25),
-                    bool(np.isfinite(late[1][1])))  # fmt: skip
+    found.corrected(
+        wrong < 0.8,
+        some.sum() > 100,
+        jitter[0].sum() < jitter.any(axis=0).sum(),
+        bool(late[0] > 0.25),
+        bool(late[1][0] < 0.25),
+        bool(np.isfinite(late[1][1])),
+    )
 
 
 def high_waits(protocol, section, middle, between):
@@ -135,10 +155,15 @@ def high_waits(protocol, section, middle, between):
     from course.middleware.schedule import run
 
     n = between + 2
-    seen = run([0.01] + [middle] * between + [section], [60.0] * n, 60.0,
-               phase=[1e-6] + [2e-6] * between + [0.0],
-               section=[0.01] + [0.0] * between + [section], lock=[0] + [-1] * between + [0],
-               protocol=protocol)  # fmt: skip
+    seen = run(
+        [0.01] + [middle] * between + [section],
+        [60.0] * n,
+        60.0,
+        phase=[1e-6] + [2e-6] * between + [0.0],
+        section=[0.01] + [0.0] * between + [section],
+        lock=[0] + [-1] * between + [0],
+        protocol=protocol,
+    )
     return float(seen.longest[0]) - 0.01
 
 
@@ -165,20 +190,34 @@ def inversion_is_bounded(found):
     found.figure("one_ms", 1e3 * one, 1e-3)
     found.figure("five_ms", 1e3 * five, 1e-3)
     found.figure("held_ms", 1e3 * max(held), 1e-3)
-    top = [run([middle, 0.01, section], [60.0] * 3, 60.0, phase=[2e-6, 1e-6, 0.0],
-               section=[0.0, 0.01, section], lock=[-1, 0, 0], protocol=kind).longest[1] - 0.01
-           for kind in kinds]  # fmt: skip
+    top = [
+        run(
+            [middle, 0.01, section],
+            [60.0] * 3,
+            60.0,
+            phase=[2e-6, 1e-6, 0.0],
+            section=[0.0, 0.01, section],
+            lock=[-1, 0, 0],
+            protocol=kind,
+        ).longest[1]
+        - 0.01
+        for kind in kinds
+    ]
     found.figure("top_ms", 1e3 * max(top), 1e-3)
     drawn = found.rng.uniform((0.001, 0.01, 1.0), (0.1, 0.5, 6.99), (8, 3))
     found.statement = "Three to eight tasks and a lock on one simulated core."
-    found.heard(one < section + 1e-6,
-                only_if="the lock hands on the priority of who waits, or has a ceiling, its "
-                "holder waits for no other, and nobody is above",
-                inside=[bounded(kind, *x) for x in drawn for kind in kinds],
-                outside=[bounded("none", *x) for x in drawn]
-                + [bool(x < section + 1e-6) for x in top])  # fmt: skip
-    found.corrected(abs(one - section - middle) < 1e-4, abs(five - section - 5 * middle) < 1e-4,
-                    all(x < section + 1e-6 for x in held))  # fmt: skip
+    found.heard(
+        one < section + 1e-6,
+        only_if="the lock hands on the priority of who waits, or has a ceiling, its "
+        "holder waits for no other, and nobody is above",
+        inside=[bounded(kind, *x) for x in drawn for kind in kinds],
+        outside=[bounded("none", *x) for x in drawn] + [bool(x < section + 1e-6) for x in top],
+    )
+    found.corrected(
+        abs(one - section - middle) < 1e-4,
+        abs(five - section - 5 * middle) < 1e-4,
+        all(x < section + 1e-6 for x in held),
+    )
 
 
 @claim(
@@ -197,17 +236,27 @@ def not_real_time_by_default(found):
     works = [Work("control", short, 0.05), Work("camera", long, 1 / 30, "subscription")]
     apart = [works[0], Work("camera", long, 1 / 30, "subscription", "own")]
     phases = np.linspace(0.0, 1 / 3, 40)
-    seen = {order: max(respond(works, order, phases=(x, 0.0), seconds=0.2)["control"].max()
-                       for x in phases) for order in ORDERS}  # fmt: skip
-    own = max(respond(apart, order, 2, (x, 0.0), 0.2)["control"].max()
-              for x in phases[:10] for order in ORDERS)  # fmt: skip
+    seen = {
+        order: max(
+            respond(works, order, phases=(x, 0.0), seconds=0.2)["control"].max() for x in phases
+        )
+        for order in ORDERS
+    }
+    own = max(
+        respond(apart, order, 2, (x, 0.0), 0.2)["control"].max()
+        for x in phases[:10]
+        for order in ORDERS
+    )
     worst = found.figure("worst_ms", 1e3 * max(seen.values()), 0.02)
     found.figure("own_ms", 1e3 * own, 0.01)
     told = [1e3 * bounds(works, order)["control"] for order in ORDERS]
     found.statement = "Three orders of an executor on the bus, 40 phases, and their bounds."
     found.heard(all(x > 0.9 * (short + long) for x in seen.values()))
-    found.corrected(all(worst <= x + 1e-6 for x in told), bool(own < 1.01 * short),
-                    max(told) < 1e3 * (short + long) + 1e-6)  # fmt: skip
+    found.corrected(
+        all(worst <= x + 1e-6 for x in told),
+        bool(own < 1.01 * short),
+        max(told) < 1e3 * (short + long) + 1e-6,
+    )
 
 
 class Clock:
@@ -246,14 +295,18 @@ def looped(late, work, periods=1000, relative=False, period=1e-3):
     "{work_us:.0f} us of work and {wake_us:.0f} us of waking up at {hz:.1f} in place of "
     "{asked:.0f} Hz, further behind by {drift_us:.0f} us each period. One that sleeps until start "
     "plus a whole number of periods stays within {held_us:.0f} us of its times.",
-    ask=("A loop works for C, then sleeps for T, and wakes up L late each time. Its rate?",
-         "f, rate = 1/(T + C + L)", {
-             "1/T": "That is a loop on absolute times.",
-             "1/(T + C)": "Waking up late adds up as well.",
-             "1/(T - C - L)": "It is slower, not quicker.",
-             "1/(T + L)": "The work comes before the sleep."}),
+    ask=(
+        "A loop works for C, then sleeps for T, and wakes up L late each time. Its rate?",
+        "f, rate = 1/(T + C + L)",
+        {
+            "1/T": "That is a loop on absolute times.",
+            "1/(T + C)": "Waking up late adds up as well.",
+            "1/(T - C - L)": "It is slower, not quicker.",
+            "1/(T + L)": "The work comes before the sleep.",
+        },
+    ),
     source="J. W. S. Liu, Real-Time Systems, 2000",
-)  # fmt: skip
+)
 def relative_sleep(found):
     import sympy
 
@@ -275,11 +328,16 @@ def relative_sleep(found):
     found.statement = "The chapter's loop on a clock that only sleep and work move."
     found.heard(abs(rate(work, wake, 1e-3) / asked - 1.0) < 1e-3)
     found.corrected(
-        all(abs(rate(*map(float, x)) / float(found.formula.subs({C: x[0], L: x[1], T: x[2]})) - 1.0)
-            < 1e-4 for x in drawn),
-        late < 1e6 * wake + 1e-3, held.skipped == 0, begun.size == 1000,
+        all(
+            abs(rate(*map(float, x)) / float(found.formula.subs({C: x[0], L: x[1], T: x[2]})) - 1.0)
+            < 1e-4
+            for x in drawn
+        ),
+        late < 1e6 * wake + 1e-3,
+        held.skipped == 0,
+        begun.size == 1000,
         abs(rate(work, wake, 1e-3, relative=False) / asked - 1.0) < 1e-4,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -289,14 +347,19 @@ def relative_sleep(found):
     "by {formula} in the root mean square, {wrong:.0%} of the velocity itself, and by {fair:.1%} "
     "with a jitter of {good_us:.0f} us; lateness that stays the same does it no harm, every other "
     "period late {turns:.0%}. Taken over the measured interval it is right.",
-    ask=("A loop of period T begins each period late by what is drawn evenly between 0 and J. It "
-         "takes the velocity of a joint that moves at v as the change of its angle over T. Root "
-         "mean square of the error?", "e, error = v*J/(sqrt(6)*T)", {
-             "v*J/T": "That is the greatest error.",
-             "v*J/(sqrt(12)*T)": "Both ends of the interval are late.",
-             "v*J/(sqrt(3)*T)": "Lateness is between 0 and J, not between -J and J.",
-             "v*J/(2*T)": "Deviations are squared before they are averaged."}),
-)  # fmt: skip
+    ask=(
+        "A loop of period T begins each period late by what is drawn evenly between 0 and J. It "
+        "takes the velocity of a joint that moves at v as the change of its angle over T. Root "
+        "mean square of the error?",
+        "e, error = v*J/(sqrt(6)*T)",
+        {
+            "v*J/T": "That is the greatest error.",
+            "v*J/(sqrt(12)*T)": "Both ends of the interval are late.",
+            "v*J/(sqrt(3)*T)": "Lateness is between 0 and J, not between -J and J.",
+            "v*J/(2*T)": "Deviations are squared before they are averaged.",
+        },
+    ),
+)
 def jitter_below_a_period(found):
     import sympy
 
@@ -323,11 +386,17 @@ def jitter_below_a_period(found):
     found.statement = "The chapter's loop on a clock whose wake-ups are late by chance."
     found.heard(bool(wrong < 0.05))
     found.corrected(
-        all(abs(error(j, t)[0] / float(found.formula.subs({J: j, T: t, v: 1})) - 1.0) < 0.03
-            for j, t in drawn), bool(fair < 0.02), skipped == 0, bool(turns > 2.0 * wrong),
-        bool(error(0.0, late=lambda: 0.99e-3)[0] < 1e-6), bool(apart.max() > 1.9e-3),
+        all(
+            abs(error(j, t)[0] / float(found.formula.subs({J: j, T: t, v: 1})) - 1.0) < 0.03
+            for j, t in drawn
+        ),
+        bool(fair < 0.02),
+        skipped == 0,
+        bool(turns > 2.0 * wrong),
+        bool(error(0.0, late=lambda: 0.99e-3)[0] < 1e-6),
+        bool(apart.max() > 1.9e-3),
         bool(apart.min() < 1e-4),
-    )  # fmt: skip
+    )
 
 
 def control_misses(callback, start, own=False, many=1):
@@ -357,8 +426,9 @@ def control_misses(callback, start, own=False, many=1):
 )
 def callback_over_a_period(found):
     drawn = found.rng.uniform((1.02e-3, 9e-4), (5e-3, 9.9e-4), (10, 2))
-    inside, outside = ([control_misses(float(a), float(b), own) for a, b in drawn]
-                       for own in (False, True))  # fmt: skip
+    inside, outside = (
+        [control_misses(float(a), float(b), own) for a, b in drawn] for own in (False, True)
+    )
     short, several = 1e-3 * found.given("short_ms", 0.5), int(found.given("several", 3))
     starts = found.rng.uniform(6e-4, 9.9e-4, int(found.given("tried", 8)))
     missed = found.figure("missed", sum(control_misses(short, x, many=several) for x in starts))
@@ -368,8 +438,12 @@ def callback_over_a_period(found):
     early = found.rng.uniform((1.02e-3, 1.2e-4), (1.2e-3, 6e-4), (10, 2))
     found.statement = "An executor on the bus, the callback just in front of a release of the loop."
     outside += [control_misses(float(a), float(b)) for a, b in early]
-    found.heard(all(outside), only_if="both wait for the same thread and it begins just before the "
-                "loop is due", inside=inside, outside=outside)  # fmt: skip
+    found.heard(
+        all(outside),
+        only_if="both wait for the same thread and it begins just before the loop is due",
+        inside=inside,
+        outside=outside,
+    )
     found.corrected(missed == starts.size, not any(alone), not any(outside), share < 0.5)
 
 
@@ -434,9 +508,15 @@ def threads_cure_deadlock(found):
     free = calling(1, waits=False)
     found.statement = "A timer's callback that asks a service, on the bus; who waits for whom."
     found.heard(answers > 0)
-    found.corrected(len(stuck) == 1, enough == 2, three == 3, bool(calling(1, own=True)[1]),
-                    free[0] > 2 and not free[1], not calling(2, own=True)[1],
-                    reentrant == enough)  # fmt: skip
+    found.corrected(
+        len(stuck) == 1,
+        enough == 2,
+        three == 3,
+        bool(calling(1, own=True)[1]),
+        free[0] > 2 and not free[1],
+        not calling(2, own=True)[1],
+        reentrant == enough,
+    )
 
 
 @claim(
@@ -479,12 +559,13 @@ def service_blocks(found):
     found.figure("served", served(work), 0.05)
     drawn = found.rng.uniform(0.25, 0.9, 8)
     found.statement = "A node with two timers on the bus, ten seconds."
-    found.heard(free < 0.9 * due,
-                only_if="they share group or thread with what waits for the answer or makes it",
-                inside=[held(True, x) < 0.9 * due for x in drawn]
-                + [served(x) < due for x in drawn],
-                outside=[held(False, x) < 0.9 * due for x in drawn]
-                + [held(True, x, apart=True) < 0.9 * due for x in drawn])  # fmt: skip
+    found.heard(
+        free < 0.9 * due,
+        only_if="they share group or thread with what waits for the answer or makes it",
+        inside=[held(True, x) < 0.9 * due for x in drawn] + [served(x) < due for x in drawn],
+        outside=[held(False, x) < 0.9 * due for x in drawn]
+        + [held(True, x, apart=True) < 0.9 * due for x in drawn],
+    )
     found.corrected(ran < 0.5 * due, free == due == aside)
 
 
@@ -566,8 +647,9 @@ def gc_hits_the_loop(found):
 
         def work(_):
             if apart:
-                done = subprocess.run([sys.executable, "-S", "-c", code], capture_output=True,
-                                      check=True)  # fmt: skip
+                done = subprocess.run(
+                    [sys.executable, "-S", "-c", code], capture_output=True, check=True
+                )
                 theirs.append(int(done.stdout))
             else:
                 gc.collect()
@@ -581,7 +663,11 @@ def gc_hits_the_loop(found):
     there, theirs = collections(True, 3)
     found.figure("there", there)
     found.statement = "Collections counted by the chapter's loop, in its process and in another."
-    found.heard(there > 0, only_if="both are in one interpreter of Python", cases=True,
-                inside=[collections(False, n)[0] == n for n in (1, 5)],
-                outside=[there > 0])  # fmt: skip
+    found.heard(
+        there > 0,
+        only_if="both are in one interpreter of Python",
+        cases=True,
+        inside=[collections(False, n)[0] == n for n in (1, 5)],
+        outside=[there > 0],
+    )
     found.corrected(there == 0, theirs >= 3, here == 3)

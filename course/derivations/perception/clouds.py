@@ -35,8 +35,10 @@ def small_parts_have_few_pixels(found):
     draws = found.rng.uniform([0.005, 0.2], [0.05, 2.0], (40, 2))
     found.statement = "Pixels of square tiles in exact pictures, and 40 random ones."
     found.heard(few < 1e-3 * eye.width * eye.height)
-    found.corrected(all(abs(np.sqrt(counted(a, z)) - eye.fx * a / z) <= 1 for a, z in draws),
-                    all(abs(n / counted(0.05, 1.0) / c - 1) < 0.12 for n, c in tilts))  # fmt: skip
+    found.corrected(
+        all(abs(np.sqrt(counted(a, z)) - eye.fx * a / z) <= 1 for a, z in draws),
+        all(abs(n / counted(0.05, 1.0) / c - 1) < 0.12 for n, c in tilts),
+    )
 
 
 @claim(
@@ -67,9 +69,12 @@ def voxels_remove_small_parts(found):
     found.figure("left", np.median(counts))
     found.statement = "Clouds of small cubes at random places on a grid of 10 mm."
     found.heard(counts.min() == 0)
-    found.corrected(all(dbscan(x, 0.02, 10)[0].max() < 0 for x in means),
-                    all(dbscan(x, 0.02, 10)[0].min() == 0 for x in parts),
-                    counts.min() > 0, high < 0.5 < 0.99 < whole)  # fmt: skip
+    found.corrected(
+        all(dbscan(x, 0.02, 10)[0].max() < 0 for x in means),
+        all(dbscan(x, 0.02, 10)[0].min() == 0 for x in parts),
+        counts.min() > 0,
+        high < 0.5 < 0.99 < whole,
+    )
 
 
 @claim(
@@ -78,12 +83,16 @@ def voxels_remove_small_parts(found):
     "tie: of one of {large_mm:.0f} mm {kept:.0%} of the voxels are in clusters, with more points "
     "to a voxel {dense:.0%}; of a tilted one, with {tilted:.0f}, all; of a part of {small_mm:.0f} "
     "mm none. A third of the formula finds them all.",
-    ask=("A flat face lies along a grid of voxels with edge v. How many are within r of one?",
-         "pi*(r/v)^2", {
-             "4/3*pi*(r/v)^3": "A surface is flat: it doesn't fill the ball.",
-             "(2*r/v)^2": "That is the square around the disc.",
-             "pi*r/v": "The area over that of a voxel."}),
-)  # fmt: skip
+    ask=(
+        "A flat face lies along a grid of voxels with edge v. How many are within r of one?",
+        "pi*(r/v)^2",
+        {
+            "4/3*pi*(r/v)^3": "A surface is flat: it doesn't fill the ball.",
+            "(2*r/v)^2": "That is the square around the disc.",
+            "pi*r/v": "The area over that of a voxel.",
+        },
+    ),
+)
 def fifty_neighbours(found):
     import sympy
 
@@ -140,11 +149,15 @@ def dbscan_separates(found):
     joined = found.figure("joined", clusters(found.given("gap_mm", 12) / 1000))
     draws = found.rng.uniform((0, 0), (1, np.pi), (12, 2))
     found.statement = "Two faces of 60 mm at random turns, on voxels of 4 mm."
-    found.heard(joined == 2, only_if="the gaps are wider than eps, and eps three voxels or more",
-                inside=[clusters(eps * (1.001 + x), t, eps / (3 + x)) == 2 for x, t in draws],
-                outside=[*(clusters(eps * 0.75 * x, t) == 2 for x, t in draws),
-                         *(clusters(2 * eps, t, eps * (0.7 + x)) == 2 for x, t in draws)],
-                )  # fmt: skip
+    found.heard(
+        joined == 2,
+        only_if="the gaps are wider than eps, and eps three voxels or more",
+        inside=[clusters(eps * (1.001 + x), t, eps / (3 + x)) == 2 for x, t in draws],
+        outside=[
+            *(clusters(eps * 0.75 * x, t) == 2 for x, t in draws),
+            *(clusters(2 * eps, t, eps * (0.7 + x)) == 2 for x, t in draws),
+        ],
+    )
     found.corrected(joined == 1, clusters(0.0) == 1)
 
 
@@ -153,13 +166,18 @@ def dbscan_separates(found):
     "They draw three inliers with it, {drawn:.3f} of the runs for {asked}. Three noisy inliers are "
     "not yet the plane: at a tolerance of {sigmas} sigma, {found_it:.2f} of the runs have it, and "
     "{refitted:.2f} after a refit to all that is near.",
-    ask=("A share w of the points lies on the plane. How many draws of three hold one of inliers "
-         "only, with probability P?", "log(1 - P)/log(1 - w^3)", {
-             "log(P)/log(1 - w^3)": "All draws fail with 1 - P.",
-             "log(1 - P)/log(1 - (1 - w)^3)": "w is the share of inliers, not of outliers.",
-             "log(1 - P)/log(w^3)": "One draw fails with 1 - w^3."}),
+    ask=(
+        "A share w of the points lies on the plane. How many draws of three hold one of inliers "
+        "only, with probability P?",
+        "log(1 - P)/log(1 - w^3)",
+        {
+            "log(P)/log(1 - w^3)": "All draws fail with 1 - P.",
+            "log(1 - P)/log(1 - (1 - w)^3)": "w is the share of inliers, not of outliers.",
+            "log(1 - P)/log(w^3)": "One draw fails with 1 - w^3.",
+        },
+    ),
     source="M. A. Fischler, R. C. Bolles, Random sample consensus, 1981",
-)  # fmt: skip
+)
 def draws_find_the_plane(found):
     import sympy
 
@@ -179,8 +197,11 @@ def draws_find_the_plane(found):
         "that finds nine of ten of these has it."
     )
     found.heard(plain > 0.85)
-    found.corrected(abs(drawn - 0.9) < 0.03, again > plain + 0.2,
-                    most == round(float(found.formula.subs({P: 0.9, w: 0.5}))))  # fmt: skip
+    found.corrected(
+        abs(drawn - 0.9) < 0.03,
+        again > plain + 0.2,
+        most == round(float(found.formula.subs({P: 0.9, w: 0.5}))),
+    )
 
 
 @claim(
@@ -207,8 +228,9 @@ def inverse_depth_is_better(found):
                 z = exact + even * found.rng.standard_normal(exact.shape)
             planes = see.inverse_depth_plane(z, eye), see.fit_plane(see.back_project(z, eye)[0])
             normal = rotate(turn, np.array([0.0, 0, 1]))
-            off.append([(np.linalg.norm(np.cross(p[:3], normal)), 0.8 * p[2] + p[3])
-                        for p in planes])  # fmt: skip
+            off.append(
+                [(np.linalg.norm(np.cross(p[:3], normal)), 0.8 * p[2] + p[3]) for p in planes]
+            )
         own, points = np.sqrt(np.mean(np.square(off), axis=0))[:, 0]
         return points / own, np.mean(off, axis=0)[:, 1]
 
@@ -222,5 +244,6 @@ def inverse_depth_is_better(found):
         "Tables with tilts of 0.4 to 0.9 rad, 0.8 m away, ten pictures or more of each."
     )
     found.heard(min(times(see.Sensor(0.05, s), [t] * 10)[0] for t, s in draws) > 1)
-    found.corrected(ratio > 1.5, 1000 * abs(mean[0]) < 0.3 * offset, other < 1,
-                    abs(facing - 1) < 0.1)  # fmt: skip
+    found.corrected(
+        ratio > 1.5, 1000 * abs(mean[0]) < 0.3 * offset, other < 1, abs(facing - 1) < 0.1
+    )

@@ -36,11 +36,16 @@ def kabsch_without_determinant(found):
     least = found.given("least", 2)
     draws = found.rng.uniform(0, 1, (2, 10))
     found.statement = "Fits of 12 noisy points, and of 4, flat and thick, beside SciPy's."
-    found.heard(flat == 0, only_if="the points are a dozen or more, and their thinnest spread is "
-                "{least:.0f} times the noise or more",
-                inside=[fits(least * (1 + x), 25, int(12 + 20 * x))[0] == 0 for x in draws[0]],
-                outside=[*(fits(0.1 * least * x)[0] == 0 for x in draws[1]),
-                         *(fits(least * (1 + x), 25, 4)[0] == 0 for x in draws[1])])  # fmt: skip
+    found.heard(
+        flat == 0,
+        only_if="the points are a dozen or more, and their thinnest spread is "
+        "{least:.0f} times the noise or more",
+        inside=[fits(least * (1 + x), 25, int(12 + 20 * x))[0] == 0 for x in draws[0]],
+        outside=[
+            *(fits(0.1 * least * x)[0] == 0 for x in draws[1]),
+            *(fits(least * (1 + x), 25, 4)[0] == 0 for x in draws[1]),
+        ],
+    )
     found.corrected(0.2 < flat < 0.7, all(fits(x)[1] for x in (0.0, 0.3, 3.0)))
 
 
@@ -75,8 +80,11 @@ def own_points_come_home(found):
     ends = [left(x) for x in found.rng.uniform(start, 10, 6)]
     found.statement = "A box of 4 mm points registered to itself, turned by up to ten degrees."
     found.heard(stall < 0.1)
-    found.corrected(np.allclose(ends, stall, atol=0.01), left(near) < 1e-6,
-                    max(left(x, "plane") for x in (near, start, 9)) < 1e-3)  # fmt: skip
+    found.corrected(
+        np.allclose(ends, stall, atol=0.01),
+        left(near) < 1e-6,
+        max(left(x, "plane") for x in (near, start, 9)) < 1e-3,
+    )
 
 
 @claim(
@@ -129,8 +137,10 @@ def not_looked_through_is_right(found):
         near = 1000 * min(apart(BOX, pose, one.pose)[0], apart(BOX, beside, one.pose)[0])
         return near, one.see_through, one.agrees, one.status == "found", *one.unobserved[:1]
 
-    twins, alone = ([first(cause, x) for x in found.rng.uniform(0.2, 3.0, 12)]
-                    for cause in ("its twin beside it", "as it is"))  # fmt: skip
+    twins, alone = (
+        [first(cause, x) for x in found.rng.uniform(0.2, 3.0, 12)]
+        for cause in ("its twin beside it", "as it is")
+    )
     off, through, agrees = zip(*(run[:3] for run in twins), strict=True)
     worst = found.figure("off_mm", max(off), 0.1)
     looked = found.figure("through", through[int(np.argmax(off))], 0.5)
@@ -138,8 +148,11 @@ def not_looked_through_is_right(found):
     own = found.figure("alone", min(run[2] for run in alone), 0.02)
     found.statement = "Twelve pictures each of a box alone and beside its twin."
     found.heard(worst < 2 or looked > 0.1)
-    found.corrected(share < max(agrees) < least < own, not any(run[3] for run in twins),
-                    all(run[3] != (len(run) > 4) for run in alone))  # fmt: skip
+    found.corrected(
+        share < max(agrees) < least < own,
+        not any(run[3] for run in twins),
+        all(run[3] != (len(run) > 4) for run in alone),
+    )
 
 
 @claim(
@@ -205,8 +218,9 @@ def dbscan_has_no_order(found):
         kept.append(np.array_equal(a < 0, b < 0) and np.array_equal(*same))
     found.statement = "100 times two rows of points with one between, each in two orders."
     found.heard(moved == 0)
-    found.corrected(moved > 0.2, not own[:, 0].any(), theirs[:, 1].all(), own[:, 1].all(),
-                    all(kept))  # fmt: skip
+    found.corrected(
+        moved > 0.2, not own[:, 0].any(), theirs[:, 1].all(), own[:, 1].all(), all(kept)
+    )
 
 
 @claim(

@@ -55,8 +55,13 @@ def tutorial_runs(found):
     none = str(Path(folder.name) / "none.pcd")  # a reader that says nothing by itself
     found.figure("empty", len(o3d.io.read_point_cloud(none).points))
     found.statement = "The steps with the tutorial's numbers, with a file and without."
-    found.heard(fails(there), only_if="a file of points is there", inside=[count == boxes],
-                outside=[not fails(none)], cases=True)  # fmt: skip
+    found.heard(
+        fails(there),
+        only_if="a file of points is there",
+        inside=[count == boxes],
+        outside=[not fails(none)],
+        cases=True,
+    )
     found.corrected(count == boxes, fails(none))
 
 
@@ -76,7 +81,7 @@ def ransac_takes_the_table(found):
         sense,
         shape,
         together,
-    )  # fmt: skip
+    )
     from course.rigid_body.quaternion import rotate
 
     def table_found(side):
@@ -106,24 +111,36 @@ def ransac_takes_the_table(found):
     found.figure("share", max(share for _, share, _ in plates), 0.1)
     tilt = found.figure("tilt", np.degrees(np.median([tilt for tilt, _, _ in plates])), 0.3)
     found.statement = "Square boards of 60 to 600 mm, 100 mm high, and low plates, on a table."
-    found.heard(all(ok for ok, _ in large), only_if="nothing flat shows more than the table, or is "
-                "as large and only a few tolerances higher", inside=[ok for ok, _ in small],
-                outside=[ok for ok, _ in large] + [ok for _, _, ok in plates])  # fmt: skip
-    found.corrected(tilt > 0.5, max(share for _, share, _ in plates) < 1,
-                    not any(ok for ok, _ in large), all(share < 1 for _, share in small),
-                    all(share > 1 for _, share in large))  # fmt: skip
+    found.heard(
+        all(ok for ok, _ in large),
+        only_if="nothing flat shows more than the table, or is "
+        "as large and only a few tolerances higher",
+        inside=[ok for ok, _ in small],
+        outside=[ok for ok, _ in large] + [ok for _, _, ok in plates],
+    )
+    found.corrected(
+        tilt > 0.5,
+        max(share for _, share, _ in plates) < 1,
+        not any(ok for ok, _ in large),
+        all(share < 1 for _, share in small),
+        all(share > 1 for _, share in large),
+    )
 
 
 @claim(
     "The extent of an axis-aligned box around a cluster is the object's size.",
     "Of a part of {long:.0f} x {wide:.0f} mm turned by phi it is {formula} along x: at {turn} rad "
     "{measured:.0f} mm, though no side is as long. Lay the part's own shape onto the points.",
-    ask=("A rectangle L x W is turned by phi, less than a right angle. Extent along x?",
-         "L*cos(phi) + W*sin(phi)", {
-             "L": "Only where it lies along the axes.",
-             "L*cos(phi)": "The other side reaches out too.",
-             "sqrt(L**2 + W**2)": "That is the diagonal: the greatest extent of all turns."}),
-)  # fmt: skip
+    ask=(
+        "A rectangle L x W is turned by phi, less than a right angle. Extent along x?",
+        "L*cos(phi) + W*sin(phi)",
+        {
+            "L": "Only where it lies along the axes.",
+            "L*cos(phi)": "The other side reaches out too.",
+            "sqrt(L**2 + W**2)": "That is the diagonal: the greatest extent of all turns.",
+        },
+    ),
+)
 def extent_is_size(found):
     import sympy
 
@@ -178,8 +195,12 @@ def pipeline_keeps_up(found):
     left = found.figure("left_mm", 1000 * abs(ahead), 0.1)
     found.statement = "Chapter 0's chain of a camera and one stage; a filter on 30 pictures."
     found.heard(rate >= camera)
-    found.corrected(rate < camera, abs(1 / turns.interval(1 / camera) - camera) < 1e-6,
-                    min(stages) > 0.99 * work, left < 0.2 * late)  # fmt: skip
+    found.corrected(
+        rate < camera,
+        abs(1 / turns.interval(1 / camera) - camera) < 1e-6,
+        min(stages) > 0.99 * work,
+        left < 0.2 * late,
+    )
 
 
 @claim(
@@ -187,13 +208,17 @@ def pipeline_keeps_up(found):
     "Fingers of width b lose {formula} of the play on a side to an error e and a turn t of a part "
     "of width W. Of {play} mm on each side, {error_mm} mm and {turn_deg} degrees leave enough for "
     "fingers of {narrow:.0f} mm, and not of {wide:.0f} mm.",
-    ask=("Two parallel fingers of width b close over a part of width W, which lies e to the side "
-         "and is turned by t. By how much has each to stand off from W/2?",
-         "e + b/2*tan(t) + W/2*(1/cos(t) - 1)", {
-             "e": "A turned part is wider between the fingers.",
-             "e + b*tan(t)": "The part turns about the fingers' middle: half of it.",
-             "e + W/2*sin(t)": "It is the fingers' width that meets the slope, not the part's."}),
-)  # fmt: skip
+    ask=(
+        "Two parallel fingers of width b close over a part of width W, which lies e to the side "
+        "and is turned by t. By how much has each to stand off from W/2?",
+        "e + b/2*tan(t) + W/2*(1/cos(t) - 1)",
+        {
+            "e": "A turned part is wider between the fingers.",
+            "e + b*tan(t)": "The part turns about the fingers' middle: half of it.",
+            "e + W/2*sin(t)": "It is the fingers' width that meets the slope, not the part's.",
+        },
+    ),
+)
 def two_millimetres_will_do(found):
     import sympy
 
@@ -209,17 +234,28 @@ def two_millimetres_will_do(found):
         """Least distance of a finger from the turned part, of one on each side."""
         part, tool = box((0.1, 0.5 * width)), box((0.5 * finger, 0.01))
         far = 0.5 * width + play + 0.01
-        return min(float(np.min(distance(part, np.array([0.0, shift, angle]), tool,
-                                         np.array([0.0, s * far, 0.0])).distance))
-                   for s in (-1, 1))  # fmt: skip
+        return min(
+            float(
+                np.min(
+                    distance(
+                        part, np.array([0.0, shift, angle]), tool, np.array([0.0, s * far, 0.0])
+                    ).distance
+                )
+            )
+            for s in (-1, 1)
+        )
 
     law = sympy.lambdify((W, b, e, t), found.formula)
     most = (play - error - width * (1 / np.cos(turn) - 1) / 2) * 2 / np.tan(turn)
     narrow, wide = found.figure("narrow", 700 * most), found.figure("wide", 1300 * most)
     draws = found.rng.uniform(0, 1, (2, 8))
     found.statement = "Chapter 2's distances between a turned part and two fingers."
-    found.heard(gap(wide / 1000) > 0, only_if="the fingers are narrow",
-                inside=[gap(0.98 * x * most) > 0 for x in draws[0]],
-                outside=[gap((1.02 + x) * most) > 0 for x in draws[1]])  # fmt: skip
-    found.corrected(gap(narrow / 1000) > 0 > gap(wide / 1000),
-                    abs(law(width, most, error, turn) - play) < 1e-9)  # fmt: skip
+    found.heard(
+        gap(wide / 1000) > 0,
+        only_if="the fingers are narrow",
+        inside=[gap(0.98 * x * most) > 0 for x in draws[0]],
+        outside=[gap((1.02 + x) * most) > 0 for x in draws[1]],
+    )
+    found.corrected(
+        gap(narrow / 1000) > 0 > gap(wide / 1000), abs(law(width, most, error, turn) - play) < 1e-9
+    )

@@ -19,12 +19,16 @@ SYMBOLS = {
     "A depth camera's noise is one number: below a millimetre, or 1 to 3 mm.",
     "It is {formula}: the same sensor has {low:.2f} mm at {near} m, {middle:.1f} at {mid} m and "
     "{high:.0f} at {far} m. Each number is right somewhere.",
-    ask=("Depth is f B / d, and d has the standard deviation s. Standard deviation of depth z?",
-         "sigma = z^2*s/(f*B)", {
-             "z*s/(f*B)": "One z is missing: the derivative of f B / d is -z^2 / (f B).",
-             "s/(f*B)": "That is the noise of the inverse depth.",
-             "f*B/s": "That is the distance of a disparity s."}),
-)  # fmt: skip
+    ask=(
+        "Depth is f B / d, and d has the standard deviation s. Standard deviation of depth z?",
+        "sigma = z^2*s/(f*B)",
+        {
+            "z*s/(f*B)": "One z is missing: the derivative of f B / d is -z^2 / (f B).",
+            "s/(f*B)": "That is the noise of the inverse depth.",
+            "f*B/s": "That is the distance of a disparity s.",
+        },
+    ),
+)
 def noise_is_one_number(found):
     import sympy
 
@@ -59,9 +63,12 @@ def averaging_removes_all(found):
     third = found.figure("third", left(1 / 3, place), 0.15)
     least, draws = found.given("least", 0.45), found.rng.uniform(size=(2, 12))
     found.statement = "117,600 pixels of a wall between two steps, over noise and place."
-    found.heard(silent < 0.01, only_if="the noise is above {least} of a step; a hundredth of a "
-                "step is left then", inside=[left(least + x, y) < 0.01 for x, y in draws.T],
-                outside=[left(0.7 * least * x, y) < 0.01 for x, y in draws.T])  # fmt: skip
+    found.heard(
+        silent < 0.01,
+        only_if="the noise is above {least} of a step; a hundredth of a step is left then",
+        inside=[left(least + x, y) < 0.01 for x, y in draws.T],
+        outside=[left(0.7 * least * x, y) < 0.01 for x, y in draws.T],
+    )
     found.corrected(silent > 0.2, abs(third - np.exp(-2 * np.pi**2 / 9) / np.pi) < 0.005)
 
 
@@ -80,9 +87,12 @@ def pixels_are_independent(found):
     much = found.figure("ratio", ratio(side, window, 600), 0.1)
     sides = found.rng.integers(8, 49, 10)
     found.statement = "The spread of the mean over 150 to 600 pictures of a wall."
-    found.heard(abs(much - 1.0) < 0.3, only_if="the noise is white: the window is one pixel",
-                inside=[abs(ratio(n, 1) - 1.0) < 0.3 for n in sides],
-                outside=[abs(ratio(n, w) - 1.0) < 0.3 for n in sides for w in (2, 7)])  # fmt: skip
+    found.heard(
+        abs(much - 1.0) < 0.3,
+        only_if="the noise is white: the window is one pixel",
+        inside=[abs(ratio(n, 1) - 1.0) < 0.3 for n in sides],
+        outside=[abs(ratio(n, w) - 1.0) < 0.3 for n in sides for w in (2, 7)],
+    )
     found.corrected(0.9 * window < much < 1.1 * window)
 
 
@@ -91,12 +101,16 @@ def pixels_are_independent(found):
     "It moves all by {formula}, {shift_mm:.2f} mm at {far:.2f} m, and no test inside sees it: the "
     "residual is {same:.3f} times the right one's, and the pose says that it is known to "
     "{told_mm:.3f} mm. With pixel centres at whole numbers the middle of W columns is (W - 1)/2.",
-    ask=("The principal point is taken half a pixel off. How far is a point at z off sideways?",
-         "e = z/(2*f)", {
-             "1/(2*f)": "That is the angle: times the distance.",
-             "z/f": "That is a whole pixel.",
-             "f/(2*z)": "The wrong way up: a longer lens has smaller pixels."}),
-)  # fmt: skip
+    ask=(
+        "The principal point is taken half a pixel off. How far is a point at z off sideways?",
+        "e = z/(2*f)",
+        {
+            "1/(2*f)": "That is the angle: times the distance.",
+            "z/f": "That is a whole pixel.",
+            "f/(2*z)": "The wrong way up: a longer lens has smaller pixels.",
+        },
+    ),
+)
 def half_a_pixel(found):
     from dataclasses import replace
 
@@ -126,13 +140,18 @@ def half_a_pixel(found):
     "of {far_mm:.1f} mm at {away} m above them; more points raise the residual and lower the "
     "error. It is {formula} at the points' middle, and grows beyond them with the distance over "
     "their extent.",
-    ask=("A rigid fit to N points, each coordinate known to sigma: root mean square error at their "
-         "middle?", "e = sigma*sqrt(3/N)", {
-             "sigma/sqrt(N)": "That is one coordinate; the error has three.",
-             "3*sigma/sqrt(N)": "Three variances add: the root of 3.",
-             "sigma*sqrt(1 - 2/N)": "That is the residual: it grows with N."}),
+    ask=(
+        "A rigid fit to N points, each coordinate known to sigma: root mean square error at their "
+        "middle?",
+        "e = sigma*sqrt(3/N)",
+        {
+            "sigma/sqrt(N)": "That is one coordinate; the error has three.",
+            "3*sigma/sqrt(N)": "Three variances add: the root of 3.",
+            "sigma*sqrt(1 - 2/N)": "That is the residual: it grows with N.",
+        },
+    ),
     source="Fitzpatrick, West, Maurer, Predicting error in point-based registration, 1998",
-)  # fmt: skip
+)
 def calibration_residual(found):
     import sympy
 
@@ -161,8 +180,12 @@ def calibration_residual(found):
     found.figure("far_mm", far, 0.05)
     found.statement = "1,000 fits to 3 and to 30 points with 1 mm of noise."
     found.heard(far < 2 * three)
-    found.corrected(np.allclose([x[[1, 2, 1]] for x in seen_at], told, rtol=0.1), near < far,
-                    many > three, less < 0.5 * far)  # fmt: skip
+    found.corrected(
+        np.allclose([x[[1, 2, 1]] for x in seen_at], told, rtol=0.1),
+        near < far,
+        many > three,
+        less < 0.5 * far,
+    )
 
 
 @claim(

@@ -28,9 +28,12 @@ def icp_comes_home(found):
     draws = [(n, x) for n in targets for x in found.rng.uniform(0, 1, 4)]
     same = found.figure("same", laid(4, 1.3).residual / laid(4, 0.3).residual, 0.05)
     found.statement = "Prisms of 3, 4 and 6 sides, 1,200 points on one of 4,800."
-    found.heard(home(4, 1.3), only_if="a regular prism starts in place, turned by up to nine "
-                "tenths of pi/n", inside=[home(n, 0.9 * x) for n, x in draws],
-                outside=[home(n, 1.1 + 0.5 * x) for n, x in draws])  # fmt: skip
+    found.heard(
+        home(4, 1.3),
+        only_if="a regular prism starts in place, turned by up to nine tenths of pi/n",
+        inside=[home(n, 0.9 * x) for n, x in draws],
+        outside=[home(n, 1.1 + 0.5 * x) for n, x in draws],
+    )
     found.corrected(abs(same - 1) < 0.1)
 
 
@@ -53,8 +56,10 @@ def what_is_not_seen(found):
     found.figure("can", max(len(x) for x in cans))
     found.statement = "Exact pictures of a can at ten tilts, of a ball, and of a box from above."
     found.heard(all(x == ("turn z",) for x in cans))
-    found.corrected(blind(shape("sphere", 0.04), 0.5) == ("turn x", "turn y", "turn z"),
-                    blind(shape("box", 0.08, 0.05, 0.03), 0.0) == ("x", "y", "turn z"))  # fmt: skip
+    found.corrected(
+        blind(shape("sphere", 0.04), 0.5) == ("turn x", "turn y", "turn z"),
+        blind(shape("box", 0.08, 0.05, 0.03), 0.0) == ("x", "y", "turn z"),
+    )
 
 
 @claim(
@@ -80,9 +85,15 @@ def a_residual_tells(found):
     found.figure("scale_mm", scaled, 0.05)
     found.statement = "The whole chain on 13 pictures of one box on a table."
     found.heard(worst < 2)
-    found.corrected(max(far for far, _ in right) < 1, ratio < 1.3, one.matched > 0.95, worst > 20,
-                    all(run.status in ("cut", "refuted") for _, run in cut),
-                    scale.status == "found", scaled > 4)  # fmt: skip
+    found.corrected(
+        max(far for far, _ in right) < 1,
+        ratio < 1.3,
+        one.matched > 0.95,
+        worst > 20,
+        all(run.status in ("cut", "refuted") for _, run in cut),
+        scale.status == "found",
+        scaled > 4,
+    )
 
 
 @claim(
@@ -132,9 +143,13 @@ def normal_matrix_is_covariance(found):
     closest = found.figure("closest", laid_again(BOX, 0.0, 0.0, 1, False, 30)[0], 0.4)
     rays = found.figure("rays", laid_again(BOX, 0.0, 0.0, 1, True, 30)[0], 0.3)
     found.statement = "30 noisy pictures of each view; squares per direction that is told."
-    found.heard(0.6 < closest < 1.6, only_if="points are compared along their rays, and the noise "
-                "is white", inside=[honest(x, 1, True) for x in (0.0, 0.7)],
-                outside=[honest(0.0, 1, False), honest(0.7, 3, True)], cases=True)  # fmt: skip
+    found.heard(
+        0.6 < closest < 1.6,
+        only_if="points are compared along their rays, and the noise is white",
+        inside=[honest(x, 1, True) for x in (0.0, 0.7)],
+        outside=[honest(0.0, 1, False), honest(0.7, 3, True)],
+        cases=True,
+    )
     found.corrected(0.6 < rays < 1.6, closest > 2)
 
 
@@ -159,10 +174,13 @@ def averaging_pictures_helps(found):
 
     draws = [(k, x) for k in (3, 4, 5) for x in found.rng.uniform(0, 1, 4)]
     found.statement = "20,000 draws for each of 24 speeds."
-    found.heard(better(5, 1.5), only_if="the errors are independent, and it moves by less than "
-                "2 sigma / sqrt(k (k - 1)) between two pictures",
-                inside=[better(k, 0.95 * x) for k, x in draws],
-                outside=[better(k, 1.05 + x) for k, x in draws])  # fmt: skip
+    found.heard(
+        better(5, 1.5),
+        only_if="the errors are independent, and it moves by less than "
+        "2 sigma / sqrt(k (k - 1)) between two pictures",
+        inside=[better(k, 0.95 * x) for k, x in draws],
+        outside=[better(k, 1.05 + x) for k, x in draws],
+    )
     found.corrected(
         not better(5, 0.9, 0.5), abs(averaged_error(5, sigma, period, limit) / sigma - 1) < 1e-12
     )

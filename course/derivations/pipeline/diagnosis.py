@@ -43,8 +43,13 @@ def ninety_or_ninety_five(found):
     paired = 2.0 * 0.5 ** found.rng.binomial(same, 0.05, 20_000) < 0.05
     found.statement = "Wilson's interval, and 20,000 experiments of each kind, tested at 5 %."
     found.heard(bool(seen(worked / n, 0.95, n)))
-    found.corrected(low < 0.85, high < 0.95, bool(abs(power.mean() - 0.8) < 0.02),
-                    bool(abs(paired.mean() - 0.8) < 0.05), own > 2.5 * same)  # fmt: skip
+    found.corrected(
+        low < 0.85,
+        high < 0.95,
+        bool(abs(power.mean() - 0.8) < 0.02),
+        bool(abs(paired.mean() - 0.8) < 0.05),
+        own > 2.5 * same,
+    )
 
 
 @claim(
@@ -155,14 +160,18 @@ def contracts_before_sliders(found):
     "At a tenth of the step, with discount and reward as they were, what was best ({before}) is no "
     "longer: {after}. A discount of {formula} is half the cure ({half}); with a reward of -1 for "
     "the time that a step was it is the old task ({mended}).",
-    ask=("The discount of a task has the time constant H. What is it for a step dt?",
-         "gamma = exp(-dt/H)", {
-             "1 - dt/H": "That is its beginning, for short steps only.",
-             "exp(-H/dt)": "A shorter step discounts less.",
-             "1/(1 + dt/H)": "That is the rule of a random end, to first order the same.",
-             "exp(-dt*H)": "A longer horizon discounts less."}),
+    ask=(
+        "The discount of a task has the time constant H. What is it for a step dt?",
+        "gamma = exp(-dt/H)",
+        {
+            "1 - dt/H": "That is its beginning, for short steps only.",
+            "exp(-H/dt)": "A shorter step discounts less.",
+            "1/(1 + dt/H)": "That is the rule of a random end, to first order the same.",
+            "exp(-dt*H)": "A longer horizon discounts less.",
+        },
+    ),
     source="K. Doya, Reinforcement learning in continuous time and space, 2000",
-)  # fmt: skip
+)
 def reward_by_the_step(found):
     import sympy
 
@@ -184,8 +193,9 @@ def reward_by_the_step(found):
         found.figure(name, value[0])
     found.statement = "A walker's chain of 20 and of 200 steps, solved exactly."
     found.heard(after[0] == before[0])
-    found.corrected(mended[0] == before[0], after[0] != before[0],
-                    abs(mended[1] / before[1] - 1.0) < 0.1)  # fmt: skip
+    found.corrected(
+        mended[0] == before[0], after[0] != before[0], abs(mended[1] / before[1] - 1.0) < 0.1
+    )
 
 
 @claim(
@@ -204,13 +214,16 @@ def repeated_actions(found):
         np.abs(new.transition[0:200:10, 0][:, 0:200:10] - old.transition[:20, 0, :20]).max()
     )
     found.figure("moved", abs(prefers(new)[1] / prefers(old)[1] - 1.0), 0.5)
-    draws = [Way(cost=float(c), fall=float(f), effort=float(e)) for c, f, e in
-             found.rng.uniform((20.0, 0.5, 30.0), (150.0, 3.0, 90.0), (2, 3))]  # fmt: skip
+    draws = [
+        Way(cost=float(c), fall=float(f), effort=float(e))
+        for c, f, e in found.rng.uniform((20.0, 0.5, 30.0), (150.0, 3.0, 90.0), (2, 3))
+    ]
     pairs = [(prefers(chain(w, 0.01)), prefers(repeated(chain(w, 0.001), 10))) for w in draws]
     found.statement = "The walker's chain at 10 ms, and at 1 ms with each action ten times."
     found.heard(all(abs(a[1] - b[1]) < 2.0 for a, b in pairs))
-    found.corrected(prefers(new)[0] == prefers(old)[0], kept < 1e-9,
-                    abs(new.gamma / old.gamma - 1.0) < 1e-9)  # fmt: skip
+    found.corrected(
+        prefers(new)[0] == prefers(old)[0], kept < 1e-9, abs(new.gamma / old.gamma - 1.0) < 1e-9
+    )
 
 
 @claim(
@@ -266,8 +279,10 @@ def rare_and_sure(found):
 
     narrow, wide = repeats(one_side), repeats(one_side, least=1.0)
     both = repeats(two_sides, least=1.0)
-    low, fair, half = ([one for one in some if one.share + 3.0 * one.error < share]
-                       for some in (narrow, wide, both))  # fmt: skip
+    low, fair, half = (
+        [one for one in some if one.share + 3.0 * one.error < share]
+        for some in (narrow, wide, both)
+    )
     found.figure("low", len(low), 0.5)
     found.figure("wide", len(fair), 0.5)
     found.figure("sides", len(half), 0.3)
@@ -275,11 +290,18 @@ def rare_and_sure(found):
     def typical(some, name):
         return float(np.median([getattr(one, name) for one in some]))
 
-    apart = [np.std([one.share for one in some]) / typical(some, "error")
-             for some in (narrow, both)]  # fmt: skip
+    apart = [
+        np.std([one.share for one in some]) / typical(some, "error") for some in (narrow, both)
+    ]
     found.statement = "Half-spaces of known probability in six dimensions, 2,500 runs a repeat."
     found.heard(len(low) <= 0.01 * n)
-    found.corrected(len(low) > 3 * len(fair), len(half) > 0.3 * n, min(apart) > 1.5,
-                    all(typical(few, "effective") > 0.5 * typical(all_, "effective")
-                        and typical(few, "heaviest") < 2.0 * typical(all_, "heaviest")
-                        for few, all_ in ((low, narrow), (half, both))))  # fmt: skip
+    found.corrected(
+        len(low) > 3 * len(fair),
+        len(half) > 0.3 * n,
+        min(apart) > 1.5,
+        all(
+            typical(few, "effective") > 0.5 * typical(all_, "effective")
+            and typical(few, "heaviest") < 2.0 * typical(all_, "heaviest")
+            for few, all_ in ((low, narrow), (half, both))
+        ),
+    )

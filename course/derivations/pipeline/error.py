@@ -41,13 +41,18 @@ def rms(away):
     "Where Kd acts on the joint's speed, the spring pays for all damping: once the arm has settled "
     "{formula} is missing. "
     "At {speed:.0f} mm/s that is {lag:.1f} mm, {twice:.1f} with twice the Kd.",
-    ask=("A joint under kp (r - q) - kd v, with friction c v, follows a reference at the rate v. "
-         "How far behind does it settle?", "e = (kd + c)*v/kp", {
-             "kd*v/kp": "The joint's own damping holds it back as well.",
-             "c*v/kp": "That is what a Kd on the error of the rate leaves.",
-             "kp*v/(kd + c)": "A stiffer spring follows more closely.",
-             "(kd + c)*v/(2*kp)": "The spring balances the damping as a whole."}),
-)  # fmt: skip
+    ask=(
+        "A joint under kp (r - q) - kd v, with friction c v, follows a reference at the rate v. "
+        "How far behind does it settle?",
+        "e = (kd + c)*v/kp",
+        {
+            "kd*v/kp": "The joint's own damping holds it back as well.",
+            "c*v/kp": "That is what a Kd on the error of the rate leaves.",
+            "kp*v/(kd + c)": "A stiffer spring follows more closely.",
+            "(kd + c)*v/(2*kp)": "The spring balances the damping as a whole.",
+        },
+    ),
+)
 def lag_of_the_arm(found):
     import sympy
 
@@ -70,8 +75,9 @@ def lag_of_the_arm(found):
     stiff = found.rng.uniform(20.0, 60.0, 6)
     rows = [[behind(float(k), x * float(k)) for x in (0.15, 0.3, 0.45)] for k in stiff]
     found.heard(all(a < b < c for a, b, c in rows))
-    found.corrected(abs(lag / law - 1) < 0.05, abs(same / law - 1) < 1e-9,
-                    abs(twice / lag - 16.2 / 8.2) < 0.1)  # fmt: skip
+    found.corrected(
+        abs(lag / law - 1) < 0.05, abs(same / law - 1) < 1e-9, abs(twice / lag - 16.2 / 8.2) < 0.1
+    )
 
 
 @claim(
@@ -79,13 +85,18 @@ def lag_of_the_arm(found):
     "And the wait for the next picture: in the mean half a period more, {formula}. With a period "
     "of {period_ms:.0f} ms an arm aims at where the target was {age_ms:.0f} ms ago, at worst "
     "{worst_ms:.0f}, unless the estimate is carried forward.",
-    ask=("Pictures are taken every T and arrive after L. How far beside a target of speed v does "
-         "one aim in the mean?", "v*(L + T/2)", {
-             "v*L": "That is the moment at which a picture arrives; then it gets older.",
-             "v*(L + T)": "That is the worst, just before the next one arrives.",
-             "v*(L - T/2)": "A picture gets older while it is the newest.",
-             "v*(L/2 + T/2)": "The latency counts in full."}),
-)  # fmt: skip
+    ask=(
+        "Pictures are taken every T and arrive after L. How far beside a target of speed v does "
+        "one aim in the mean?",
+        "v*(L + T/2)",
+        {
+            "v*L": "That is the moment at which a picture arrives; then it gets older.",
+            "v*(L + T)": "That is the worst, just before the next one arrives.",
+            "v*(L - T/2)": "A picture gets older while it is the newest.",
+            "v*(L/2 + T/2)": "The latency counts in full.",
+        },
+    ),
+)
 def latency_is_not_age(found):
     import sympy
 
@@ -100,11 +111,16 @@ def latency_is_not_age(found):
         """Of what an arm without lag aims at, over the phases of the camera [s]."""
         changed = {"noise": 0.0, "bias": (0.0, 0.0), "filtered": False, "frame": period}
         u = np.array(scene.velocity)
-        return np.array([
-            -ends(("plan", "control"), (0,), scene, latency=late, phase=float(phase),
-                  **changed)[:, 0] @ u / (u @ u)
-            for phase in period * (np.arange(12) + 0.5) / 12
-        ])  # fmt: skip
+        return np.array(
+            [
+                -ends(
+                    ("plan", "control"), (0,), scene, latency=late, phase=float(phase), **changed
+                )[:, 0]
+                @ u
+                / (u @ u)
+                for phase in period * (np.arange(12) + 0.5) / 12
+            ]
+        )
 
     late, period = 0.1, 1e-3 * found.given("period_ms", 300.0)
     seen = ages(late, period)
@@ -115,23 +131,30 @@ def latency_is_not_age(found):
     found.heard(bool(abs(mean / (1e3 * late) - 1.0) < 0.1))
     drawn = found.rng.uniform((0.05, 0.1), (0.3, 0.4), (4, 2))
     each = [(ages(*x).mean(), float(found.formula.subs({L: x[0], T: x[1], v: 1}))) for x in drawn]
-    found.corrected(all(abs(a / b - 1.0) < 0.04 for a, b in each), abs(mean / 250.0 - 1.0) < 0.02,
-                    seen.max() < late + period)  # fmt: skip
+    found.corrected(
+        all(abs(a / b - 1.0) < 0.04 for a, b in each),
+        abs(mean / 250.0 - 1.0) < 0.02,
+        seen.max() < late + period,
+    )
 
 
 @claim(
     "Behind an alpha-beta filter the place is less noisy than in the picture.",
     "Its variance is {formula} of the picture's. With {alpha:.2f} and {beta:.2f} that is "
     "{calm:.2f}; a rate that is trusted too quickly, {beta_wild:.2f}, makes it {wild:.2f}.",
-    ask=("The error of an alpha-beta filter is x' = (1 - a)(x + y) + a n, y' = y - b (x + y) + b n "
-         "under white noise n of variance 1. The variance of x?",
-         "(2*a^2 + b*(2 - 3*a))/(a*(4 - b - 2*a))", {
-             "a/(2 - a)": "That is a filter without a rate.",
-             "a^2": "Earlier pictures are still in it.",
-             "(2*a^2 + b*(2 - 3*a))/(4 - b - 2*a)": "A factor a is missing below.",
-             "(2*a^2 + b*(2 + a))/(a*(4 - b - 2*a))": "Place and rate are correlated."}),
+    ask=(
+        "The error of an alpha-beta filter is x' = (1 - a)(x + y) + a n, y' = y - b (x + y) + b n "
+        "under white noise n of variance 1. The variance of x?",
+        "(2*a^2 + b*(2 - 3*a))/(a*(4 - b - 2*a))",
+        {
+            "a/(2 - a)": "That is a filter without a rate.",
+            "a^2": "Earlier pictures are still in it.",
+            "(2*a^2 + b*(2 - 3*a))/(4 - b - 2*a)": "A factor a is missing below.",
+            "(2*a^2 + b*(2 + a))/(a*(4 - b - 2*a))": "Place and rate are correlated.",
+        },
+    ),
     source="P. Kalata, The tracking index, 1984",
-)  # fmt: skip
+)
 def filter_calms(found):
     import sympy
     from scipy.linalg import solve_discrete_lyapunov
@@ -158,11 +181,18 @@ def filter_calms(found):
     outside += [gain(1.0 + 0.3 * x, 1.0) < 1.0 for x in drawn]
     both = [(theory.filter_gain(x, x), gain(x, x)) for x in drawn]
     found.statement = "By algebra, and with numbers on both sides of the condition."
-    found.heard(loud < 1.0,
-                only_if="the gain of the place is below 1 and that of the rate below twice it",
-                inside=inside, outside=outside)  # fmt: skip
-    found.corrected(not any(outside), all(abs(x / y - 1.0) < 1e-9 for x, y in both),
-                    calm < 0.3, theory.filter_gain(1.2, 1.0) > 1.0)  # fmt: skip
+    found.heard(
+        loud < 1.0,
+        only_if="the gain of the place is below 1 and that of the rate below twice it",
+        inside=inside,
+        outside=outside,
+    )
+    found.corrected(
+        not any(outside),
+        all(abs(x / y - 1.0) < 1e-9 for x, y in both),
+        calm < 0.3,
+        theory.filter_gain(1.2, 1.0) > 1.0,
+    )
 
 
 @claim(
@@ -279,12 +309,17 @@ def mending_makes_worse(found):
     "How far an arm sags on a table that is not level does not depend on Kd.",
     "At rest the spring alone holds it: a joint gives way by {formula}. At {tilt:.3f} rad the tip "
     "sags by {sag:.1f} mm, whatever Kd is, and by half of that with twice the Kp.",
-    ask=("A link of mass m lies across a table that is tilted by s, its centre d from the joint. "
-         "By which angle does a spring kp give way, to first order?", "m*g*d*sin(s)/kp", {
-             "m*g*d*cos(s)/kp": "A level table pulls at nothing.",
-             "m*g*d/kp": "That is a table on its edge.",
-             "m*g*sin(s)/kp": "A torque is a force times its arm."}),
-)  # fmt: skip
+    ask=(
+        "A link of mass m lies across a table that is tilted by s, its centre d from the joint. "
+        "By which angle does a spring kp give way, to first order?",
+        "m*g*d*sin(s)/kp",
+        {
+            "m*g*d*cos(s)/kp": "A level table pulls at nothing.",
+            "m*g*d/kp": "That is a table on its edge.",
+            "m*g*sin(s)/kp": "A torque is a force times its arm.",
+        },
+    ),
+)
 def sag_without_kd(found):
     import sympy
 
@@ -309,9 +344,11 @@ def sag_without_kd(found):
     bends = [theory.sag(tilted.plant, (0.0, 0.0), x)[1] for x in (25, 50)]
     found.statement = "Ends of runs of 6 s on a tilted and a level table, six values of Kd."
     found.heard(bool(np.ptp(each) < 0.02 * here))
-    found.corrected(bool(abs(1e3 * np.hypot(*told) / here - 1.0) < 0.1),
-                    abs(stiff / here - 0.5) < 0.02,
-                    bool(abs(bends[0] / bends[1] - 2.0) < 1e-9))  # fmt: skip
+    found.corrected(
+        bool(abs(1e3 * np.hypot(*told) / here - 1.0) < 0.1),
+        abs(stiff / here - 0.5) < 0.02,
+        bool(abs(bends[0] / bends[1] - 2.0) < 1e-9),
+    )
 
 
 @claim(

@@ -69,13 +69,18 @@ def leaves(q, kp, kd, dt):
     "A physics step that is stable in one posture of the arm is stable in all.",
     "The limit is {formula} with the largest eigenvalue of the inverse inertia, and that depends "
     "on the elbow: {stretched:.2f} ms stretched, {folded:.2f} folded, with the same gains.",
-    ask=("Semi-implicit Euler, x'' = -k x - d x', acceleration from the old state. Largest stable "
-         "step?", "dt < (sqrt(d^2 + 4*k) - d)/k", {
-             "2/sqrt(k)": "That is without damping, which lowers it.",
-             "d/k": "That is explicit Euler's, of a swing.",
-             "(sqrt(d^2 + 4*k) + d)/k": "Damping lowers the limit here.",
-             "2/d": "That is without a spring."}),
-)  # fmt: skip
+    ask=(
+        "Semi-implicit Euler, x'' = -k x - d x', acceleration from the old state. Largest stable "
+        "step?",
+        "dt < (sqrt(d^2 + 4*k) - d)/k",
+        {
+            "2/sqrt(k)": "That is without damping, which lowers it.",
+            "d/k": "That is explicit Euler's, of a swing.",
+            "(sqrt(d^2 + 4*k) + d)/k": "Damping lowers the limit here.",
+            "2/d": "That is without a spring.",
+        },
+    ),
+)
 def step_by_posture(found):
     import sympy
 
@@ -92,8 +97,11 @@ def step_by_posture(found):
     at = limits(q, kp, kd)
     found.statement = "The arm itself, from 1e-6 rad, 3 % to both sides of twelve limits."
     found.heard(not leaves(both, *gains, 1e-3 * np.sqrt(far * near)).any())
-    found.corrected(bool(leaves(q, kp, kd, 1.03 * at).all()),
-                    not leaves(q, kp, kd, 0.97 * at).any(), near > 2.0 * far)  # fmt: skip
+    found.corrected(
+        bool(leaves(q, kp, kd, 1.03 * at).all()),
+        not leaves(q, kp, kd, 0.97 * at).any(),
+        near > 2.0 * far,
+    )
 
 
 @claim(
@@ -124,9 +132,12 @@ def damping_and_step(found):
     new = [implicit(*x) for x in zip(springs, dampers, strict=True)]
     found.statement = "Twelve arms with drawn gains, and the same with a fifth more damping."
     found.heard(bool(np.all(more < less)))
-    found.corrected(much < 0.5 * none, max(new) < 1.0,
-                    bool(leaves(q, springs, 1.2 * dampers, between).sum() >= 6),
-                    not leaves(q, springs, dampers, 0.97 * less).any())  # fmt: skip
+    found.corrected(
+        much < 0.5 * none,
+        max(new) < 1.0,
+        bool(leaves(q, springs, 1.2 * dampers, between).sum() >= 6),
+        not leaves(q, springs, dampers, 0.97 * less).any(),
+    )
 
 
 @claim(
@@ -145,8 +156,10 @@ def largest_step(found):
     goal = many(scene, settings, [0])[0].log[-1, :2]
     reach = found.figure("reach", 1e3 * theory.step_limit(scene.arm, goal, 25.0, 8.0), 0.02)
     found.figure("stretched", 1e3 * theory.step_limit(scene.arm, (0.3, 0.0), 25.0, 8.0))
-    runs = [many(scene, replace(settings, physics=1e-3 * h, control=1e-3 * h), range(8))
-            for h in (2.0, step)]  # fmt: skip
+    runs = [
+        many(scene, replace(settings, physics=1e-3 * h, control=1e-3 * h), range(8))
+        for h in (2.0, step)
+    ]
     calm, wild = (float(np.mean([gained(one, 25.0, 8.0) for one in some])) for some in runs)
     found.figure("calm", calm, 0.01)
     found.figure("wild", wild, 0.2)
@@ -157,8 +170,9 @@ def largest_step(found):
     found.heard(
         bool(leaves(q, kp, kd, 0.9 * at).all()),
         only_if="the step is above (sqrt(d^2 + 4 k) - d) / k in the posture that it is in",
-        inside=leaves(q, kp, kd, 1.03 * at).tolist(), outside=leaves(q, kp, kd, 0.97 * at).tolist(),
-    )  # fmt: skip
+        inside=leaves(q, kp, kd, 1.03 * at).tolist(),
+        outside=leaves(q, kp, kd, 0.97 * at).tolist(),
+    )
     found.corrected(step > reach, share > 0.7, wild > 10.0 * max(calm, 1e-3))
 
 
@@ -197,13 +211,18 @@ def high_gain_overshoots(found):
     "Its swings die as exp(-t / tau) with tau = {formula}, and Kp is not "
     "in it. From Kp {soft:.0f} to {stiff:.0f} a swing of the slow mode decays at the same rate, to "
     "{off:.1%}; it only has more of them.",
-    ask=("An arm under PD swings in a mode whose inverse inertia is m, with Kd and friction c. "
-         "With which time constant do its swings die?", "tau = 2/((kd + c)*m)", {
-             "1/((kd + c)*m)": "Half of the energy is in the spring, which is not damped.",
-             "(kd + c)/kp": "That is the slow creep of an overdamped arm.",
-             "2*m/(kd + c)": "m is an inverse inertia.",
-             "2/(kd*m)": "Friction damps as well."}),
-)  # fmt: skip
+    ask=(
+        "An arm under PD swings in a mode whose inverse inertia is m, with Kd and friction c. "
+        "With which time constant do its swings die?",
+        "tau = 2/((kd + c)*m)",
+        {
+            "1/((kd + c)*m)": "Half of the energy is in the spring, which is not damped.",
+            "(kd + c)/kp": "That is the slow creep of an overdamped arm.",
+            "2*m/(kd + c)": "m is an inverse inertia.",
+            "2/(kd*m)": "Friction damps as well.",
+        },
+    ),
+)
 def swings_die(found):
     import sympy
 
@@ -232,8 +251,11 @@ def swings_die(found):
     found.figure("off", abs(fast / slow - 1.0), 0.5)
     found.statement = "Peaks of a swing of 1e-5 rad without Kd."
     found.heard(fast < 1.02 * slow)
-    found.corrected(abs(slow / law - 1.0) < 0.03, abs(fast / law - 1.0) < 0.03,
-                    bool(abs(ring[0] / ring[1] - 1.0) < 1e-9))  # fmt: skip
+    found.corrected(
+        abs(slow / law - 1.0) < 0.03,
+        abs(fast / law - 1.0) < 0.03,
+        bool(abs(ring[0] / ring[1] - 1.0) < 1e-9),
+    )
 
 
 def wanders(gain, late):
@@ -248,13 +270,18 @@ def wanders(gain, late):
     "A hand that corrects a part of the error that it sees, never more than all of it, gets there.",
     "If each picture is fresh. When it is late by n frames the gain has to stay below {formula}: "
     "{one:.2f} for one frame, {four:.2f} for four.",
-    ask=("Each frame a share g of the error is corrected that was seen n frames before. Up to "
-         "which g does it settle?", "g < 2*sin(pi/(2*(2*n + 1)))", {
-             "2*sin(pi/(2*(2*n - 1)))": "Count the frames from 0: fresh pictures allow 2.",
-             "pi/(2*n + 1)": "That is for a small angle.",
-             "2*sin(pi/(2*n + 1))": "The distance on the circle takes half the angle.",
-             "1/n": "That is of the right kind, and too careful."}),
-)  # fmt: skip
+    ask=(
+        "Each frame a share g of the error is corrected that was seen n frames before. Up to "
+        "which g does it settle?",
+        "g < 2*sin(pi/(2*(2*n + 1)))",
+        {
+            "2*sin(pi/(2*(2*n - 1)))": "Count the frames from 0: fresh pictures allow 2.",
+            "pi/(2*n + 1)": "That is for a small angle.",
+            "2*sin(pi/(2*n + 1))": "The distance on the circle takes half the angle.",
+            "1/n": "That is of the right kind, and too careful.",
+        },
+    ),
+)
 def look_and_move_limit(found):
     import sympy
 
@@ -267,27 +294,38 @@ def look_and_move_limit(found):
     found.figure("one", theory.look_limit(1))
     four = found.figure("four", theory.look_limit(4))
     late = [int(x) for x in found.rng.integers(0, 9, 12)]
-    inside, outside = ([not wanders(x * theory.look_limit(k), k) for k in late]
-                       for x in (0.98, 1.02))  # fmt: skip
+    inside, outside = (
+        [not wanders(x * theory.look_limit(k), k) for k in late] for x in (0.98, 1.02)
+    )
     exact = [float(found.formula.subs(n, k)) / theory.look_limit(k) for k in late]
     found.statement = "The loop itself, 2 % to both sides of the limits of 0 to 8 late frames."
-    found.heard(not any(wanders(x, 4) for x in (0.2, 0.5, 1.0)), inside=inside, outside=outside,
-                only_if="the gain is below 2 sin(pi / (2 (2 n + 1)))")  # fmt: skip
-    found.corrected(all(abs(x - 1.0) < 1e-9 for x in exact), not any(outside), four < 0.5,
-                    not wanders(0.9, 0))  # fmt: skip
+    found.heard(
+        not any(wanders(x, 4) for x in (0.2, 0.5, 1.0)),
+        inside=inside,
+        outside=outside,
+        only_if="the gain is below 2 sin(pi / (2 (2 n + 1)))",
+    )
+    found.corrected(
+        all(abs(x - 1.0) < 1e-9 for x in exact), not any(outside), four < 0.5, not wanders(0.9, 0)
+    )
 
 
 @claim(
     "With fresh pictures, correcting the whole error at once leaves nothing.",
     "It leaves the noise of one picture in full. A gain g lets {formula} of its variance through: "
     "{part:.2f} at {gain:.1f}. With pictures {late:.0f} frames late it is {more:.2f} there.",
-    ask=("At each frame a share g of the error in a fresh, noisy picture is corrected. What share "
-         "of a picture's variance is in the place?", "g/(2 - g)", {
-             "g^2": "What came before is still in it: it forgets 1 - g a frame.",
-             "g": "At g = 1 only is it that.",
-             "g^2/(2 - g)": "The sum of a series in (1 - g)^2 has g (2 - g) below.",
-             "g/(2 + g)": "The sign: 1 - (1 - g)^2 is g (2 - g)."}),
-)  # fmt: skip
+    ask=(
+        "At each frame a share g of the error in a fresh, noisy picture is corrected. What share "
+        "of a picture's variance is in the place?",
+        "g/(2 - g)",
+        {
+            "g^2": "What came before is still in it: it forgets 1 - g a frame.",
+            "g": "At g = 1 only is it that.",
+            "g^2/(2 - g)": "The sum of a series in (1 - g)^2 has g (2 - g) below.",
+            "g/(2 + g)": "The sign: 1 - (1 - g)^2 is g (2 - g).",
+        },
+    ),
+)
 def look_and_move_noise(found):
     import sympy
 
@@ -309,9 +347,13 @@ def look_and_move_noise(found):
     seen = measured(gain, 0), measured(gain, late), measured(1.0, 0)
     found.statement = "2,000 loops with white noise, beside the formula."
     found.heard(seen[2] < 0.1)
-    found.corrected(abs(seen[0] / part - 1) < 0.05, abs(seen[1] / more - 1) < 0.05, more > part,
-                    abs(float(found.formula.subs(g, gain)) / part - 1.0) < 1e-9,
-                    abs(seen[2] - 1.0) < 0.05)  # fmt: skip
+    found.corrected(
+        abs(seen[0] / part - 1) < 0.05,
+        abs(seen[1] / more - 1) < 0.05,
+        more > part,
+        abs(float(found.formula.subs(g, gain)) / part - 1.0) < 1e-9,
+        abs(seen[2] - 1.0) < 0.05,
+    )
 
 
 @claim(
@@ -319,14 +361,19 @@ def look_and_move_noise(found):
     "That is for one that passes in a straight line: {wall:.1%}, as beside a wall. One that bends "
     "round the disc by an angle t has it near on more sides, which adds {formula}: at two standard "
     "deviations it is {bent:.1%} for a quarter turn and {round:.1%} for a half.",
-    ask=("A disc was seen with noise s on each axis. What does a path add to the share that "
-         "touches, if it bends round the disc by an angle t at the clearance b, over a straight "
-         "one?", "t/(2*pi)*exp(-b^2/(2*s^2))", {
-             "t/(2*pi)*exp(-b^2/s^2)": "The exponent of a normal density has 2 s^2 below.",
-             "exp(-b^2/(2*s^2))": "That is all round; the path covers the angle t of it.",
-             "t/pi*exp(-b^2/(2*s^2))": "The whole circle is 2 pi.",
-             "t/(2*pi)*exp(-b/s)": "The length of a normal vector has b^2 in the exponent."}),
-)  # fmt: skip
+    ask=(
+        "A disc was seen with noise s on each axis. What does a path add to the share that "
+        "touches, if it bends round the disc by an angle t at the clearance b, over a straight "
+        "one?",
+        "t/(2*pi)*exp(-b^2/(2*s^2))",
+        {
+            "t/(2*pi)*exp(-b^2/s^2)": "The exponent of a normal density has 2 s^2 below.",
+            "exp(-b^2/(2*s^2))": "That is all round; the path covers the angle t of it.",
+            "t/pi*exp(-b^2/(2*s^2))": "The whole circle is 2 pi.",
+            "t/(2*pi)*exp(-b/s)": "The length of a normal vector has b^2 in the exponent.",
+        },
+    ),
+)
 def clearance_and_noise(found):
     import sympy
 
@@ -337,8 +384,10 @@ def clearance_and_noise(found):
     found.formula = sympy.integrate(density, (x, b, sympy.oo), (angle, 0, t))
     wall = float(theory.collision_share(2.0, np.eye(2), (1.0, 0.0)))
     bends = {"wall": 0.0, "bent": 0.5 * np.pi, "round": np.pi}
-    law = {name: wall + float(found.formula.subs({t: turn, b: 2, s: 1}))
-           for name, turn in bends.items()}  # fmt: skip
+    law = {
+        name: wall + float(found.formula.subs({t: turn, b: 2, s: 1}))
+        for name, turn in bends.items()
+    }
     for name, value in law.items():
         found.figure(name, value)
     off = found.rng.standard_normal((2, 80_000))  # of the disc, in standard deviations
@@ -362,8 +411,9 @@ def clearance_and_noise(found):
         inside=straight,
         outside=sharp,
     )
-    found.corrected(all(abs(touched(turn) / law[name] - 1.0) < 0.05
-                        for name, turn in bends.items()))  # fmt: skip
+    found.corrected(
+        all(abs(touched(turn) / law[name] - 1.0) < 0.05 for name, turn in bends.items())
+    )
 
 
 @claim(
@@ -387,8 +437,10 @@ def planner_step(found):
         return successes(records).mean(), 1e-3 * wait, length, corners
 
     (paid, wait, slow, corners), (free, *_), (fine, _, quick, few) = (
-        runs(0.002, cost), runs(0.002, 0.0), runs(0.3, cost)
-    )  # fmt: skip
+        runs(0.002, cost),
+        runs(0.002, 0.0),
+        runs(0.3, cost),
+    )
     rows = {"paid": paid, "free": free, "wait_ms": wait, "slow": slow, "quick": quick}
     for name, value in (rows | {"corners": corners, "few": few}).items():
         found.figure(name, value, 0.3)
@@ -403,12 +455,17 @@ def planner_step(found):
     "Younger ones, or as old where L is a whole number of periods: its next picture is taken at "
     "once. {formula} in the mean, {block_ms:.0f} ms where dropping gives {drop_ms:.0f}. A queue "
     "gives {queue_ms:.0f} after {seconds:.0f} s, and more from then on.",
-    ask=("A picture takes L, longer than the camera's period, and the camera waits for it. How old "
-         "is the newest result in the mean?", "3*L/2", {
-             "L + T/2": "That takes a second worker.",
-             "L": "That is its age when it comes; then it gets older.",
-             "2*L": "That is the oldest."}),
-)  # fmt: skip
+    ask=(
+        "A picture takes L, longer than the camera's period, and the camera waits for it. How old "
+        "is the newest result in the mean?",
+        "3*L/2",
+        {
+            "L + T/2": "That takes a second worker.",
+            "L": "That is its age when it comes; then it gets older.",
+            "2*L": "That is the oldest.",
+        },
+    ),
+)
 def overrun_ages(found):
     import sympy
 
@@ -434,12 +491,12 @@ def overrun_ages(found):
     for name, value in (("block_ms", block), ("drop_ms", drop), ("queue_ms", queue)):
         found.figure(name, 1e3 * value, 0.03)
     law = float(found.formula.subs(L, 0.25))
-    others = [(age("block", late, 0.1), age("drop", late, 0.1))
-              for late in (0.11, 0.19)]  # fmt: skip
+    others = [(age("block", late, 0.1), age("drop", late, 0.1)) for late in (0.11, 0.19)]
     found.statement = "Runs with eight phases of a camera at 10 Hz whose pictures take 250 ms."
     found.heard(block > drop)
-    found.corrected(abs(block / law - 1.0) < 0.03, all(a < b for a, b in others),
-                    queue > 3.0 * drop)  # fmt: skip
+    found.corrected(
+        abs(block / law - 1.0) < 0.03, all(a < b for a, b in others), queue > 3.0 * drop
+    )
 
 
 @claim(
@@ -447,12 +504,17 @@ def overrun_ages(found):
     "Only one that jumps as far as the distance from which it is planned anew. Raw, a share "
     "{formula} of the pictures is that far off: at {sigma:.2f} m a run makes {raw:.0f} plans, "
     "behind a filter {calm:.1f}.",
-    ask=("A plan was made for one noisy picture, s on each axis. Which share of the later ones is "
-         "further than r from its goal?", "exp(-r^2/(4*s^2))", {
-             "exp(-r^2/(2*s^2))": "The plan's own goal was noisy as well.",
-             "exp(-r^2/s^2)": "Variances add to 2 s^2, and the exponent has twice that below.",
-             "exp(-r/(2*s))": "The length of a normal vector has r^2 in the exponent."}),
-)  # fmt: skip
+    ask=(
+        "A plan was made for one noisy picture, s on each axis. Which share of the later ones is "
+        "further than r from its goal?",
+        "exp(-r^2/(4*s^2))",
+        {
+            "exp(-r^2/(2*s^2))": "The plan's own goal was noisy as well.",
+            "exp(-r^2/s^2)": "Variances add to 2 s^2, and the exponent has twice that below.",
+            "exp(-r/(2*s))": "The length of a normal vector has r^2 in the exponent.",
+        },
+    ),
+)
 def raw_estimate_replans(found):
     import sympy
 
@@ -476,10 +538,11 @@ def raw_estimate_replans(found):
     third, draws = settings.replan / 3.0, found.rng.uniform(0.0, 1.0, 8)
     found.statement = "Runs of 1.5 s with raw and filtered estimates."
     found.heard(
-        calm > 6.0, only_if="they come raw, with a third of that distance on each axis or more",
+        calm > 6.0,
+        only_if="they come raw, with a third of that distance on each axis or more",
         inside=[bool(plans((1.15 + 0.5 * x) * third, False) > 6.0) for x in draws],
         outside=[bool(plans((0.85 - 0.5 * x) * third, False) > 6.0) for x in draws],
-    )  # fmt: skip
+    )
     found.corrected(raw > 5.0 * calm, bool(abs(far / law - 1.0) < 0.05))
 
 

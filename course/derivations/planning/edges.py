@@ -21,12 +21,17 @@ SYMBOLS = {
     "{small_share:.0%}. The distance of a disc's centre from the segment has a closed form, costs "
     "one point and misses none.",
     source="C. Ericson, Real-Time Collision Detection, 2005, sec. 5.1.2",
-    ask=Ask("Points along an edge are s apart. How deep, at most, does the edge cut unseen into a "
-            "disc of radius r > s/2?", "d = r - sqrt(r^2 - s^2/4)", {
-        "s^2/(8*r)": "That is what it comes to for a large disc.",
-        "r - sqrt(r^2 - s^2)": "The points lie half of s to either side of the deepest place.",
-        "s/2": "So far the deepest place is from a point, along the edge."}),
-)  # fmt: skip
+    ask=Ask(
+        "Points along an edge are s apart. How deep, at most, does the edge cut unseen into a "
+        "disc of radius r > s/2?",
+        "d = r - sqrt(r^2 - s^2/4)",
+        {
+            "s^2/(8*r)": "That is what it comes to for a large disc.",
+            "r - sqrt(r^2 - s^2)": "The points lie half of s to either side of the deepest place.",
+            "s/2": "So far the deepest place is from a point, along the edge.",
+        },
+    ),
+)
 def edge_by_ten_points(found):
     import sympy
 
@@ -70,8 +75,12 @@ def edge_by_ten_points(found):
         inside=[none_missed(1.0) for _ in range(10)],
         outside=[none_missed(0.9) for _ in range(10)],
     )
-    found.corrected(wrong == 0, bool(unseen(middles)[0]), not unseen(middles)[1],
-                    deepest <= float(found.formula.subs({r: large, s: gap})))  # fmt: skip
+    found.corrected(
+        wrong == 0,
+        bool(unseen(middles)[0]),
+        not unseen(middles)[1],
+        deepest <= float(found.formula.subs({r: large, s: gap})),
+    )
 
 
 @claim(
@@ -83,12 +92,17 @@ def edge_by_ten_points(found):
     "{open:.0%}, {refused:.0%} go through it, by {half:.0%}, {refused_half:.0%}. Enough is s below"
     " the thinnest wall, but for its corners, which an edge can cut off at any s; a test in closed"
     " form misses neither.",
-    ask=Ask("Points along an edge are s apart. It crosses a wall of thickness w < s head on, "
-            "somewhere. With which probability is the wall missed?", "P = 1 - w/s", {
-        "w/s": "That is the probability that a point lies in the wall.",
-        "1 - w/(2*s)": "The wall is seen from a whole s of places, not from two.",
-        "(s - w)^2/s^2": "One place decides it, not two independent ones."}),
-)  # fmt: skip
+    ask=Ask(
+        "Points along an edge are s apart. It crosses a wall of thickness w < s head on, "
+        "somewhere. With which probability is the wall missed?",
+        "P = 1 - w/s",
+        {
+            "w/s": "That is the probability that a point lies in the wall.",
+            "1 - w/(2*s)": "The wall is seen from a whole s of places, not from two.",
+            "(s - w)^2/s^2": "One place decides it, not two independent ones.",
+        },
+    ),
+)
 def thin_wall_missed(found):
     import sympy
 
@@ -122,10 +136,20 @@ def thin_wall_missed(found):
     def through(opening, name):
         asked = planning.scenes.gap(opening, wall)
         paths = [
-            ompl.solve(asked.world.bounds, asked.start, asked.goal, "rrt_connect", 2.8, 5000, seed,
-                       ompl.tests(asked.world)[0], None, resolution=resolution).path
+            ompl.solve(
+                asked.world.bounds,
+                asked.start,
+                asked.goal,
+                "rrt_connect",
+                2.8,
+                5000,
+                seed,
+                ompl.tests(asked.world)[0],
+                None,
+                resolution=resolution,
+            ).path
             for seed in range(1, 41)
-        ]  # fmt: skip
+        ]
         bad = [not planning.check_path(asked.world, path.T) for path in paths if path is not None]
         return found.figure(name, np.mean(bad), 0.3)
 
@@ -145,9 +169,11 @@ def thin_wall_missed(found):
     cuts = [(a - 0.0004, b - 0.0004 + x) for x in np.linspace(0, 1e-3, 9) for a, b in [cut]]
     found.corrected(
         any(planning.edge_free(fine, *c) > planning.edge_free(block, *c) for c in cuts),
-        abs(share - law(wall / np.cos(angle))) < 0.03, slit > 0.8, 0.0 < half < 0.5 * slit,
+        abs(share - law(wall / np.cos(angle))) < 0.03,
+        slit > 0.8,
+        0.0 < half < 0.5 * slit,
         all(abs(missed(x * spacing, 500) - law(x * spacing)) < 0.08 for x in (0.1, 0.5, 0.9)),
-    )  # fmt: skip
+    )
 
 
 @claim(

@@ -51,9 +51,12 @@ def learned_sampler_speeds_up(found):
 
     costs = {}
     for name, label in (
-        ("learned", "learned"), ("uniform", "uniform"), ("search", "search of the picture"),
-        ("turned", "turned: learned"), ("turned_uniform", "turned: uniform"),
-    ):  # fmt: skip
+        ("learned", "learned"),
+        ("uniform", "uniform"),
+        ("search", "search of the picture"),
+        ("turned", "turned: learned"),
+        ("turned_uniform", "turned: uniform"),
+    ):
         costs[name] = found.figure(name, *said(rf"{label} +median +(\d+) checks"))
     worlds = [learned.slits(found.rng) for _ in range(40)]
     picture = found.figure("picture", learned.picture(worlds[0])[0].size)
@@ -70,14 +73,18 @@ def learned_sampler_speeds_up(found):
     found.heard(
         all(fewer(1) + fewer(2)),
         only_if="the world is of the family that it has learned, and its picture costs nothing",
-        inside=fewer(1), outside=fewer(2), cases=True,
-    )  # fmt: skip
+        inside=fewer(1),
+        outside=fewer(2),
+        cases=True,
+    )
     found.corrected(
-        2 * costs["learned"] < costs["uniform"], costs["turned"] > 1.3 * costs["turned_uniform"],
-        costs["learned"] < costs["search"] < costs["uniform"], picture > costs["uniform"],
+        2 * costs["learned"] < costs["uniform"],
+        costs["turned"] > 1.3 * costs["turned_uniform"],
+        costs["learned"] < costs["search"] < costs["uniform"],
+        picture > costs["uniform"],
         0.6 < again["uniform"] / costs["uniform"] < 1.6,
         again["search of the picture"] < 0.75 * again["uniform"],
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -114,7 +121,12 @@ def diffusion_is_collision_free(found):
     found.statement = "100 held-out questions, three networks; lines again, for 40 other questions."
     found.heard(raw == 0.0)
     found.corrected(
-        raw > 0.4, raw < bare, raw_pushed < bare_pushed < 0.5 * bare, solved < 0.95, times > 1.0,
+        raw > 0.4,
+        raw < bare,
+        raw_pushed < bare_pushed < 0.5 * bare,
+        solved < 0.95,
+        times > 1.0,
         max(curves["RRT-Connect"].y) == 1.0 == max(curves["noise, pushed out"].y),
-        abs(again - bare) < 0.15, pushed < again - 0.3,
-    )  # fmt: skip
+        abs(again - bare) < 0.15,
+        pushed < again - 0.3,
+    )

@@ -23,9 +23,11 @@ def step_through_a_passage(found):
     steps = {name: found.given(name, step) for name, step in steps.items()}
     slit, middles = found.given("slit", 0.02), {}
     for place, method, *at in (
-        ("gap", "rrt", slit, 0.5), ("discs", "rrt"), ("bug_trap", "rrt"),
+        ("gap", "rrt", slit, 0.5),
+        ("discs", "rrt"),
+        ("bug_trap", "rrt"),
         ("bug_trap", "rrt_connect"),
-    ):  # fmt: skip
+    ):
         name = {"gap": "slit", "bug_trap": "cage" if method == "rrt" else "trap"}.get(place, place)
         for size, step in steps.items():
             if (name, size) == ("cage", "short"):
@@ -75,11 +77,14 @@ def blocked_ends_are_named(found):
     found.statement = "Each method of `plan`, and OMPL's RRT and RRT-Connect, in front of a wall."
     found.heard(named and max(spent.values()) < budget)
     found.corrected(
-        named, not any(x.samples or x.nodes.size for some in ours.values() for x in some),
-        all(theirs["start", x].samples == 0 for x in ("rrt", "rrt_connect")), grown > budget / 3,
-        min(spent.values()) == budget, len(theirs["goal", "rrt_connect"].nodes) <= 1,
+        named,
+        not any(x.samples or x.nodes.size for some in ours.values() for x in some),
+        all(theirs["start", x].samples == 0 for x in ("rrt", "rrt_connect")),
+        grown > budget / 3,
+        min(spent.values()) == budget,
+        len(theirs["goal", "rrt_connect"].nodes) <= 1,
         all(x.path is None for x in theirs.values()),
-    )  # fmt: skip
+    )
 
 
 @functools.cache
@@ -89,8 +94,9 @@ def _tight():
 
     asked, rng = shelf("tight"), np.random.default_rng(0)
     queries = [asked.query(rng) for _ in range(36)]
-    plans = [[plan(asked.world, *q, rng=k, step=1.0, budget=50_000) for k in range(5)]
-             for q in queries]  # fmt: skip
+    plans = [
+        [plan(asked.world, *q, rng=k, step=1.0, budget=50_000) for k in range(5)] for q in queries
+    ]
     return asked, queries, np.array([[x.samples if x.solved else np.inf for x in p] for p in plans])
 
 

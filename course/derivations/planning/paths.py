@@ -94,9 +94,10 @@ def informed_rrt_star(found):
         outside=outside,
     )
     found.corrected(
-        all(np.array_equal(a.nodes, b.nodes) for a, b in unsolved), len(unsolved) > 10,
+        all(np.array_equal(a.nodes, b.nodes) for a, b in unsolved),
+        len(unsolved) > 10,
         informed < 0.6 * star,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -105,14 +106,18 @@ def informed_rrt_star(found):
     "{formula} in the plane, d being the distance of the ends and c the path's length. In a square "
     "of ten, with ends {d_m:.1f} m apart, that leaves {tight:.0%} of the square for a path "
     "{near} times as long as d, and {loose:.0%} for one {far} times as long.",
-    ask=Ask("Start and goal are a distance d apart, and a path of length c is known. From how "
-            "large an area of the plane can a shorter path come, as far as d and c can tell?",
-            "A = pi*c*sqrt(c^2 - d^2)/4", {
-        "pi*c*sqrt(c^2 - d^2)": "Those are the axes; an ellipse's area takes half of each.",
-        "pi*c*d/4": "d is between the foci; it is not the ellipse's width.",
-        "pi*c^2/4": "A disc around the middle reaches further than the path's length allows."}),
+    ask=Ask(
+        "Start and goal are a distance d apart, and a path of length c is known. From how "
+        "large an area of the plane can a shorter path come, as far as d and c can tell?",
+        "A = pi*c*sqrt(c^2 - d^2)/4",
+        {
+            "pi*c*sqrt(c^2 - d^2)": "Those are the axes; an ellipse's area takes half of each.",
+            "pi*c*d/4": "d is between the foci; it is not the ellipse's width.",
+            "pi*c^2/4": "A disc around the middle reaches further than the path's length allows.",
+        },
+    ),
     source="Gammell, Srinivasa and Barfoot, Informed RRT*, IROS 2014",
-)  # fmt: skip
+)
 def informed_area(found):
     import sympy
 
@@ -178,7 +183,7 @@ def shortcut_never_lengthens(found):
             kept += [
                 length(b) < length(a) * (1 + 1e-12) and check_path(world, b, *a.T[[0, -1]]).free
                 for a, b in zip(paths, cuts, strict=True)
-            ]  # fmt: skip
+            ]
     found.figure("paths", len(kept))
     walks = found.rng.uniform(0.0, 1.0, (2000, 4, 3)).cumsum(axis=2)  # one joint is straightened
     walks = walks[:, :2] - walks[:, 2:]
@@ -216,20 +221,31 @@ def shortcut_share(found):
             step = getattr(scenes, scene)(*SCENES[scene]).step
             edges[method, scene] = np.median([(a.shape[1] - 1) * step / length(a) for a in paths])
             points[scene] = np.median([[a.shape[1], b.shape[1]] for a, b in pairs], axis=0)
-    for name, key in (("least", ("rrt_connect", "empty")), ("most", ("rrt_connect", "arm")),
-                      ("rrt_least", ("rrt", "empty")), ("rrt_most", ("rrt", "arm"))):  # fmt: skip
+    for name, key in (
+        ("least", ("rrt_connect", "empty")),
+        ("most", ("rrt_connect", "arm")),
+        ("rrt_least", ("rrt", "empty")),
+        ("rrt_most", ("rrt", "arm")),
+    ):
         found.figure(name, shares[key], 0.1)
-    for name, scene, k in (("discs_points", "discs", 0), ("gap_points", "gap", 0),
-                           ("after_points", "discs", 1), ("after_gap", "gap", 1)):  # fmt: skip
+    for name, scene, k in (
+        ("discs_points", "discs", 0),
+        ("gap_points", "gap", 0),
+        ("after_points", "discs", 1),
+        ("after_gap", "gap", 1),
+    ):
         found.figure(name, points[scene][k], 0.1)
     found.figure("edges", max(edges.values()), 0.1)
     found.statement = "Medians of 12 seeds, up to 200 rounds of partial shortcuts."
     found.heard(all(0.3 <= share <= 0.5 for share in shares.values()))
     found.corrected(
-        shares["rrt_connect", "empty"] == min(shares.values()), shares["rrt", "arm"] > 0.5,
-        shares["rrt_connect", "empty"] < 0.02, all(before < 30 for before, _ in points.values()),
-        min(edges.values()) >= 1.0, max(edges.values()) > 1.3,
-    )  # fmt: skip
+        shares["rrt_connect", "empty"] == min(shares.values()),
+        shares["rrt", "arm"] > 0.5,
+        shares["rrt_connect", "empty"] < 0.02,
+        all(before < 30 for before, _ in points.values()),
+        min(edges.values()) >= 1.0,
+        max(edges.values()) > 1.3,
+    )
 
 
 @claim(
@@ -265,9 +281,11 @@ def optimisers_get_stuck(found):
     found.statement = "One world of discs that RRT-Connect solves from every seed."
     found.heard(not all(x.all() for x in free.values()))
     found.corrected(
-        all(x.any() and not x.all() for x in free.values()), all(known), min(worse) > 1.3,
+        all(x.any() and not x.all() for x in free.values()),
+        all(known),
+        min(worse) > 1.3,
         all(answer.solved for answer in runs("discs", "rrt_connect", 200)),
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -293,10 +311,12 @@ def trajopt_minimises_jerk(found):
     found.statement = "30 waypoints past a disc of 2 m; then nothing near."
     found.heard(third[1] <= third[0])
     found.corrected(
-        third[0] < 1e-12 < 1e-3 < third[1], min(keeps) > 0.99 * margin,
-        length(shaped) < length(arch), np.allclose(np.diff(steps), [[8 / 31], [0.0]], atol=1e-4),
+        third[0] < 1e-12 < 1e-3 < third[1],
+        min(keeps) > 0.99 * margin,
+        length(shaped) < length(arch),
+        np.allclose(np.diff(steps), [[8 / 31], [0.0]], atol=1e-4),
         all(bool(check_path(world, path)) for path in (arch, shaped)),
-    )  # fmt: skip
+    )
 
 
 def _turns(path):
@@ -331,9 +351,11 @@ def shortcut_leaves_corners(found):
     found.statement = "12 seeds; speeds by the time parameterisation without rounding."
     found.heard(sharpest[1] < 1.0)
     found.corrected(
-        stops == [x.shape[1] - 2 for x in cuts], sharpest[1] > 0.2 * sharpest[0],
-        1.0 < sharpest[2] < sharpest[1], sharpest[3] < 0.6 * sharpest[2],
-    )  # fmt: skip
+        stops == [x.shape[1] - 2 for x in cuts],
+        sharpest[1] > 0.2 * sharpest[0],
+        1.0 < sharpest[2] < sharpest[1],
+        sharpest[3] < 0.6 * sharpest[2],
+    )
 
 
 @claim(

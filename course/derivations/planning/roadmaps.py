@@ -76,10 +76,11 @@ def both_ends_first(found):
     found.statement = "20 queries of the 7-R arm; the chart of the ladder has the times."
     found.heard(solved["rrt", short] == len(some))
     found.corrected(
-        solved["rrt", short] < 0.7 * len(some), solved["rrt", long] > 0.9 * len(some),
+        solved["rrt", short] < 0.7 * len(some),
+        solved["rrt", long] > 0.9 * len(some),
         all(solved["rrt_connect", step] == len(some) for step in steps),
         middle["rrt", long] < 2.0 * middle["rrt_connect", long],
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -113,9 +114,12 @@ def cached_roadmap(found):
     found.statement = "30 queries; states drawn uniformly, seeds 0 to 9."
     found.heard(np.percentile(asked, 90) == 0 and counts[0] == 10)
     found.corrected(
-        asked.min() > 0, np.percentile(asked, 90) > 4 * np.median(asked), counts[0] < 10,
-        counts[1] == 10, all(x.solved for x in answers),
-    )  # fmt: skip
+        asked.min() > 0,
+        np.percentile(asked, 90) > 4 * np.median(asked),
+        counts[0] < 10,
+        counts[1] == 10,
+        all(x.solved for x in answers),
+    )
 
 
 @claim(
@@ -136,8 +140,16 @@ def bridge_test(found):
     spread, little = found.given("spread", 0.5), found.given("little", 0.2)
 
     def drawn(world, sampler, spread=spread):
-        answer = plan(world, scenes.START, scenes.GOAL, method="prm_star", sampler=sampler,
-                      budget=2000, rng=1, spread=spread)  # fmt: skip
+        answer = plan(
+            world,
+            scenes.START,
+            scenes.GOAL,
+            method="prm_star",
+            sampler=sampler,
+            budget=2000,
+            rng=1,
+            spread=spread,
+        )
         return answer.nodes.T[2:], answer.state_checks / answer.samples
 
     inside = {}
@@ -153,9 +165,12 @@ def bridge_test(found):
     found.statement = "2000 samples each; the bridge test gives up after 100 tries of two states."
     found.heard(away[1] < 2 * away[0])
     found.corrected(
-        inside["bridge"] > 1.2 * inside["gaussian"], inside["gaussian"] > 4 * inside["uniform"],
-        away[1] > 0.5 * away[2], by_disc["bridge"][1] > 2 * TRIES, short < 0.3 * inside["bridge"],
-    )  # fmt: skip
+        inside["bridge"] > 1.2 * inside["gaussian"],
+        inside["gaussian"] > 4 * inside["uniform"],
+        away[1] > 0.5 * away[2],
+        by_disc["bridge"][1] > 2 * TRIES,
+        short < 0.3 * inside["bridge"],
+    )
 
 
 @claim(
@@ -249,10 +264,12 @@ def tip_path_then_ik(found):
         if near < 0.25 or not edge_free(point, a, b) or not plan(arm, *ends, budget=3000).solved:
             continue
         ways = np.unwrap(np.moveaxis(two_link_ik(lengths, line).q, 2, 0), axis=0)
-        blocked.append([
-            not all(edge_free(arm, p, q) for p, q in itertools.pairwise(way))
-            for way in np.moveaxis(ways, 2, 0)
-        ])  # fmt: skip
+        blocked.append(
+            [
+                not all(edge_free(arm, p, q) for p, q in itertools.pairwise(way))
+                for way in np.moveaxis(ways, 2, 0)
+            ]
+        )
     neither, one = np.all(blocked, axis=1), np.sum(blocked, axis=1) == 1
     found.figure("neither", neither.mean(), 0.3)
     found.figure("one", one.mean(), 0.2)

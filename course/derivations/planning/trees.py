@@ -26,8 +26,16 @@ def rrt_loop(found):
     for seed in range(found.given("worlds", 20)):
         asked = scenes.discs(seed)
         world, discs = asked.world, asked.world.obstacles[:, 1:4]
-        ours = plan(world, asked.start, asked.goal, method="rrt", budget=500, rng=seed, step=1.0,
-                    goal_bias=0.1)  # fmt: skip
+        ours = plan(
+            world,
+            asked.start,
+            asked.goal,
+            method="rrt",
+            budget=500,
+            rng=seed,
+            step=1.0,
+            goal_bias=0.1,
+        )
         rng = np.random.default_rng(seed)
         _, tree, parents, _ = rrt(asked.start, asked.goal, discs, world.bounds, 1.0, 500, rng)
         same.append(np.array_equal(parents, ours.parents) and np.allclose(tree.T, ours.nodes))
@@ -38,9 +46,10 @@ def rrt_loop(found):
     found.statement = "The loop in plain Python against the compiled planner, with the same draws."
     found.heard(all(same))
     found.corrected(
-        all(same), any((x < 1.0 - 1e-9).any() for x in edges),
+        all(same),
+        any((x < 1.0 - 1e-9).any() for x in edges),
         max(x.max() for x in edges) < 1.0 + 1e-9,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -76,8 +85,9 @@ def rrt_complete(found):
     def solved(bias, most):
         asked = scenes.gap(found.rng.uniform(0.05, 0.6), found.rng.uniform(0.05, 3.0))
         ends, step = (asked.start, asked.goal), found.rng.uniform(0.3, 3)
-        tree = plan(asked.world, *ends, method="rrt", budget=most, rng=found.rng, step=step,
-                    goal_bias=bias)  # fmt: skip
+        tree = plan(
+            asked.world, *ends, method="rrt", budget=most, rng=found.rng, step=step, goal_bias=bias
+        )
         return tree.solved
 
     found.statement = "300 seeds through the slit; random gaps, steps and biases."
@@ -89,9 +99,10 @@ def rrt_complete(found):
     )
     found.corrected(
         all(x.solved for x in runs("gap", "rrt", 300, slit, 0.5)),
-        {x.status for x in early if not x.solved} == set(walled), not any(by_line),
+        {x.status for x in early if not x.solved} == set(walled),
+        not any(by_line),
         np.percentile(spent, 95) > 3 * np.median(spent),
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -163,10 +174,13 @@ def gap_table(found):
     found.statement = "300 seeds of each; the shortest path goes around two corners of the gap."
     found.heard(all(0.5 < ratio < 2.0 for ratio in ratios))
     found.corrected(
-        all(ratio < 0.5 for ratio in ratios), high > 3 * low, min(after) > 1 - 1e-9,
-        abs(over["rrt", "slit"] - over["rrt", "wide"]) < 0.1, np.median(after) < 1.02,
+        all(ratio < 0.5 for ratio in ratios),
+        high > 3 * low,
+        min(after) > 1 - 1e-9,
+        abs(over["rrt", "slit"] - over["rrt", "wide"]) < 0.1,
+        np.median(after) < 1.02,
         shorter > 5 * np.median(samples("gap", "rrt", 300, 0.5, wall)),
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -202,14 +216,21 @@ def connect_in_narrow_passages(found):
     far = {"many": 100, "step": found.given("long_m", 10.0)}
     trap_long = found.figure("trap_long", gain(scene="bug_trap", **far), 0.3)
     # With other steps a passage a hundred times as long gains a little, not a multiple.
-    others = [gain(0.1, walls[1], many=100, step=x) / gain(0.1, walls[0], many=100, step=x)
-              for x in (0.3, 3.0)]  # fmt: skip
+    others = [
+        gain(0.1, walls[1], many=100, step=x) / gain(0.1, walls[0], many=100, step=x)
+        for x in (0.3, 3.0)
+    ]
     found.statement = "RRT with a goal bias of 5 %, a step of a tenth of the square."
     found.heard(all(3.0 <= gains[name] <= 8.0 for name in ("narrow", "slit")))
     found.corrected(
-        gains["slit"] < gains["narrow"] < gains["wide"], gains["slit"] < 3.0, edges < gains["slit"],
-        min(trap, empty) > gains["narrow"], thick < 1.3 * thin, max(others) < 2.0, trap_long < 0.5,
-    )  # fmt: skip
+        gains["slit"] < gains["narrow"] < gains["wide"],
+        gains["slit"] < 3.0,
+        edges < gains["slit"],
+        min(trap, empty) > gains["narrow"],
+        thick < 1.3 * thin,
+        max(others) < 2.0,
+        trap_long < 0.5,
+    )
 
 
 @claim(
@@ -221,8 +242,12 @@ def connect_in_narrow_passages(found):
 )
 def goal_bias_in_passages(found):
     most, middles = found.given("most", 0.5), {}
-    places = {"empty": ("empty",), "tenth": ("gap", 0.1, 0.5), "slit": ("gap", 0.02, 0.5),
-              "trap": ("bug_trap",)}  # fmt: skip
+    places = {
+        "empty": ("empty",),
+        "tenth": ("gap", 0.1, 0.5),
+        "slit": ("gap", 0.02, 0.5),
+        "trap": ("bug_trap",),
+    }
     needed = {}  # samples that are not the goal, in the mean
     for name, (scene, *place) in places.items():
         for bias, tag in ((0.05, "5"), (0.2, "20"), (most, "most"))[: 3 if name == "trap" else 2]:
@@ -234,11 +259,14 @@ def goal_bias_in_passages(found):
     found.heard(all(middles[name, "20"] < middles[name, "5"] for name in ("slit", "trap")))
     found.corrected(
         all(middles[x, "20"] < middles[x, "5"] for x in ("empty", "tenth")),
-        all(abs(drawn / needed[x, "5"] - 1) < 0.25 for (x, _), drawn in needed.items()
-            if x in ("slit", "trap")),
+        all(
+            abs(drawn / needed[x, "5"] - 1) < 0.25
+            for (x, _), drawn in needed.items()
+            if x in ("slit", "trap")
+        ),
         all(middles[x, "5"] < middles[x, "20"] for x in ("slit", "trap")),
         middles["trap", "20"] < middles["trap", "most"],
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -247,13 +275,18 @@ def goal_bias_in_passages(found):
     "through a slab, open {width:.0%} of one direction, with probability {slab_2:.3f} in 2 "
     "dimensions and {slab_6:.3f} in 6. Through a tube, w wide in each, they do with about "
     "w^(n - 1) (2^n - 1)/n: {tube_2:.3f}, {tube_3:.4f} and {tube_4:.5f} in 2, 3 and 4.",
-    ask=Ask("A thin wall cuts a unit cube in the middle. It is open in a square in its middle, w "
-            "by w. With which probability do two random states, one each side, see each other, for "
-            "small w?", "P = 7*w^2/3", {
-        "w^2": "That is the opening's share. The middle of the wall is crossed more often.",
-        "9*w^2/4": "Both directions share where on the segment the wall lies.",
-        "3*w/2": "That is a slab, or the plane. Both directions have to be met."}),
-)  # fmt: skip
+    ask=Ask(
+        "A thin wall cuts a unit cube in the middle. It is open in a square in its middle, w "
+        "by w. With which probability do two random states, one each side, see each other, for "
+        "small w?",
+        "P = 7*w^2/3",
+        {
+            "w^2": "That is the opening's share. The middle of the wall is crossed more often.",
+            "9*w^2/4": "Both directions share where on the segment the wall lies.",
+            "3*w/2": "That is a slab, or the plane. Both directions have to be met.",
+        },
+    ),
+)
 def passage_in_more_dimensions(found):
     import sympy
 
@@ -287,6 +320,7 @@ def passage_in_more_dimensions(found):
         outside=[seen(k + 1, 1, x) < 0.9 * seen(k, 1, x) for k, x in draws],
     )
     found.corrected(
-        abs(ours - law[2]) < 0.01, all(abs(tubes[k] / law[k] - 1) < 0.12 for k in tubes),
+        abs(ours - law[2]) < 0.01,
+        all(abs(tubes[k] / law[k] - 1) < 0.12 for k in tubes),
         abs(slabs[6] / slabs[2] - 1) < 0.05,
-    )  # fmt: skip
+    )

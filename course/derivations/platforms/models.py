@@ -63,8 +63,12 @@ def hello_world_winds(found):
     draws = found.rng.uniform((0.2, -0.5), (0.7, -0.2), (8, 2))
     found.statement = "MuJoCo at 2 and at 1 ms; the same at eight random pairs of torques."
     found.heard(turns < 0.5)
-    found.corrected(turns > 2.0, all(moved("", x)[0] > 1.0 for x in draws), apart > 10.0 * near,
-                    all(moved(limited, x)[0] < 0.5 for x in draws))  # fmt: skip
+    found.corrected(
+        turns > 2.0,
+        all(moved("", x)[0] > 1.0 for x in draws),
+        apart > 10.0 * near,
+        all(moved(limited, x)[0] < 0.5 for x in draws),
+    )
 
 
 @claim(
@@ -88,12 +92,15 @@ def motor_is_torque(found):
     found.figure("torque", torque("general", ctrl))
     kp = found.figure("kp", torque("position", 1.0))
     draws = found.rng.uniform(-2.0, 2.0, (8, 2))
-    direct = [abs(torque(kind, x, y) - x) < 1e-12
-              for x, y in draws for kind in ("motor", "general")]  # fmt: skip
+    direct = [
+        abs(torque(kind, x, y) - x) < 1e-12 for x, y in draws for kind in ("motor", "general")
+    ]
     found.statement = "What MuJoCo says that it applies, at random controls and angles."
     found.heard(all(direct))
-    found.corrected(all(abs(torque("position", x, y) - kp * (x - y)) < 1e-12 for x, y in draws),
-                    compiled("")[0].nu == 0)  # fmt: skip
+    found.corrected(
+        all(abs(torque("position", x, y) - kp * (x - y)) < 1e-12 for x, y in draws),
+        compiled("")[0].nu == 0,
+    )
 
 
 @claim(
@@ -123,12 +130,17 @@ def damping_realism(found):
     better = found.figure("better", left(much, added), 0.02)
     worse = found.figure("worse", left(little, added), 0.02)
     robots = found.rng.uniform(0.002, 0.01, 8)
-    inside, outside = ([left(x, x * share) < 1.0 for x, share in zip(robots, shares, strict=True)]
-                       for shares in (found.rng.uniform(0.1, 1.9, 8),
-                                      found.rng.uniform(2.2, 4.0, 8)))  # fmt: skip
+    inside, outside = (
+        [left(x, x * share) < 1.0 for x, share in zip(robots, shares, strict=True)]
+        for shares in (found.rng.uniform(0.1, 1.9, 8), found.rng.uniform(2.2, 4.0, 8))
+    )
     found.statement = "Two seconds of a hanging link that was let go at half a radian."
-    found.heard(worse < 1.0, only_if="it is less than twice the robot's own, and both are weak",
-                inside=inside, outside=outside)  # fmt: skip
+    found.heard(
+        worse < 1.0,
+        only_if="it is less than twice the robot's own, and both are weak",
+        inside=inside,
+        outside=outside,
+    )
     found.corrected(better < 1.0, worse > 1.0)
 
 
@@ -137,14 +149,19 @@ def damping_realism(found):
     "The model gets a spring, not the robot's servo. By small angles it holds a link out {formula} "
     "too low: with a gain of {stiff:.0f} it hung {droop:.2f} degrees below level, and "
     "{default:.0f} with {kp:.0f}, the default.",
-    ask=("A servo of gain kp without an integral holds a link out level, mass m with its centre at "
-         "d. How low does it hang, small angles?", "e = m*g*d/kp", {
-             "kp/(m*g*d)": "A stiffer servo holds it higher.",
-             "m*g/kp": "A torque has an arm: d is missing.",
-             "m*g*d/(2*kp)": "That takes d for the length; here it reaches to the centre.",
-             "sqrt(m*g*d/kp)": "Torques balance, not energies."}),
+    ask=(
+        "A servo of gain kp without an integral holds a link out level, mass m with its centre at "
+        "d. How low does it hang, small angles?",
+        "e = m*g*d/kp",
+        {
+            "kp/(m*g*d)": "A stiffer servo holds it higher.",
+            "m*g/kp": "A torque has an arm: d is missing.",
+            "m*g*d/(2*kp)": "That takes d for the length; here it reaches to the centre.",
+            "sqrt(m*g*d/kp)": "Torques balance, not energies.",
+        },
+    ),
     source="MuJoCo 4.0 manual, 2026, XML reference, actuator/position",
-)  # fmt: skip
+)
 def servo_droops(found):
     import mujoco
     import sympy
@@ -168,8 +185,13 @@ def servo_droops(found):
     law = [float(found.formula.subs({kp: k, m: 1, g: 9.81, d: 0.15})) for k in gains]
     found.statement = "A link of 1 kg whose centre is 0.15 m out, after 10 s."
     found.heard(bool(np.degrees(low) < 1.0))
-    found.corrected(*(bool(abs(droop(f'kp="{k}"')[0] / x - 1.0) < 0.01)
-                      for k, x in zip(gains, law, strict=True)), bool(low > 0.5))  # fmt: skip
+    found.corrected(
+        *(
+            bool(abs(droop(f'kp="{k}"')[0] / x - 1.0) < 0.01)
+            for k, x in zip(gains, law, strict=True)
+        ),
+        bool(low > 0.5),
+    )
 
 
 @claim(
@@ -246,10 +268,13 @@ def loaded_is_not_sound(found):
     texts = [model for model in MODELS if model.kind == "impossible"]
     n = found.figure("n", len(texts) and sum(model.kind == "impossible" for model in MODELS), 0.0)
     simulators(DRAKE, PYBULLET)
-    told = {name: read_by(name, texts)
-            for name in ("chapter 4", "Pinocchio", MUJOCO, DRAKE, PYBULLET)}  # fmt: skip
-    silent = {name: sum(v in ("swallowed", "repaired") for v in rows.values())
-              for name, rows in told.items()}  # fmt: skip
+    told = {
+        name: read_by(name, texts) for name in ("chapter 4", "Pinocchio", MUJOCO, DRAKE, PYBULLET)
+    }
+    silent = {
+        name: sum(v in ("swallowed", "repaired") for v in rows.values())
+        for name, rows in told.items()
+    }
     bullet = found.figure("bullet", silent[PYBULLET], 0.0)
     found.figure("pinocchio", silent["Pinocchio"], 0.4)
     mujoco = found.figure("mujoco", silent[MUJOCO], 0.4)
@@ -257,8 +282,13 @@ def loaded_is_not_sound(found):
     refused = found.figure("refused", list(told["chapter 4"].values()).count("refused"), 0.0)
     found.statement = "Each reader with each text; what it printed about the sound one is no word."
     found.heard(max(bullet, mujoco, drake) == 0)
-    found.corrected(refused == n, told[PYBULLET]["NaN mass"] == "swallowed", bullet > n / 2,
-                    mujoco < n / 2, told[MUJOCO]["NaN mass"] == "refused")  # fmt: skip
+    found.corrected(
+        refused == n,
+        told[PYBULLET]["NaN mass"] == "swallowed",
+        bullet > n / 2,
+        mujoco < n / 2,
+        told[MUJOCO]["NaN mass"] == "refused",
+    )
 
 
 @claim(
@@ -281,8 +311,11 @@ def friction_of_a_urdf(found):
         found.figure(short, rows[name]["friction"])
     found.statement = "A two-link arm with both in its elbow, read by each."
     found.heard(all(set(row.values()) == {"kept"} for row in rows.values()))
-    found.corrected(rows[PYBULLET]["friction"] == "swallowed", rows[DRAKE]["friction"] == "warned",
-                    set(rows[MUJOCO].values()) == {"kept"})  # fmt: skip
+    found.corrected(
+        rows[PYBULLET]["friction"] == "swallowed",
+        rows[DRAKE]["friction"] == "warned",
+        set(rows[MUJOCO].values()) == {"kept"},
+    )
 
 
 @claim(
@@ -303,7 +336,10 @@ def controller_moves(found):
     off = found.figure("shipped", 1e3 * shipped[2].error, 0.1)
     found.statement = "A reach of the 7-R arm in 1.5 s: within 5 mm, slower than 5 cm/s."
     found.heard(
-        all(one.success for one in shipped), only_if="nothing acts that the model doesn't know",
-        inside=[one.success for one in fair], outside=[one.success for one in shipped], cases=True,
-    )  # fmt: skip
+        all(one.success for one in shipped),
+        only_if="nothing acts that the model doesn't know",
+        inside=[one.success for one in fair],
+        outside=[one.success for one in shipped],
+        cases=True,
+    )
     found.corrected(off > 50.0, alone.error < 0.5 * shipped[2].error)

@@ -82,8 +82,12 @@ def defaults_differ(found):
     settled = [measures.effects(e, scenes.arm(0.2), 1e-3) for e in others]
     found.statement = "Errors at 1 ms, all changes made, none, and all but one."
     found.heard(all(rows[0].shipped < 1.1 * rows[0].fair for rows in found_by.values()))
-    found.corrected(damped["damping"] > 10, without["motors"] > 10, without["inertia"] > 10,
-                    all(x.shipped < 1.01 * x.fair for rows in settled for x in rows))  # fmt: skip
+    found.corrected(
+        damped["damping"] > 10,
+        without["motors"] > 10,
+        without["inertia"] > 10,
+        all(x.shipped < 1.01 * x.fair for rows in settled for x in rows),
+    )
 
 
 @claim(
@@ -100,9 +104,10 @@ def halving_halves(found):
         whole, half = (errors(names, scene, x, **settings) for x in (dt, dt / 2))
         return np.log2(whole / half)
 
-    tried = np.array([orders(scenes.tumble(0.5), 1e-3 * dt)
-                      for dt in found.rng.uniform(0.5, 2.0, 3)]
-                     + [orders(scenes.arm(0.16), 1e-3)])  # fmt: skip
+    tried = np.array(
+        [orders(scenes.tumble(0.5), 1e-3 * dt) for dt in found.rng.uniform(0.5, 2.0, 3)]
+        + [orders(scenes.arm(0.16), 1e-3)]
+    )
     found.figure("lowest", tried.min(), 0.02)
     found.figure("highest", tried.max(), 0.02)
     rk4 = found.figure("rk4", orders(scenes.tumble(1.0), 0.02, scheme="RK4")[0], 0.02)
@@ -127,14 +132,20 @@ def rk4_and_contact(found):
     plain, better = both(scenes.chain(2, 0.5), 1e-3 * ms)
     smooth = found.figure("smooth", np.log10(plain / better), 0.1)
     n = int(found.given("n", 16))
-    draws = [(scenes.brake(float(a), float(v)), 1e-3 * dt) for a, v, dt in
-             found.rng.uniform((0.1, 1.0, 0.5), (0.7, 3.0, 2.0), (n, 3))]  # fmt: skip
+    draws = [
+        (scenes.brake(float(a), float(v)), 1e-3 * dt)
+        for a, v, dt in found.rng.uniform((0.1, 1.0, 0.5), (0.7, 3.0, 2.0), (n, 3))
+    ]
     touching = [both(scene, dt) for scene, dt in draws]
     worse = found.figure("worse", sum(b > a for a, b in touching), 0.4)
     free = [both(scenes.tumble(0.5), 1e-3 * dt) for dt in found.rng.uniform(0.5, 5.0, 8)]
     found.statement = "Tumbles at random steps; blocks at random speeds, headings and steps."
-    found.heard(worse == 0, only_if="nothing touches",
-                inside=[b < a for a, b in free], outside=[b < a for a, b in touching])  # fmt: skip
+    found.heard(
+        worse == 0,
+        only_if="nothing touches",
+        inside=[b < a for a, b in free],
+        outside=[b < a for a, b in touching],
+    )
     found.corrected(smooth > 3, worse >= 2, all(b < 1e-3 * a for a, b in free))
 
 
@@ -149,8 +160,9 @@ def fresh_worlds_repeat(found):
 
     draws = found.rng.uniform((0.0, 1.0), (1.5, 3.0), (2, 2))
     cases = [(scenes.brake(float(a)), 1e-3 * dt) for a, dt in draws] + [(scenes.chain(3), 1e-3)]
-    rows = [measures.repeatability(e, scene, dt, 40) for scene, dt in cases
-            for e in simulators(*FOUR)]  # fmt: skip
+    rows = [
+        measures.repeatability(e, scene, dt, 40) for scene, dt in cases for e in simulators(*FOUR)
+    ]
     found.figure("n", len(rows), 0.0)
     most = found.figure("most", max(max(row.fresh, row.saved) for row in rows), 0.0)
     found.statement = "Two worlds built alike and a saved state, compared bit by bit."
@@ -174,8 +186,10 @@ def reset_world(found):
         (engine,) = simulators(name)
         return measures.repeatability(engine, scene, dt, 200).reset
 
-    cases = [(scenes.brake(float(a)), 1e-3 * dt)
-             for a, dt in found.rng.uniform((0.0, 1.0), (1.5, 2.0), (3, 2))]  # fmt: skip
+    cases = [
+        (scenes.brake(float(a)), 1e-3 * dt)
+        for a, dt in found.rng.uniform((0.0, 1.0), (1.5, 2.0), (3, 2))
+    ]
     bullet = [same(PYBULLET, *case) for case in cases]
     others = [same(name, *case) for name in (MUJOCO, DRAKE) for case in cases]
     off = found.figure("off", 1e6 * same(PYBULLET, scenes.brake(0.0), 1e-3), 0.5)
@@ -191,8 +205,10 @@ def reset_world(found):
     run.run(200)
     found.statement = "Braking blocks, 200 steps, then the same after a reset, bit by bit."
     found.heard(
-        max(bullet) == 0.0, only_if="the reset covers all that the engine keeps between steps, as "
-        "in MuJoCo and Drake", inside=[x == 0.0 for x in others],
-        outside=[x == 0.0 for x in bullet], cases=True,
-    )  # fmt: skip
+        max(bullet) == 0.0,
+        only_if="the reset covers all that the engine keeps between steps, as in MuJoCo and Drake",
+        inside=[x == 0.0 for x in others],
+        outside=[x == 0.0 for x in bullet],
+        cases=True,
+    )
     found.corrected(off > 0.0, max(others) == 0.0, run.state().same(first))

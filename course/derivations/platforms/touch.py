@@ -38,14 +38,19 @@ def stops(name, headings, dt, settings=None):
     "is sent off along an axis at the same place.",
     "Short of Coulomb's, by the share {formula}: {theory:.3%} at {ms:.0f} ms, and {lowest:.3%} to "
     "{highest:.3%} in the three.",
-    ask=("Each step takes mu g dt from the speed and then moves with what is left. Which share of "
-         "v^2/(2 mu g) is missing?", "mu*g*dt/v", {
-             "v*dt/2": "That is the missing way in metres.",
-             "mu*g*dt/(2*v)": "v dt / 2 is missing of v^2 / (2 mu g).",
-             "2*mu*g*dt/v": "Half a step of the first speed is missing, not a whole one.",
-             "v*dt": "That is a share of nothing: its unit is metres."}),
+    ask=(
+        "Each step takes mu g dt from the speed and then moves with what is left. Which share of "
+        "v^2/(2 mu g) is missing?",
+        "mu*g*dt/v",
+        {
+            "v*dt/2": "That is the missing way in metres.",
+            "mu*g*dt/(2*v)": "v dt / 2 is missing of v^2 / (2 mu g).",
+            "2*mu*g*dt/v": "Half a step of the first speed is missing, not a whole one.",
+            "v*dt": "That is a share of nothing: its unit is metres.",
+        },
+    ),
     needs=("Drake", "PyBullet"),
-)  # fmt: skip
+)
 def braking_short(found):
     import sympy
 
@@ -65,8 +70,9 @@ def braking_short(found):
     others = [missing(x) - law * x / ms for x in (3.0,)]
     found.statement = "A block of 1 kg sent off at 2 m/s along an axis, friction 0.5."
     found.heard(bool(np.ptp(short) < 3e-4))
-    found.corrected(bool(np.all(np.abs(short / law - 1.0) < 0.03)),
-                    bool(np.all(np.abs(others) < 3e-4)))  # fmt: skip
+    found.corrected(
+        bool(np.all(np.abs(short / law - 1.0) < 0.03)), bool(np.all(np.abs(others) < 3e-4))
+    )
 
 
 @claim(
@@ -74,13 +80,18 @@ def braking_short(found):
     "The pyramid inside the cone, MuJoCo's default, brakes at {degrees:.0f} degrees with "
     "1/sqrt(2) of the force: {formula} in place of D, {measured:.1%} too far, and it steers: by "
     "{turn:.1f} degrees to the diagonal, at a heading of {between:.1f}.",
-    ask=("Sides |f_x| + |f_y| <= mu N, heading phi up to 45 degrees, D by Coulomb. How far off "
-         "does the block stop?", "D*sqrt(1 + sin(2*phi)^2)", {
-             "D*(cos(phi) + sin(phi))": "That is force at the start: the velocity turns.",
-             "D*sqrt(2)": "At 45 degrees only.",
-             "D/cos(phi)": "The larger component alone is braked at first, then both.",
-             "D*sqrt(1 + sin(phi)^2)": "It is sin(2 phi): at 45 degrees both are equal."}),
-)  # fmt: skip
+    ask=(
+        "Sides |f_x| + |f_y| <= mu N, heading phi up to 45 degrees, D by Coulomb. How far off "
+        "does the block stop?",
+        "D*sqrt(1 + sin(2*phi)^2)",
+        {
+            "D*(cos(phi) + sin(phi))": "That is force at the start: the velocity turns.",
+            "D*sqrt(2)": "At 45 degrees only.",
+            "D/cos(phi)": "The larger component alone is braked at first, then both.",
+            "D*sqrt(1 + sin(phi)^2)": "It is sin(2 phi): at 45 degrees both are equal.",
+        },
+    ),
+)
 def pyramid_inscribed(found):
     import sympy
 
@@ -106,8 +117,9 @@ def pyramid_inscribed(found):
     found.corrected(
         bool(np.all(np.abs(length / law - 1.0) < 0.01)),
         bool(np.all(np.abs(steered - theory.stop(headings, "inscribed")[1]) < 0.02)),
-        abs(far[0] / np.sqrt(2.0) - 1.0) < 0.01, abs(np.degrees(fair[0])) < 0.3,
-    )  # fmt: skip
+        abs(far[0] / np.sqrt(2.0) - 1.0) < 0.01,
+        abs(np.degrees(fair[0])) < 0.3,
+    )
 
 
 @claim(
@@ -115,14 +127,19 @@ def pyramid_inscribed(found):
     "The one inside the cone does. A box around it, PyBullet without cone friction, brakes each "
     "axis by itself: {formula} is left, {measured:.1%} of D at {degrees:.0f} degrees, and it "
     "steers to the nearer axis, by {turn:.1f} degrees at a heading of {between:.1f}.",
-    ask=("Sides |f_x| and |f_y| up to mu N each, heading phi, D by Coulomb. How far from its start "
-         "does the block stop?", "D*sqrt(cos(phi)^4 + sin(phi)^4)", {
-             "D/sqrt(2)": "At 45 degrees only.",
-             "D*sqrt(1 + sin(2*phi)^2)": "That is the pyramid inside the cone.",
-             "D*cos(phi)": "That would hold if each axis had the whole speed for as long.",
-             "D*(cos(phi)^2 + sin(phi)^2)": "The axes are at right angles: add squares."}),
+    ask=(
+        "Sides |f_x| and |f_y| up to mu N each, heading phi, D by Coulomb. How far from its start "
+        "does the block stop?",
+        "D*sqrt(cos(phi)^4 + sin(phi)^4)",
+        {
+            "D/sqrt(2)": "At 45 degrees only.",
+            "D*sqrt(1 + sin(2*phi)^2)": "That is the pyramid inside the cone.",
+            "D*cos(phi)": "That would hold if each axis had the whole speed for as long.",
+            "D*(cos(phi)^2 + sin(phi)^2)": "The axes are at right angles: add squares.",
+        },
+    ),
     needs=("PyBullet",),
-)  # fmt: skip
+)
 def pyramid_box(found):
     import sympy
 
@@ -144,13 +161,18 @@ def pyramid_box(found):
     law = np.array([float(found.formula.subs({D: 1, phi: a})) for a in headings])
     pyramid, _ = stops(MUJOCO, headings.clip(0.1), 1e-3, FAIR.using(cone="pyramidal"))
     found.statement = "PyBullet's block at eight random headings up to 45 degrees beside the law."
-    found.heard(near[0] > 1.0, only_if="it lies inside the cone, and the heading off its axes",
-                inside=[x > 1.01 for x in pyramid], outside=[x > 1.01 for x in length])  # fmt: skip
+    found.heard(
+        near[0] > 1.0,
+        only_if="it lies inside the cone, and the heading off its axes",
+        inside=[x > 1.01 for x in pyramid],
+        outside=[x > 1.01 for x in length],
+    )
     found.corrected(
         bool(np.all(np.abs(length / law - 1.0) < 0.01)),
         bool(np.all(np.abs(steered - theory.stop(headings, "box")[1]) < 0.02)),
-        abs(cone[0] - 1.0) < 0.005, abs(straight[0]) < 1e-3,
-    )  # fmt: skip
+        abs(cone[0] - 1.0) < 0.005,
+        abs(straight[0]) < 1e-3,
+    )
 
 
 @claim(
@@ -158,15 +180,20 @@ def pyramid_box(found):
     "Not while it sticks: a block on a gentle slope slides in MuJoCo, whose cone is elliptic "
     "here, at {formula}, {speed:.0f} um/s here with the coefficient {low:.1f} and with "
     "{high:.1f}. An impratio of {ratio:.0f} divides it by {stiff:.2f}.",
-    ask=("A friction row without stiffness, of compliance (1 - d) w/(d r), carries f at the "
-         "damping b. How fast does it slide?", "v = (1 - d)*w*f/(d*r*b)", {
-             "d*w*f/((1 - d)*r*b)": "A hard contact has d near one, and creeps least.",
-             "(1 - d)*w*f*r/(d*b)": "impratio makes friction harder, so it divides.",
-             "(1 - d)*w*f/(d*b)": "That is with an impratio of one.",
-             "b*(1 - d)*w*f/(d*r)": "Damping holds it back."}),
+    ask=(
+        "A friction row without stiffness, of compliance (1 - d) w/(d r), carries f at the "
+        "damping b. How fast does it slide?",
+        "v = (1 - d)*w*f/(d*r*b)",
+        {
+            "d*w*f/((1 - d)*r*b)": "A hard contact has d near one, and creeps least.",
+            "(1 - d)*w*f*r/(d*b)": "impratio makes friction harder, so it divides.",
+            "(1 - d)*w*f/(d*b)": "That is with an impratio of one.",
+            "b*(1 - d)*w*f/(d*r)": "Damping holds it back.",
+        },
+    ),
     source="MuJoCo 4.0 manual, 2026, Computation, Constraint model; issue 3328 of "
     "google-deepmind/mujoco, 2026: a pinched part that sinks",
-)  # fmt: skip
+)
 def creep_not_friction(found):
     import sympy
 
@@ -184,9 +211,20 @@ def creep_not_friction(found):
         run.run(200)
         report = run.contacts()
         load = np.linalg.norm(report.tangential_force, axis=0)
-        law = [theory.creep_speed(t, gap, 1.0, friction, dt, cone="elliptic", impratio=impratio,
-                                  solref=(0.005, 1.0), solimp=(0.95, 0.99, 0.001, 0.5, 2.0))
-               for t, gap in zip(load, report.gap, strict=True)]  # fmt: skip
+        law = [
+            theory.creep_speed(
+                t,
+                gap,
+                1.0,
+                friction,
+                dt,
+                cone="elliptic",
+                impratio=impratio,
+                solref=(0.005, 1.0),
+                solimp=(0.95, 0.99, 0.001, 0.5, 2.0),
+            )
+            for t, gap in zip(load, report.gap, strict=True)
+        ]
         return measures.creep(mujoco, scene, dt, told), float(np.mean(law))
 
     low, high = found.given("low", 0.5), found.given("high", 2.5)
@@ -210,14 +248,18 @@ def creep_not_friction(found):
     "From F0 = {formula} on, if a pad shares its load among its corners: MuJoCo's part sinks by "
     "{mujoco:.2f} mm at {ratio:.1f} F0. PyBullet's has {corner:.0%} of a finger's force on one "
     "corner, turns about it and sinks by {pybullet:.0f} mm.",
-    ask=("Two fingers squeeze a part of mass m with a force each. From which one on is it held?",
-         "F0 = m*g/(2*mu)", {
-             "m*g/mu": "Both fingers carry.",
-             "mu*m*g/2": "More friction needs less force.",
-             "2*m*g/mu": "Each of two contacts carries half of the weight.",
-             "m*g/2": "A finger carries mu times what it squeezes."}),
+    ask=(
+        "Two fingers squeeze a part of mass m with a force each. From which one on is it held?",
+        "F0 = m*g/(2*mu)",
+        {
+            "m*g/mu": "Both fingers carry.",
+            "mu*m*g/2": "More friction needs less force.",
+            "2*m*g/mu": "Each of two contacts carries half of the weight.",
+            "m*g/2": "A finger carries mu times what it squeezes.",
+        },
+    ),
     needs=("PyBullet",),
-)  # fmt: skip
+)
 def grasp_threshold(found):
     import sympy
 
@@ -244,11 +286,18 @@ def grasp_threshold(found):
     share = found.figure("corner", corner(bullet), 0.2)
     draws = found.rng.uniform((1.02, 0.3), (2.0, 1.0), (8, 2))
     found.statement = "A part of 0.2 kg for 0.5 s, held if it sinks by less than a millimetre."
-    found.heard(max(deep, held) < 1.0, only_if="pads share their load, as in MuJoCo",
-                inside=[sinks(mujoco, *map(float, x)) < 1.0 for x in draws],
-                outside=[sinks(bullet, *map(float, x)) < 1.0 for x in draws])  # fmt: skip
-    found.corrected(all(sinks(mujoco, float(x), float(y)) > 1.0 for x, y in draws * [0.48, 1.0]),
-                    share > 0.6, corner(mujoco) < 0.3, deep > 20.0 * held)  # fmt: skip
+    found.heard(
+        max(deep, held) < 1.0,
+        only_if="pads share their load, as in MuJoCo",
+        inside=[sinks(mujoco, *map(float, x)) < 1.0 for x in draws],
+        outside=[sinks(bullet, *map(float, x)) < 1.0 for x in draws],
+    )
+    found.corrected(
+        all(sinks(mujoco, float(x), float(y)) > 1.0 for x, y in draws * [0.48, 1.0]),
+        share > 0.6,
+        corner(mujoco) < 0.3,
+        deep > 20.0 * held,
+    )
 
 
 @claim(
@@ -328,9 +377,13 @@ def drake_hydroelastic(found):
         return _fallen(drake, scenes.tower(n), told) < 1e-3
 
     found.statement = "Towers of cubes at 2 ms, shapes as they come and with a modulus of 1 MPa."
-    found.heard(stays(2, AS_SHIPPED), only_if="the shapes were given hydroelastic properties",
-                inside=[stays(n, FAIR) for n in (1, 2)],
-                outside=[stays(2, AS_SHIPPED)], cases=True)  # fmt: skip
+    found.heard(
+        stays(2, AS_SHIPPED),
+        only_if="the shapes were given hydroelastic properties",
+        inside=[stays(n, FAIR) for n in (1, 2)],
+        outside=[stays(2, AS_SHIPPED)],
+        cases=True,
+    )
     from pydrake.multibody.plant import MultibodyPlantConfig
 
     first = MultibodyPlantConfig().contact_model
@@ -366,8 +419,12 @@ def tower_by_engine(found):
     more = [grown(MUJOCO, k) / theory.sag_growth(k, "inverse mass") for k in (2, 4, 5)]
     found.statement = "How deep the top is at rest, over that of one cube, fair settings, 2 ms."
     found.heard(all(abs(x / theory.sag_growth(n) - 1.0) < 0.05 for x in (mujoco, drake, bullet)))
-    found.corrected(all(abs(x - 1.0) < 0.02 for x in more), abs(mujoco / n**2 - 1.0) < 0.02,
-                    abs(drake / n**2 - 1.0) < 0.02, bullet < 0.7 * n**2)  # fmt: skip
+    found.corrected(
+        all(abs(x - 1.0) < 0.02 for x in more),
+        abs(mujoco / n**2 - 1.0) < 0.02,
+        abs(drake / n**2 - 1.0) < 0.02,
+        bullet < 0.7 * n**2,
+    )
 
 
 @claim(
@@ -398,5 +455,10 @@ def bullet_less_accurate(found):
     found.figure("brake", 1e3 * brake, 0.02)
     found.statement = "Errors of PyBullet over those of MuJoCo at 1 ms."
     found.heard(bool(np.all(ratios > 1.1)))
-    found.corrected(grasp > 50.0, 1.0 / ratios.min() < most < 6.0, abs(level - 1.0) < 0.15,
-                    tower > 1.5, brake > 0.1)  # fmt: skip
+    found.corrected(
+        grasp > 50.0,
+        1.0 / ratios.min() < most < 6.0,
+        abs(level - 1.0) < 0.15,
+        tower > 1.5,
+        brake > 0.1,
+    )

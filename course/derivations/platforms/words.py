@@ -70,10 +70,12 @@ def default_of_learning(found):
     everything = found.figure("all", len(families), 0.3)
     found.statement = "Entry points of the registry, by the package that they name."
     found.heard(
-        mujoco == everything, only_if="Gymnasium's Ant, Hopper and Humanoid are meant",
+        mujoco == everything,
+        only_if="Gymnasium's Ant, Hopper and Humanoid are meant",
         inside=["mujoco" in m for m in modules if m[-1].startswith(("ant", "hopper", "humanoid"))],
-        outside=["mujoco" in m for m in modules if m[:2] == ["gymnasium", "envs"]], cases=True,
-    )  # fmt: skip
+        outside=["mujoco" in m for m in modules if m[:2] == ["gymnasium", "envs"]],
+        cases=True,
+    )
     found.corrected(0.2 < mujoco / everything < 0.8)
 
 
@@ -108,9 +110,12 @@ def drake_guarantees(found):
     found.figure("worst", both.max(), 1e-3)
     draws = found.rng.uniform((0.3, 0.05), (1.5, 0.3), (8, 2))
     found.statement = "A quartic in one variable; it is convex where its bend is not positive."
-    found.heard(np.ptp(both) < 1e-4, only_if="the problem is convex",
-                inside=[np.ptp(costs(-b, t)) < 1e-4 for b, t in draws],
-                outside=[np.ptp(costs(b, t)) < 1e-4 for b, t in draws])  # fmt: skip
+    found.heard(
+        np.ptp(both) < 1e-4,
+        only_if="the problem is convex",
+        inside=[np.ptp(costs(-b, t)) < 1e-4 for b, t in draws],
+        outside=[np.ptp(costs(b, t)) < 1e-4 for b, t in draws],
+    )
     found.corrected(both.max() - both.min() > 0.1)
 
 
@@ -143,8 +148,12 @@ def drake_planners(found):
     solvers = [getattr(pydrake.solvers, name)() for name in ("SnoptSolver", "IpoptSolver")]
     found.statement = "Names of the module, and the gain of an unstable second-order plant."
     found.heard(mpc > 0)
-    found.corrected(digits >= 7, len(plans) > 0, *(s.available() and s.enabled() for s in solvers),
-                    *(isinstance(s, pydrake.solvers.SolverInterface) for s in solvers))  # fmt: skip
+    found.corrected(
+        digits >= 7,
+        len(plans) > 0,
+        *(s.available() and s.enabled() for s in solvers),
+        *(isinstance(s, pydrake.solvers.SolverInterface) for s in solvers),
+    )
 
 
 @claim(
@@ -186,9 +195,12 @@ def proof_never_falls(found):
     gone = not stands(share * edge, 1.0 + more)
     draws = found.rng.uniform((0.5, 0.0), (0.98, 0.2), (8, 2))
     found.statement = "Sums of squares for the set, Drake's own simulator for the runs."
-    found.heard(not gone, only_if="the model is right and the start is in the set that was proved",
-                inside=[stands(x * edge, 1.0) for x, _ in draws],
-                outside=[stands(0.98 * edge, 1.02 + y) for _, y in draws])  # fmt: skip
+    found.heard(
+        not gone,
+        only_if="the model is right and the start is in the set that was proved",
+        inside=[stands(x * edge, 1.0) for x, _ in draws],
+        outside=[stands(0.98 * edge, 1.02 + y) for _, y in draws],
+    )
     found.corrected(abs(edge - 1.0) < 1e-3, gone, not stands(1.02 * edge, 1.0))
 
 
@@ -212,8 +224,9 @@ def headless_renders(found):
     lens = lib.computeProjectionMatrixFOV(60.0, 1.0, 0.1, 10.0)
 
     def picture():
-        return lib.getCameraImage(side, side, view, lens, renderer=lib.ER_TINY_RENDERER,
-                                  physicsClientId=run.client)  # fmt: skip
+        return lib.getCameraImage(
+            side, side, view, lens, renderer=lib.ER_TINY_RENDERER, physicsClientId=run.client
+        )
 
     run.run(50)
     cost = seconds(picture, 5) / seconds(lambda: run.run(50), 4) * 50.0
@@ -308,14 +321,19 @@ def bullet_on_gpu(found):
     "A step of it does come sooner. But as long as memory holds them a step costs a + b N, so N / "
     "(a + b N) environment steps a second: half of what can be had at N = {formula}. On one "
     "thread the course's arm made {gain:.1f} powers of ten more with {many:.0f} than with one.",
-    ask=("A batch step of N environments costs a + b N. At which N is half of the highest rate of "
-         "environment steps reached?", "N = a/b", {
-             "b/a": "The dearer the launch, the more environments it takes.",
-             "a*b": "Its unit is not that of a number.",
-             "2*a/b": "There it is two thirds.",
-             "a/(2*b)": "There it is a third."}),
+    ask=(
+        "A batch step of N environments costs a + b N. At which N is half of the highest rate of "
+        "environment steps reached?",
+        "N = a/b",
+        {
+            "b/a": "The dearer the launch, the more environments it takes.",
+            "a*b": "Its unit is not that of a number.",
+            "2*a/b": "There it is two thirds.",
+            "a/(2*b)": "There it is a third.",
+        },
+    ),
     source="Documented, not measured here: Isaac Lab, Performance benchmarks, 2025",
-)  # fmt: skip
+)
 def fewer_environments(found):
     import sympy
 
@@ -377,13 +395,17 @@ def steps_per_second(found):
     "The area goes with products of neighbours, so with the order of the axes: the same five "
     "figures make areas of 1 to {most:.2f}. Of {n:.0f} random pairs {turned:.0%} change places "
     "with the order.",
-    ask=("A radar chart of n axes shows the value r on each. What is its area?",
-         "n*r^2*sin(2*pi/n)/2", {
-             "pi*r^2": "That is the circle; five corners leave a quarter of it out.",
-             "n*r^2*sin(pi/n)/2": "Between two axes there is the angle 2 pi / n.",
-             "n*r*sin(2*pi/n)/2": "An area goes with the square.",
-             "n*r^2*tan(pi/n)": "That is the polygon around the circle."}),
-)  # fmt: skip
+    ask=(
+        "A radar chart of n axes shows the value r on each. What is its area?",
+        "n*r^2*sin(2*pi/n)/2",
+        {
+            "pi*r^2": "That is the circle; five corners leave a quarter of it out.",
+            "n*r^2*sin(pi/n)/2": "Between two axes there is the angle 2 pi / n.",
+            "n*r*sin(2*pi/n)/2": "An area goes with the square.",
+            "n*r^2*tan(pi/n)": "That is the polygon around the circle.",
+        },
+    ),
+)
 def radar_area(found):
     import itertools
 

@@ -73,13 +73,18 @@ def _energy_ratio(name: str) -> Any:
     "Explicit Euler adds energy to an oscillator.",
     "It multiplies the energy of an undamped oscillator by exactly {formula} at every step, "
     "whatever the state.",
-    ask=("By which factor does explicit Euler multiply the energy of an undamped oscillator at "
-         "each step of length h?", "factor, E = 1 + omega^2*h^2", {
-             "1 + omega*h": "The first-order terms of kinetic and potential energy cancel.",
-             "1 - omega^2*h^2": "It gains: look at the sign of the determinant's second term.",
-             "sqrt(1 + omega^2*h^2)": "That is the factor of the amplitude; energy is its square.",
-             "1 + omega^2*h^2/2": "Both position and velocity contribute a half."}),
-)  # fmt: skip
+    ask=(
+        "By which factor does explicit Euler multiply the energy of an undamped oscillator at "
+        "each step of length h?",
+        "factor, E = 1 + omega^2*h^2",
+        {
+            "1 + omega*h": "The first-order terms of kinetic and potential energy cancel.",
+            "1 - omega^2*h^2": "It gains: look at the sign of the determinant's second term.",
+            "sqrt(1 + omega^2*h^2)": "That is the factor of the amplitude; energy is its square.",
+            "1 + omega^2*h^2/2": "Both position and velocity contribute a half.",
+        },
+    ),
+)
 def explicit_energy_factor(found):
     import sympy
 
@@ -98,12 +103,17 @@ def explicit_energy_factor(found):
     "Per step it is (omega dt)^2, so halving dt quarters it; there are then twice as many steps, "
     "so for small steps the energy grows by the factor {formula} per second: proportional to dt is "
     "the exponent, not the energy that a second adds.",
-    ask=("By which factor does explicit Euler multiply an oscillator's energy in one second, to "
-         "leading order of a small step h?", "factor, E = exp(omega^2*h)", {
-             "1 + omega^2*h^2": "That is the factor of one step; a second has 1/h of them.",
-             "exp(omega*h)": "The exponent per step is (omega h)^2.",
-             "exp(omega^2*h^2)": "That is one step; a second has 1/h steps."}),
-)  # fmt: skip
+    ask=(
+        "By which factor does explicit Euler multiply an oscillator's energy in one second, to "
+        "leading order of a small step h?",
+        "factor, E = exp(omega^2*h)",
+        {
+            "1 + omega^2*h^2": "That is the factor of one step; a second has 1/h of them.",
+            "exp(omega*h)": "The exponent per step is (omega h)^2.",
+            "exp(omega^2*h^2)": "That is one step; a second has 1/h steps.",
+        },
+    ),
+)
 def explicit_growth_per_second(found):
     import sympy
 
@@ -203,9 +213,11 @@ def explicit_adds_without_forces(found):
         outside=np.concatenate((straight, steady)) > 0,
     )
     found.corrected(
-        np.array_equal(tumbling[0], tumbling[1]), not straight.any(), (np.diff(energy) > 0).all(),
+        np.array_equal(tumbling[0], tumbling[1]),
+        not straight.any(),
+        (np.diff(energy) > 0).all(),
         np.allclose(gains(names[0], omega, 1), law, rtol=1e-6, atol=1e-14),
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -251,13 +263,18 @@ def usual_listing_is_explicit(found):
     "rest between {lowest:.3f} and {highest:.3f} of it at omega h = {omega_h}, where explicit "
     "Euler has "
     "{explicit_after_1000:.3g} times the energy after {steps:g} steps.",
-    ask=("Semi-implicit Euler (velocity first) conserves v^2/2 + omega^2 x^2/2 + c x v on the "
-         "oscillator. What is c?", "c = -omega^2*h/2", {
-             "omega^2*h/2": "The sign is that of the other order, position first.",
-             "-omega*h/2": "Check the units: c times x v must be a velocity squared.",
-             "-omega^2*h": "Twice too much: half of it comes from each of the two squares."}),
+    ask=(
+        "Semi-implicit Euler (velocity first) conserves v^2/2 + omega^2 x^2/2 + c x v on the "
+        "oscillator. What is c?",
+        "c = -omega^2*h/2",
+        {
+            "omega^2*h/2": "The sign is that of the other order, position first.",
+            "-omega*h/2": "Check the units: c times x v must be a velocity squared.",
+            "-omega^2*h": "Twice too much: half of it comes from each of the two squares.",
+        },
+    ),
     source="Hairer, Lubich, Wanner, Geometric Numerical Integration (2006), sec. IX.3",
-)  # fmt: skip
+)
 def semi_implicit_dissipates(found):
     import sympy
 
@@ -383,8 +400,9 @@ def swapping_two_lines(found):
         all(faster(u) < 0 for u in np.linspace(2.001, 0.999 * crossing, 20)),
         all(faster(u) > 0 for u in np.linspace(1.001 * crossing, 6, 40)),
         all(spectral_radius("explicit_euler", u) > 1 for u in found.rng.uniform(0.01, 3, 50)),
-        diffuses > 0.2, share(0.2) < 0.01,
-    )  # fmt: skip
+        diffuses > 0.2,
+        share(0.2) < 0.01,
+    )
 
 
 @claim(
@@ -403,8 +421,11 @@ def area_preserved(found):
     _, h, omega = _matrix(names[0])
     excess = {n: sympy.expand(sympy.simplify(_matrix(n)[0].det()) - 1) for n in names}
     kept = {n for n in names if excess[n] == 0}
-    leading = {"rk4": -((omega * h) ** 6) / 72, "explicit_midpoint": (omega * h) ** 4 / 4,
-               "explicit_euler": (omega * h) ** 2}  # fmt: skip
+    leading = {
+        "rk4": -((omega * h) ** 6) / 72,
+        "explicit_midpoint": (omega * h) ** 4 / 4,
+        "explicit_euler": (omega * h) ** 2,
+    }
     for n in names:
         found.figure(f"{n}_at_half", excess[n].subs({omega: 1, h: sympy.Rational(1, 2)}))
     q, v, step = found.rng.uniform((-3, -4, 0.05), (3, 4, 0.3), (20, 3)).T
@@ -492,8 +513,12 @@ def symplectic_with_varying_step(found):
             energies.append((v * v).sum(axis=0) / 2 - 1 / np.hypot(*q))
         turn, energy = np.array(times) / (2 * np.pi), np.array(energies)
         first, last = turn < 2, (turn > orbits - 4) & (turn < orbits)
-        return np.abs([np.median(energy[last[:, i], i]) - np.median(energy[first[:, i], i])
-                       for i in range(e.size)])  # fmt: skip
+        return np.abs(
+            [
+                np.median(energy[last[:, i], i]) - np.median(energy[first[:, i], i])
+                for i in range(e.size)
+            ]
+        )
 
     def there_and_back(method: Any) -> float:
         """How far a step and the step -h end from the start."""
@@ -602,12 +627,16 @@ def semi_implicit_keeps_area_always(found):
     "RK4 gains energy over time, as every explicit method does.",
     "On an undamped oscillator it loses energy, by the factor {formula} per step, until omega h "
     "passes 2 sqrt(2).",
-    ask=("By which factor does RK4 multiply the energy of an undamped oscillator at each step?",
-         "factor, E = 1 - (omega*h)^6/72 + (omega*h)^8/576", {
-             "1 - (omega*h)^6/72": "That is the leading term; the exact factor has one more.",
-             "1 - (omega*h)^6/144": "That is the leading term of the amplitude's factor.",
-             "1 + (omega*h)^6/72 - (omega*h)^8/576": "The signs are the other way round."}),
-)  # fmt: skip
+    ask=(
+        "By which factor does RK4 multiply the energy of an undamped oscillator at each step?",
+        "factor, E = 1 - (omega*h)^6/72 + (omega*h)^8/576",
+        {
+            "1 - (omega*h)^6/72": "That is the leading term; the exact factor has one more.",
+            "1 - (omega*h)^6/144": "That is the leading term of the amplitude's factor.",
+            "1 + (omega*h)^6/72 - (omega*h)^8/576": "The signs are the other way round.",
+        },
+    ),
+)
 def rk4_energy_factor(found):
     import sympy
 
@@ -635,13 +664,17 @@ def rk4_energy_factor(found):
     "{formula}, too fast by the share (omega h)^2 / 24 to leading order. At omega h = {omega_h} "
     "that is "
     "{ahead_after_1000_rad:.2f} rad in {angle_rad:g} rad.",
-    ask=("At which angular frequency does velocity Verlet oscillate, for omega h < 2?",
-         "Omega, w = 2/h*asin(omega*h/2)", {
-             "omega": "That is the true one; the numerical one is higher.",
-             "asin(omega*h)/h": "cos(Omega h) = 1 - (omega h)^2 / 2, and half angles come out.",
-             "2/h*atan(omega*h/2)": "That is the implicit midpoint rule, which lags.",
-             "omega*(1+(omega*h)^2/24)": "That is the start of the series, not the exact one."}),
-)  # fmt: skip
+    ask=(
+        "At which angular frequency does velocity Verlet oscillate, for omega h < 2?",
+        "Omega, w = 2/h*asin(omega*h/2)",
+        {
+            "omega": "That is the true one; the numerical one is higher.",
+            "asin(omega*h)/h": "cos(Omega h) = 1 - (omega h)^2 / 2, and half angles come out.",
+            "2/h*atan(omega*h/2)": "That is the implicit midpoint rule, which lags.",
+            "omega*(1+(omega*h)^2/24)": "That is the start of the series, not the exact one.",
+        },
+    ),
+)
 def verlet_frequency(found):
     import sympy
 

@@ -61,9 +61,14 @@ class Bounces:
 
 
 def drop(
-    method: str, steps: int = 20_000, bounces: int = 10, dt: Any = STEP, e: Any = 1.0,
-    height: Any = HEIGHT, speed: Any = 0.0,
-) -> Bounces:  # fmt: skip
+    method: str,
+    steps: int = 20_000,
+    bounces: int = 10,
+    dt: Any = STEP,
+    e: Any = 1.0,
+    height: Any = HEIGHT,
+    speed: Any = 0.0,
+) -> Bounces:
     """Drop balls side by side and let the bounce rule act after each step.
 
     Lengths are counted in g dt^2 / 981, a micrometre at 10 ms, and times in steps: then the worked
@@ -151,12 +156,16 @@ def _change(method: str) -> tuple[Any, Any]:
     "It adds {formula} at every step, the first one included: the position has not moved and the "
     "velocity has. Of {energy_at_start_j:.2f} J the worked example has {energy_after_step_1_j:.4f} "
     "J after a step.",
-    ask=("How much energy does explicit Euler add in each step of free fall?",
-         "dE, E = m*g^2*h^2/2", {
-             "m*g*h": "That would be a potential energy, with h a height; here h is the step.",
-             "m*g^2*h^2": "Twice too much: expand (v - g h)^2 / 2 and the term in v cancels.",
-             "-m*g^2*h^2/2": "That is semi-implicit Euler; explicit Euler gains."}),
-)  # fmt: skip
+    ask=(
+        "How much energy does explicit Euler add in each step of free fall?",
+        "dE, E = m*g^2*h^2/2",
+        {
+            "m*g*h": "That would be a potential energy, with h a height; here h is the step.",
+            "m*g^2*h^2": "Twice too much: expand (v - g h)^2 / 2 and the term in v cancels.",
+            "-m*g^2*h^2/2": "That is semi-implicit Euler; explicit Euler gains.",
+        },
+    ),
+)
 def free_fall_energy_error(found):
     found.formula = _change("explicit_euler")[0]
     run = worked("explicit_euler")
@@ -176,12 +185,16 @@ def free_fall_energy_error(found):
     "A step changes the energy by exactly {formula}, up or down alike, but m g y + m v^2 / 2 - m g "
     "h v / 2 is conserved exactly, and no area is lost in the plane of y and v. The error is m g h "
     "/ 2 times the change of v: it depends on how fast the ball is, not on how long it flew.",
-    ask=("By how much does semi-implicit Euler change the energy in each step of free fall?",
-         "dE, E = -m*g^2*h^2/2", {
-             "m*g^2*h^2/2": "That is explicit Euler; the sign is the other one here.",
-             "0": "It is symplectic, but symplectic does not mean that energy is conserved.",
-             "-m*g^2*h^2": "Twice too much: the kinetic part gives back half."}),
-)  # fmt: skip
+    ask=(
+        "By how much does semi-implicit Euler change the energy in each step of free fall?",
+        "dE, E = -m*g^2*h^2/2",
+        {
+            "m*g^2*h^2/2": "That is explicit Euler; the sign is the other one here.",
+            "0": "It is symplectic, but symplectic does not mean that energy is conserved.",
+            "-m*g^2*h^2": "Twice too much: the kinetic part gives back half.",
+        },
+    ),
+)
 def semi_implicit_free_fall(found):
     import sympy
 
@@ -243,9 +256,11 @@ def worked_step_100(found):
     found.statement = "100 steps of explicit Euler by the course's integrator."
     found.heard(abs(y - 4.51) < 0.01)
     found.corrected(
-        abs(y - (HEIGHT - GRAVITY * STEP**2 * 100 * 99 / 2)) < 1e-10, abs(v + GRAVITY) < 1e-10,
-        abs(of_that_state - 49.70) > 4, abs(run.q[step, 0] - 4.51) > 0.4,
-    )  # fmt: skip
+        abs(y - (HEIGHT - GRAVITY * STEP**2 * 100 * 99 / 2)) < 1e-10,
+        abs(v + GRAVITY) < 1e-10,
+        abs(of_that_state - 49.70) > 4,
+        abs(run.q[step, 0] - 4.51) > 0.4,
+    )
 
 
 @claim(
@@ -287,9 +302,10 @@ def worked_ten_bounces_explicit(found):
     found.statement = f"Ten bounces take {len(run.q) - 1} steps; near by: {_spread(others)}."
     found.heard(abs(gain - 59) < 1)
     found.corrected(
-        flight > 0 and rule > 0, abs(flight + rule - (end - START)) < 1e-9,
+        flight > 0 and rule > 0,
+        abs(flight + rule - (end - START)) < 1e-9,
         (others.percent() > 0).all() and others.energy[-1].max() < end < 78,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -311,9 +327,10 @@ def worked_ten_bounces_semi_implicit(found):
     found.statement = f"Ten bounces take {len(run.q) - 1} steps; near by: {_spread(others)}."
     found.heard(abs(end - 48.5) < 0.1 or bool((abs(others.energy[-1] - 48.5) < 0.1).any()))
     found.corrected(
-        flight < 0 < rule, abs(flight + rule - (end - START)) < 1e-9,
+        flight < 0 < rule,
+        abs(flight + rule - (end - START)) < 1e-9,
         others.energy[-1].max() < 46 < START < end,
-    )  # fmt: skip
+    )
 
 
 def _resolved(method: str, start: Any, handled: bool = True) -> float:

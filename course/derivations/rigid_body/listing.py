@@ -55,9 +55,12 @@ def listing_box_tumbles(found):
     found.statement = "The listing run as it is usually printed, and the chapter's planar body."
     found.heard(np.ptp(q[:, 2]) > 0.01)
     found.corrected(
-        not v[:, 2].any(), np.ptp(q[:, 2]) == 0, tumbles > 1, left[1] > 10 * left[0],
+        not v[:, 2].any(),
+        np.ptp(q[:, 2]) == 0,
+        tumbles > 1,
+        left[1] > 10 * left[0],
         np.abs(q[-500:, 1]).max() < side / 4,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -83,9 +86,11 @@ def listing_energy_decay(found):
     found.statement = f"The printed listing ends with {listing[-1]:.4f} J of {listing[0]:.2f} J."
     found.heard(flight > 0.5)
     found.corrected(
-        restitution > 0.98, 0 < flight < 0.02, abs(flight + rule) < 0.2 * flight,
+        restitution > 0.98,
+        0 < flight < 0.02,
+        abs(flight + rule) < 0.2 * flight,
         abs(listing[0] - listing[-1] - total) < 0.01,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -121,15 +126,22 @@ def explicit_in_the_listing_grows(found):
     "{body_mm:g} mm, {wall_mm:g} mm and {step_ms:g} ms); beyond it a throw from a place drawn at "
     "random is missed with probability 1 - (w + d) / (v dt), and one from a given place always or "
     "never.",
-    ask=Ask("A body of thickness d flies at a wall of thickness w; overlap is tested once per step "
-            "dt. Up to which speed is an overlap certain to be seen?", "v, speed < (w + d)/dt", {
-                "w/dt": "The body has a thickness too; it overlaps for longer.",
-                "d/dt": "The wall has a thickness too; it overlaps for longer.",
-                "(w + d)*dt": "Check the units: a length over a time."},
-            symbols={"w": Symbol("thickness of the wall [m]", 0.001, 1.0),
-                     "d": Symbol("thickness of the body [m]", 0.001, 1.0),
-                     "dt": Symbol("step [s]", 0.001, 0.1)}),
-)  # fmt: skip
+    ask=Ask(
+        "A body of thickness d flies at a wall of thickness w; overlap is tested once per step "
+        "dt. Up to which speed is an overlap certain to be seen?",
+        "v, speed < (w + d)/dt",
+        {
+            "w/dt": "The body has a thickness too; it overlaps for longer.",
+            "d/dt": "The wall has a thickness too; it overlaps for longer.",
+            "(w + d)*dt": "Check the units: a length over a time.",
+        },
+        symbols={
+            "w": Symbol("thickness of the wall [m]", 0.001, 1.0),
+            "d": Symbol("thickness of the body [m]", 0.001, 1.0),
+            "dt": Symbol("step [s]", 0.001, 0.1),
+        },
+    ),
+)
 def tunnelling_thickness(found):
     import sympy
 

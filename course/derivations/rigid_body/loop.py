@@ -21,9 +21,14 @@ def _pictures(physics_hz, picture_hz):
     )
     physics, picture = Fraction(1, physics_hz), Fraction(1, picture_hz)
     FixedStepLoop(
-        0, phases, physics, control_period=physics, camera_period=physics, render_period=picture,
+        0,
+        phases,
+        physics,
+        control_period=physics,
+        camera_period=physics,
+        render_period=picture,
         max_frame=None,
-    ).advance(1.0)  # fmt: skip
+    ).advance(1.0)
     return shown
 
 
@@ -51,10 +56,14 @@ def steps_per_picture(found):
     found.heard(
         finished(1000, 60),
         only_if="the picture rate divides the physics rate",
-        inside=[finished(int(n * rate), int(rate)) for n, rate in zip(
-            found.rng.integers(2, 15, 10), found.rng.integers(20, 60, 10), strict=True)],
+        inside=[
+            finished(int(n * rate), int(rate))
+            for n, rate in zip(
+                found.rng.integers(2, 15, 10), found.rng.integers(20, 60, 10), strict=True
+            )
+        ],
         outside=[finished(int(rate), int(rate) // 7 - 1) for rate in physics],
-    )  # fmt: skip
+    )
     found.corrected(set(steps) == {16, 17}, len(at_60) == 60, at_60[2][0] == 50)
 
 
@@ -88,10 +97,14 @@ def cameras_in_every_step(found):
             control=control,
         )
         loop = FixedStepLoop(
-            0.0, phases, Fraction(1, physics), control_period=Fraction(1, physics),
-            camera_period=Fraction(1, camera_hz), camera_delay=Fraction(delay_ms, 1000),
+            0.0,
+            phases,
+            Fraction(1, physics),
+            control_period=Fraction(1, physics),
+            camera_period=Fraction(1, camera_hz),
+            camera_delay=Fraction(delay_ms, 1000),
             max_frame=None,
-        )  # fmt: skip
+        )
         done = loop.advance(1.0)
         return np.array(seen), done
 
@@ -587,10 +600,12 @@ def smooth_gradients_by_draws(found):
 
     truth = found.figure("truth", (bounced(height + 1e-6) - bounced(height - 1e-6)) / 2e-6)
     implicit = differentiable.drop_gradients(height, e, duration).by_height
-    naive = np.array([
-        differentiable.naive_drop_gradients(height, e, dt, duration).by_height
-        for dt in 10 ** found.rng.uniform(-3, -1.5, 8)
-    ])  # fmt: skip
+    naive = np.array(
+        [
+            differentiable.naive_drop_gradients(height, e, dt, duration).by_height
+            for dt in 10 ** found.rng.uniform(-3, -1.5, 8)
+        ]
+    )
     spread = 0.1  # standard deviation of the start [m]
 
     def slope(moved):

@@ -126,8 +126,13 @@ def rk4_costs_four_times(found):
 def semi_implicit_stability_per_cost(found):
     from course.derivations.rigid_body.linear import measured_limit, spectral_radius
 
-    cost = {"explicit_euler": 1, "semi_implicit_euler": 1, "velocity_verlet": 1,
-            "explicit_midpoint": 2, "rk4": 4}  # fmt: skip
+    cost = {
+        "explicit_euler": 1,
+        "semi_implicit_euler": 1,
+        "velocity_verlet": 1,
+        "explicit_midpoint": 2,
+        "rk4": 4,
+    }
     limits = {}
     for name, evaluations in cost.items():
         # A method that grows at omega h = 0.05 already has no limit but zero.
@@ -261,9 +266,12 @@ def renormalised_rk4_order(found):
     order = _order(problems.tumble(), "rk4_renormalised", 2000)
     found.figure("order", order, tolerance=0.05)
     spin = integrators.System(
-        "spin", problems.tumble_acceleration, np.ones(3), quaternion.identity(),
+        "spin",
+        problems.tumble_acceleration,
+        np.ones(3),
+        quaternion.identity(),
         np.array([0.0, 0.0, 10.0]),
-    )  # fmt: skip
+    )
     truth = quaternion.exp(np.array([0.0, 0.0, 100.0]))
     exact, scaled = (
         quaternion.angle_between(truth, integrators.simulate(spin, name, 0.02, 500).q[-1])

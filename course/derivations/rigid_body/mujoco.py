@@ -31,8 +31,11 @@ def _spring(integrator, timestep, stiffness, damping=0.0, flags=""):
     return small_model(
         f'<body><joint type="slide" axis="1 0 0" stiffness="{stiffness}" damping="{damping}"/>'
         '<geom size=".1" mass="1"/></body>',
-        timestep, integrator, 'gravity="0 0 0"', flags,
-    )  # fmt: skip
+        timestep,
+        integrator,
+        'gravity="0 0 0"',
+        flags,
+    )
 
 
 def _grows(integrator, timestep, damping=0.0, steps=3000):
@@ -71,8 +74,10 @@ def _free_body(integrator, timestep, moments=_MOMENTS, child="", spin=_SPIN):
     inertia = " ".join(map(repr, map(float, moments)))
     model, data = small_model(
         f'<body><freejoint/><inertial pos="0 0 0" mass="1" diaginertia="{inertia}"/>{child}</body>',
-        timestep, integrator, 'gravity="0 0 0"',
-    )  # fmt: skip
+        timestep,
+        integrator,
+        'gravity="0 0 0"',
+    )
     data.qvel[3:6] = spin
     return model, data
 
@@ -184,8 +189,11 @@ def mujoco_stable_by_euler(found):
         model, data = small_model(
             f'<geom type="plane" size="1 1 1" {contact}/><body pos="0 0 .15">'
             f'<joint type="slide" axis="0 0 1"/><geom size=".1" mass="1" {contact}/></body>',
-            0.002, integrator, "", f'refsafe="{clamp}"',
-        )  # fmt: skip
+            0.002,
+            integrator,
+            "",
+            f'refsafe="{clamp}"',
+        )
         heights = []
         for _ in range(1000):
             mujoco.mj_step(model, data)
@@ -220,7 +228,7 @@ def collisions_after_integration(found):
         '<geom type="plane" size="1 1 1"/><body pos="0 0 .1"><joint type="slide" axis="0 0 1"/>'
         '<geom size=".1" mass="1"/></body>',
         0.002,
-    )  # fmt: skip
+    )
 
     def contacts(height):
         """Contacts just after the step in which the ball sank in, and after mj_forward."""

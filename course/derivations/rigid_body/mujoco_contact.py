@@ -17,8 +17,11 @@ def _thrown(speed, phase=0.5, dt=0.002, contact="", flags=""):
     model, data = small_model(
         f'<geom type="box" size="{_WALL} 1 1" {contact}/><body>'
         f'<joint type="slide" axis="1 0 0"/><geom size="{_BALL}" mass="1" {contact}/></body>',
-        dt, "Euler", 'gravity="0 0 0"', flags,
-    )  # fmt: skip
+        dt,
+        "Euler",
+        'gravity="0 0 0"',
+        flags,
+    )
     data.qpos[0] = -_WALL - _BALL - speed * dt * (1 + phase)
     data.qvel[0] = speed
     touched, deepest = 0, -np.inf
@@ -64,8 +67,9 @@ def mujoco_rk4_contact_order(found):
             '<geom type="plane" size="1 1 1" solref="-5000 -5"/><body pos="0 0 .1">'
             '<joint type="slide" axis="0 0 1"/>'
             '<geom size=".1" mass="1" solref="-5000 -5"/></body>',
-            0.4 / steps, integrator,
-        )  # fmt: skip
+            0.4 / steps,
+            integrator,
+        )
         ends = []
         for drop in drops:
             mujoco.mj_resetData(model, data)
@@ -108,8 +112,11 @@ def mujoco_contact_stiffness_limit(found):
             f'<geom type="plane" size="1 1 1" solref="{solref}"/><body pos="0 0 .15">'
             '<joint type="slide" axis="0 0 1"/>'
             f'<geom size=".1" mass="1" solref="{solref}"/></body>',
-            dt, integrator, "", f'refsafe="{safe}"',
-        )  # fmt: skip
+            dt,
+            integrator,
+            "",
+            f'refsafe="{safe}"',
+        )
         heights = []
         for _ in range(1000):
             mujoco.mj_step(model, data)
@@ -253,8 +260,11 @@ def penetration_limit_catches(found):
             f'<geom type="box" size=".005 1 1" {contact}/><body>'
             '<joint type="slide" axis="1 0 0"/>'
             f'<geom type="box" size=".005 .1 .1" mass="1" {contact}/></body>',
-            dt, "Euler", 'gravity="0 0 0"', flags,
-        )  # fmt: skip
+            dt,
+            "Euler",
+            'gravity="0 0 0"',
+            flags,
+        )
         data.qpos[0], data.qvel[0] = -0.01 - speed * dt * (1 + phase), speed
         touched = 0
         for _ in range(round(0.05 / dt)):
@@ -264,8 +274,10 @@ def penetration_limit_catches(found):
 
     settings = [
         f'solref="{tau} 1" solimp="{d} 0.999 {width}"'
-        for tau in (0.004, 0.02, 0.1) for d in (0.5, 0.99) for width in (1e-4, 1e-2)
-    ]  # fmt: skip
+        for tau in (0.004, 0.02, 0.1)
+        for d in (0.5, 0.99)
+        for width in (1e-4, 1e-2)
+    ]
     speed = 50.0  # ten centimetres a step, of which two overlap
     missed = [not seen(speed, contact)[0] for contact in settings]
     found.figure("contacts_tried", len(list(map(seen, [speed] * len(settings), settings))))
@@ -299,8 +311,11 @@ def mujoco_ccd_is_continuous(found):
             '<geom type="box" size=".005 1 1"/><body pos="-.53 0 0">'
             '<joint type="slide" axis="1 0 0"/><geom type="box" size=".005 .1 .1" '
             'mass="1"/></body>',
-            0.002, "Euler", f'gravity="0 0 0" ccd_iterations="{iterations}"', flags,
-        )  # fmt: skip
+            0.002,
+            "Euler",
+            f'gravity="0 0 0" ccd_iterations="{iterations}"',
+            flags,
+        )
         data.qvel[0] = speed  # ten centimetres per step, 2 cm of overlap to be seen
         touched = 0
         for _ in range(12):

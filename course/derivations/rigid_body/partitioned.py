@@ -93,10 +93,14 @@ def symplectic_removes_stiffness(found):
         outside=[radius(_partitioned(*LOBATTO, x)) < STABLE for x in found.rng.uniform(2, 6, 20)],
     )
     found.corrected(
-        np.allclose(explicit, 2), lobatto > 1.3, max(backward) < 1, max(midpoint) < 1 + 1e-6,
+        np.allclose(explicit, 2),
+        lobatto > 1.3,
+        max(backward) < 1,
+        max(midpoint) < 1 + 1e-6,
         np.isclose(np.linalg.det(_partitioned(*LOBATTO, 3.0)), 1),
-        most > 10, bounced(0.05, count).max() < 1.1,
-    )  # fmt: skip
+        most > 10,
+        bounced(0.05, count).max() < 1.1,
+    )
 
 
 @claim(
@@ -126,10 +130,11 @@ def reason_for_symplectic(found):
     )
     found.heard(semi > rk4)
     found.corrected(
-        rk4 > semi, rk4 / evaluations < semi,
+        rk4 > semi,
+        rk4 / evaluations < semi,
         sympy.expand(step_matrix("semi_implicit_euler", damped=True).det())
         == 1 - 2 * zeta * omega * h,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -168,6 +173,8 @@ def volume_kept_bounds_energy(found):
     )
     found.heard(energy < 2)
     found.corrected(
-        abs(volume - 1) < 1e-9, defect(growing) > 1e-3, defect(both) < 1e-14,
+        abs(volume - 1) < 1e-9,
+        defect(growing) > 1e-3,
+        defect(both) < 1e-14,
         abs(np.linalg.det(exploding) - 1) < 1e-12 < 1e6 < size,
-    )  # fmt: skip
+    )

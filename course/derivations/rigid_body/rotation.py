@@ -187,8 +187,9 @@ def gimbal_lock_at_one_attitude(found):
     angles = found.rng.uniform(-np.pi, np.pi, (100, 3))
     same = max(
         float(quaternion.angle_between(locked(y, s, r), locked(y + d, s, r + s * d)))
-        for y, r, d in angles for s in (-1, 1)
-    )  # fmt: skip
+        for y, r, d in angles
+        for s in (-1, 1)
+    )
     headings = [float(quaternion.angle_between(up, locked(y, 1, 0.0))) for y in angles[:, 0]]
     found.figure("furthest_apart_rad", max(headings), 0.05)
     found.figure("up_to_down_rad", quaternion.angle_between(up, down))
@@ -346,9 +347,12 @@ def quaternion_norm_keeps_itself(found):
     found.heard(abs(added - 1) < 1e-6)
     found.corrected(
         abs(kept - 1) < 1e-11,
-        all(abs(off(5 * rate, step)) < 1e-12 for *rate, step in found.rng.uniform(0, 0.3, (20, 4))
-            for rate in [np.array(rate)]),
-    )  # fmt: skip
+        all(
+            abs(off(5 * rate, step)) < 1e-12
+            for *rate, step in found.rng.uniform(0, 0.3, (20, 4))
+            for rate in [np.array(rate)]
+        ),
+    )
 
 
 @claim(
@@ -381,9 +385,11 @@ def renormalising_repairs(found):
     draws = [behind(x[:3] * 5, x[3], 20) for x in found.rng.uniform(0.01, 0.3, (20, 4))]
     found.heard(rescaled < 1e-6)
     found.corrected(
-        abs(rescaled / law - 1) < 1e-8, exact < 1e-11, lead == sympy.Rational(1, 12),
+        abs(rescaled / law - 1) < 1e-8,
+        exact < 1e-11,
+        lead == sympy.Rational(1, 12),
         all(abs(a / c - 1) < 1e-6 and b < 1e-7 for a, b, c in draws),
-    )  # fmt: skip
+    )
 
 
 @claim(

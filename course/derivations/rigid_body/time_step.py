@@ -47,9 +47,10 @@ def explicit_undamped_limit(found):
     )
     found.heard(max(radii) <= 1)
     found.corrected(
-        min(radii) > 1, np.allclose(radii, np.sqrt(1 + steps**2), rtol=1e-12),
+        min(radii) > 1,
+        np.allclose(radii, np.sqrt(1 + steps**2), rtol=1e-12),
         abs(measured_limit("semi_implicit_euler") - 2) < 1e-6,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -86,10 +87,11 @@ def explicit_eigenvalues(found):
     found.statement = "Characteristic polynomial of the step's matrix, by algebra."
     found.heard(solves(explicit, quoted))
     found.corrected(
-        set(explicit.eigenvals()) == right, solves(semi, quoted),
+        set(explicit.eigenvals()) == right,
+        solves(semi, quoted),
         explicit == sympy.Matrix([[1, h], [-h * omega**2, 1]]),
         semi == sympy.Matrix([[1 - (h * omega) ** 2, h], [-h * omega**2, 1]]),
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -111,9 +113,10 @@ def quoted_modulus(found):
     found.statement = "Both expanded in omega dt, by algebra."
     found.heard(sympy.expand(said - explicit) == 0)
     found.corrected(
-        sympy.expand(said - real**2) == 0, sympy.expand(real**2 + imaginary - 1) == 0,
+        sympy.expand(said - real**2) == 0,
+        sympy.expand(real**2 + imaginary - 1) == 0,
         sympy.expand(explicit - 1 - u) == 0,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -136,8 +139,9 @@ def growing_determinant_has_a_limit(found):
     found.heard(all(np.abs(np.linalg.eigvals(A)).max() <= 1 for A in matrices))
     found.corrected(
         np.allclose(factors, [np.linalg.det(A) for A in matrices]),
-        np.allclose(factors, 1 + steps**2), min(factors) > 1,
-    )  # fmt: skip
+        np.allclose(factors, 1 + steps**2),
+        min(factors) > 1,
+    )
 
 
 @claim(
@@ -161,10 +165,14 @@ def semi_implicit_unconditional(found):
     found.statement = "100 kN/m on 1 kg, released at 1 m, 100 steps."
     found.heard(outside < 100)
     found.corrected(
-        inside < 100 < outside, max(radii[0]) < STABLE, min(radii[1]) > 1.01,
-        all(np.isreal(np.linalg.eigvals(numeric_matrix("semi_implicit_euler", x))).all()
-            for x in above),
-    )  # fmt: skip
+        inside < 100 < outside,
+        max(radii[0]) < STABLE,
+        min(radii[1]) > 1.01,
+        all(
+            np.isreal(np.linalg.eigvals(numeric_matrix("semi_implicit_euler", x))).all()
+            for x in above
+        ),
+    )
 
 
 @claim(
@@ -304,10 +312,13 @@ def contact_rate_by_stability(found):
     found.statement = "Semi-implicit Euler, 1 kg at 1 m/s on 100 kN/m; 2000 phases of the step."
     found.heard(rate >= 1000)
     found.corrected(
-        slow < limit, rate < 200, off > 20 * near, energy > 1.1,
+        slow < limit,
+        rate < 200,
+        off > 20 * near,
+        energy > 1.1,
         spectral_radius("semi_implicit_euler", 0.999 * fast * np.sqrt(1e6 * stiff)) < STABLE,
         spectral_radius("semi_implicit_euler", 1.001 * fast * np.sqrt(1e6 * stiff)) > 1.01,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -367,9 +378,10 @@ def determinant_one_is_stable(found):
         outside=[on_circle(drawn(trace)) for trace in outside],
     )
     found.corrected(
-        step_matrix("semi_implicit_euler").det() == 1, abs(outer * inner - 1) < 1e-9,
+        step_matrix("semi_implicit_euler").det() == 1,
+        abs(outer * inner - 1) < 1e-9,
         abs(outer) > 1.1,
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -403,9 +415,10 @@ def stable_at_the_limit(found):
     found.statement = f"Eigenvalue {value} of multiplicity {multiplicity}; released at 1 m."
     found.heard(after[2] < 10)
     found.corrected(
-        (value, multiplicity, len(vectors)) == (-1, 2, 1), np.allclose(along, along[0]),
+        (value, multiplicity, len(vectors)) == (-1, 2, 1),
+        np.allclose(along, along[0]),
         all(np.allclose(d, d[0]) and np.abs(d[0]).max() > 1e-3 for d in drawn),
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -513,9 +526,11 @@ def verlet_limit(found):
     found.statement = "By bisection on the eigenvalues; trace and determinant by algebra."
     found.heard(verlet > 2.001)
     found.corrected(
-        sympy.simplify(a.trace() - b.trace()) == 0, sympy.simplify(a.det() - b.det()) == 0,
-        (shift * b - a * shift).applyfunc(sympy.expand) == sympy.zeros(2), abs(verlet - 2) < 1e-6,
-    )  # fmt: skip
+        sympy.simplify(a.trace() - b.trace()) == 0,
+        sympy.simplify(a.det() - b.det()) == 0,
+        (shift * b - a * shift).applyfunc(sympy.expand) == sympy.zeros(2),
+        abs(verlet - 2) < 1e-6,
+    )
 
 
 @claim(
@@ -555,10 +570,15 @@ def explicit_midpoint_limit(found):
         only_if="it is symplectic, as velocity Verlet is, or a Runge-Kutta method with a third "
         "stage "
         "that gives z^3 a weight above 1/8",
-        inside=[*verlet, *(not grows(found.rng.uniform(0.1, 0.99) * x, c)
-                           for x, c in zip(limits, heavy, strict=True))],
+        inside=[
+            *verlet,
+            *(
+                not grows(found.rng.uniform(0.1, 0.99) * x, c)
+                for x, c in zip(limits, heavy, strict=True)
+            ),
+        ],
         outside=[not grows(found.rng.uniform(0.1, 1), c) for c in light],
-    )  # fmt: skip
+    )
     found.corrected(
         abs(tenth / (0.1**4 / 4) - 1) < 1e-6,
         all(spectral_radius("explicit_midpoint", x) > 1 for x in found.rng.uniform(0.01, 3, 20)),

@@ -266,14 +266,17 @@ def gyroscopic_term_holds_the_top_up(found):
     "An upright top is stable above the spin {formula}, here {critical_rad_per_s:.1f} rad/s. Below "
     "it a small tilt grows: just below to {largest_tilt_below_rad:.2f} rad and back, far below "
     "until it falls.",
-    ask=("Above which spin does an upright symmetric top stand? I1, I3 are about the tip.",
-         "spin, omega, w > 2*sqrt(I1*m*g*l)/I3", {
-             "sqrt(I1*m*g*l)/I3": "The factor 2 is missing: the condition is I3^2 w^2 > 4 I1 m g "
-                                  "l.",
-             "2*sqrt(m*g*l/I3)": "It takes both moments: I1 resists the fall, I3 carries the spin.",
-             "4*I1*m*g*l/I3^2": "That is the square of the spin."}),
+    ask=(
+        "Above which spin does an upright symmetric top stand? I1, I3 are about the tip.",
+        "spin, omega, w > 2*sqrt(I1*m*g*l)/I3",
+        {
+            "sqrt(I1*m*g*l)/I3": "The factor 2 is missing: the condition is I3^2 w^2 > 4 I1 m g l.",
+            "2*sqrt(m*g*l/I3)": "It takes both moments: I1 resists the fall, I3 carries the spin.",
+            "4*I1*m*g*l/I3^2": "That is the square of the spin.",
+        },
+    ),
     source="Goldstein, Classical Mechanics, sec. 5.7 (the sleeping top)",
-)  # fmt: skip
+)
 def top_condition(found):
     import sympy
 
@@ -375,14 +378,19 @@ def wobble_comes_from_the_term(found):
     "I3)), {rate_per_s:.3f} per second at {spin_rad_per_s:g} rad/s and 1 : 2 : 3, and the body "
     "turns over again and again. With two equal moments it grows in proportion to time about the "
     "axes that share them.",
-    ask=Ask("At which rate does a disturbance of a spin about the middle axis grow?",
-            "rate, lambda, s = omega*sqrt((I2-I1)*(I3-I2)/(I1*I3))", {
-                "omega^2*(I2-I1)*(I3-I2)/(I1*I3)": "That is the square of the rate.",
-                "omega*sqrt((I2-I1)*(I3-I2))/I2": "Euler's equations 1 and 3 divide by I1 and I3.",
-                "omega*sqrt((I2-I1)*(I3-I1)/(I2*I3))": "That belongs to a spin about axis 1, and "
-                "there it is a frequency, not a growth."}, symbols=_FREE),
+    ask=Ask(
+        "At which rate does a disturbance of a spin about the middle axis grow?",
+        "rate, lambda, s = omega*sqrt((I2-I1)*(I3-I2)/(I1*I3))",
+        {
+            "omega^2*(I2-I1)*(I3-I2)/(I1*I3)": "That is the square of the rate.",
+            "omega*sqrt((I2-I1)*(I3-I2))/I2": "Euler's equations 1 and 3 divide by I1 and I3.",
+            "omega*sqrt((I2-I1)*(I3-I1)/(I2*I3))": "That belongs to a spin about axis 1, and "
+            "there it is a frequency, not a growth.",
+        },
+        symbols=_FREE,
+    ),
     source="Landau and Lifshitz, Mechanics, sec. 37",
-)  # fmt: skip
+)
 def principal_axis_is_stable(found):
     import sympy
 

@@ -8,10 +8,15 @@ import numpy as np
 
 from course.derivations import Symbol, claim
 
-SYMBOLS = {"p": Symbol("mean of both success rates", 0.1, 0.9), "d": Symbol("their difference",
-    0.01, 0.3), "z": Symbol("sum of the two normal quantiles", 1.0, 5.0),
-    "m": Symbol("mass of the box [kg]"), "mu": Symbol("friction of pads and box", 0.1, 2.0),
-    "g": Symbol("gravity [m/s^2]"), "a": Symbol("acceleration upwards [m/s^2]")}  # fmt: skip
+SYMBOLS = {
+    "p": Symbol("mean of both success rates", 0.1, 0.9),
+    "d": Symbol("their difference", 0.01, 0.3),
+    "z": Symbol("sum of the two normal quantiles", 1.0, 5.0),
+    "m": Symbol("mass of the box [kg]"),
+    "mu": Symbol("friction of pads and box", 0.1, 2.0),
+    "g": Symbol("gravity [m/s^2]"),
+    "a": Symbol("acceleration upwards [m/s^2]"),
+}
 
 
 def success(kind, k, gap, delay=0.01, seed=41):
@@ -53,10 +58,16 @@ def measured_or_randomised(found):
     one = found.figure("one", after_mending("delay", 1.0, 0.01), 0.1)
     found.statement = "400 tasks, 10 ms of delay, gains on record."
     edge = round(10 * far)
-    inside, outside = ([better(k, s) for k in some for s in (1, 2, 3)]
-                       for some in (range(edge, 11, 2), range(edge - 3, edge)))  # fmt: skip
-    found.heard(all(outside), only_if="all of them are measured, and the gap is {far} or wider",
-                inside=inside, outside=[*outside, one > wide])  # fmt: skip
+    inside, outside = (
+        [better(k, s) for k in some for s in (1, 2, 3)]
+        for some in (range(edge, 11, 2), range(edge - 3, edge))
+    )
+    found.heard(
+        all(outside),
+        only_if="all of them are measured, and the gap is {far} or wider",
+        inside=inside,
+        outside=[*outside, one > wide],
+    )
     found.corrected(known > wide + 0.2, wide > none, wide > one + 0.1)
 
 
@@ -83,12 +94,17 @@ def mended_parameter(found):
     "Two policies that are equally good come out as far apart in {chance:.0%} of such pairs. About "
     "{formula} trials each are needed, {own:.0f} here, for four tests in five to tell rates like "
     "these apart; with {n:.0f} only {power:.0%} do.",
-    ask=("Two success rates about p differ by d; z is the sum of the quantiles of level and power. "
-         "How many trials with each?", "n = 2*z^2*p*(1 - p)/d^2", {
-             "z^2*p*(1 - p)/d^2": "Both rates are uncertain.",
-             "2*z*p*(1 - p)/d^2": "The standard error falls with the root of n.",
-             "2*z^2*p*(1 - p)/d": "Half the difference needs four times as many."}),
-)  # fmt: skip
+    ask=(
+        "Two success rates about p differ by d; z is the sum of the quantiles of level and power. "
+        "How many trials with each?",
+        "n = 2*z^2*p*(1 - p)/d^2",
+        {
+            "z^2*p*(1 - p)/d^2": "Both rates are uncertain.",
+            "2*z*p*(1 - p)/d^2": "The standard error falls with the root of n.",
+            "2*z^2*p*(1 - p)/d": "Half the difference needs four times as many.",
+        },
+    ),
+)
 def trials_to_tell(found):
     import sympy
 
@@ -136,9 +152,13 @@ def late_command(found):
     inside, outside, stuck = ([drawn(x, dry) for _ in range(8)]
                               for x, dry in ((1.05, 0.0), (0.95, 0.0), (1.05, 0.1)))  # fmt: skip
     found.statement = "Joint 2 with drawn gains, 5 % to both sides of its margin, joint 1 held."
-    found.heard(all(outside), only_if="it is later than the delay margin of the whole loop, and no "
-                "dry friction holds the joint", inside=inside,
-                outside=outside + stuck)  # fmt: skip
+    found.heard(
+        all(outside),
+        only_if="it is later than the delay margin of the whole loop, and no "
+        "dry friction holds the joint",
+        inside=inside,
+        outside=outside + stuck,
+    )
     found.corrected(ranged > margin, not any(outside + stuck), both < 0.7 * margin, folded > both)
 
 
@@ -170,11 +190,15 @@ def believed_error_bar(found):
     claimed = found.figure("claimed", np.max(fit.half_width() / fit.value), 0.05)
     found.statement = "Two seconds of two sines, 1 mrad of noise, logs of other seeds."
     found.heard(
-        within(1, friction), only_if="the model has all that the robot has",
-        inside=[within(seed, 0.0, kind) for seed in range(3)
-                for kind in ("two sines", "steps", "one slow joint")],
+        within(1, friction),
+        only_if="the model has all that the robot has",
+        inside=[
+            within(seed, 0.0, kind)
+            for seed in range(3)
+            for kind in ("two sines", "steps", "one slow joint")
+        ],
         outside=[within(seed, x) for seed, x in enumerate(found.rng.uniform(0.003, 0.1, 8))],
-    )  # fmt: skip
+    )
     found.corrected(wrong > 10.0 * claimed, fit.white < 1e-6)
 
 
@@ -200,8 +224,12 @@ def one_sample_late(found):
         stamped = Log(log.times, shifted, log.command)
         wrong = fit(arm, stamped, GUESS, FREE)
         off = np.abs(wrong.value - truth)
-        return ((off / truth).max(), (off / np.sqrt(np.diag(right.covariance))).max(),
-                wrong.noise / right.noise, 1e3 * late(wrong, stamped)[0])  # fmt: skip
+        return (
+            (off / truth).max(),
+            (off / np.sqrt(np.diag(right.covariance))).max(),
+            wrong.noise / right.noise,
+            1e3 * late(wrong, stamped)[0],
+        )
 
     step, wide = found.given("step_ms", 2.0), found.given("coarse_ms", 10.0)
     rows = moved(), moved(dt=1e-3 * wide), moved(kind="one slow joint")
@@ -211,8 +239,14 @@ def one_sample_late(found):
     far, seen = found.figure("coarse", rows[1][0], 0.05), found.figure("seen", rows[1][2], 0.05)
     found.statement = "The same log with its angles moved by a sample."
     found.heard(sigmas < 3.0)
-    found.corrected(growth < 1.8, sigmas > 30.0, abs(by / step - 1.0) < 0.1, far > 3.0 * off,
-                    seen > 3.0, rows[2][3] > 1.1 * step)  # fmt: skip
+    found.corrected(
+        growth < 1.8,
+        sigmas > 30.0,
+        abs(by / step - 1.0) < 0.1,
+        far > 3.0 * off,
+        seen > 3.0,
+        rows[2][3] > 1.1 * step,
+    )
 
 
 @claim(
@@ -246,12 +280,17 @@ def policy():
     "A grip that holds a box at rest holds it on the way up.",
     "Up it has to accelerate the box too: each of two fingers needs {formula}. In MuJoCo the box "
     "slips from {share:.3f} of that down.",
-    ask=("Two fingers hold a box of mass m by friction mu and lift it with the acceleration a. "
-         "Least force of each?", "F > m*(g + a)/(2*mu)", {
-             "m*g/(2*mu)": "That holds it at rest.",
-             "m*(g + a)/mu": "Two fingers carry it.",
-             "mu*m*(g + a)/2": "A force F carries up to mu F, so divide."}),
-)  # fmt: skip
+    ask=(
+        "Two fingers hold a box of mass m by friction mu and lift it with the acceleration a. "
+        "Least force of each?",
+        "F > m*(g + a)/(2*mu)",
+        {
+            "m*g/(2*mu)": "That holds it at rest.",
+            "m*(g + a)/mu": "Two fingers carry it.",
+            "mu*m*(g + a)/2": "A force F carries up to mu F, so divide.",
+        },
+    ),
+)
 def slip_force(found):
     import sympy
 
@@ -265,8 +304,12 @@ def slip_force(found):
 
     numbers = {m: policy().mass, g: 9.81, a: policy().acceleration, mu: policy().friction}
     law = float(found.formula.subs(numbers))
-    others = [replace(policy(), friction=found.rng.uniform(0.3, 1.5),
-                      acceleration=found.rng.uniform(0.5, 6.0)) for _ in range(4)]  # fmt: skip
+    others = [
+        replace(
+            policy(), friction=found.rng.uniform(0.3, 1.5), acceleration=found.rng.uniform(0.5, 6.0)
+        )
+        for _ in range(4)
+    ]
     at_rest = float(found.formula.subs({**numbers, a: 0}))
     low, high = 0.7 * law, 1.3 * law
     for _ in range(7):
@@ -275,8 +318,11 @@ def slip_force(found):
     share = found.figure("share", high / law, 0.02)
     found.statement = "The force by halving, in MuJoCo with elliptic cones."
     found.heard(held(1.02 * at_rest))
-    found.corrected(abs(share - 1.0) < 0.03, all(held(1.05 * x.needed, x) for x in others),
-                    not any(held(0.93 * x.needed, x) for x in others))  # fmt: skip
+    found.corrected(
+        abs(share - 1.0) < 0.03,
+        all(held(1.05 * x.needed, x) for x in others),
+        not any(held(0.93 * x.needed, x) for x in others),
+    )
 
 
 @claim(
@@ -304,10 +350,11 @@ def friction_wrong_both_ways(found):
     slick, hard = replace(policy(), friction=little), found.given("hard", 10)
     found.statement = "Boxes up to 15 mm off and 5 % heavier or lighter."
     found.heard(
-        used(1.1 * low, low)[1] == 0, only_if="what is believed is off by more than its margin",
+        used(1.1 * low, low)[1] == 0,
+        only_if="what is believed is off by more than its margin",
         inside=[used(x * little, little)[1] == 0 for x in found.rng.uniform(1.35, 3.0, 8)],
         outside=[used(x * little, little)[1] == 0 for x in found.rng.uniform(1.02, 1.12, 8)],
-    )  # fmt: skip
+    )
     found.corrected(kept == n, lost == 0, trials(replace(slick, force=hard * slick.needed), 4) == 0)
 
 
@@ -343,10 +390,17 @@ def large_step_at_contact(found):
         "Contacts of 1e4 to 5e4 for a unit of mass, 10 % below the limit and 50 % above it."
     )
     found.heard(any(b.fastest > 3.0 for b in every))
-    found.corrected(0 < kept < n, not any(b.warnings for b in every), sink > 1.5,
-                    all(b.fastest < 1.0 for b in every), not any(b.held for b in direct),
-                    all(lost(1.5, x, z) and not lost(0.9, x, z)
-                        for x, z in zip(stiff, 3 * (1.0, 2.0), strict=True)))  # fmt: skip
+    found.corrected(
+        0 < kept < n,
+        not any(b.warnings for b in every),
+        sink > 1.5,
+        all(b.fastest < 1.0 for b in every),
+        not any(b.held for b in direct),
+        all(
+            lost(1.5, x, z) and not lost(0.9, x, z)
+            for x, z in zip(stiff, 3 * (1.0, 2.0), strict=True)
+        ),
+    )
 
 
 @claim(
@@ -366,7 +420,9 @@ def camera_off(found):
     jaws = found.rng.uniform(0.012, 0.03, 8).tolist()
     found.statement = "Boxes off by whole millimetres, and jaws of other widths."
     found.heard(
-        misses(0.02), only_if="it is off by more than the free width of the jaw",
-        inside=[misses(w + 0.002, w) for w in jaws], outside=[misses(w - 0.002, w) for w in jaws],
-    )  # fmt: skip
+        misses(0.02),
+        only_if="it is off by more than the free width of the jaw",
+        inside=[misses(w + 0.002, w) for w in jaws],
+        outside=[misses(w - 0.002, w) for w in jaws],
+    )
     found.corrected(abs(most / free - 1.0) < 0.05)

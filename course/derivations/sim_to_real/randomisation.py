@@ -128,12 +128,11 @@ def mass_without_set_const(found):
     )
     factors = found.rng.uniform(1.5, 6.0, 8)
     found.heard(
-        change > 1e-6, only_if="a constraint acts: a contact, a limit, an equality, or dry "
-        "friction that holds",
-        inside=[moved(depth, x) > 0.1 for x in factors]
-        + [moved(stuck, x) > 1e-3 for x in factors],
+        change > 1e-6,
+        only_if="a constraint acts: a contact, a limit, an equality, or dry friction that holds",
+        inside=[moved(depth, x) > 0.1 for x in factors] + [moved(stuck, x) > 1e-3 for x in factors],
         outside=[moved(free, x) > 1e-6 for x in factors],
-    )  # fmt: skip
+    )
     found.corrected(change < 1e-9, abs(ratio - 1.0) > 0.1, moved(depth, 1.0) == 0.0)
 
 
@@ -195,14 +194,17 @@ def set_const_compiles(found):
     sprung = _ARM.format(damping=given).replace('damping="0.2"', 'springdamper="0.1 1"')
     kept, anew = mujoco.MjModel.from_xml_string(sprung), recompiled(sprung, np.full(3, 4.0))
     joint = [(m.dof_damping[0], m.jnt_stiffness[0]) for m in (_scaled(kept, 4.0), anew)]
-    found.heard(same(derived, 4.0),
+    found.heard(
+        same(derived, 4.0),
         only_if="no damping is stated as a ratio, an actuator's or a joint's",
         inside=[same(given, x) for x in factors],
-        outside=[same(derived, x) for x in factors] + [joint[0][0] == joint[1][0]])  # fmt: skip
+        outside=[same(derived, x) for x in factors] + [joint[0][0] == joint[1][0]],
+    )
     found.corrected(
-        worst < 1e-12, all(abs(compared(derived, x)[1] / np.sqrt(x) - 1) < 1e-9 for x in factors),
+        worst < 1e-12,
+        all(abs(compared(derived, x)[1] / np.sqrt(x) - 1) < 1e-9 for x in factors),
         bool(np.allclose(joint[1], 4.0 * np.array(joint[0]))),
-    )  # fmt: skip
+    )
 
 
 @claim(
@@ -217,9 +219,11 @@ def mass_and_period(found):
 
     from course.oracles.mujoco.randomize import swing_period
 
-    xml = ('<mujoco><option timestep="1e-3" integrator="RK4"/><worldbody><body>'
+    xml = (
+        '<mujoco><option timestep="1e-3" integrator="RK4"/><worldbody><body>'
         '<joint name="hinge" axis="0 1 0"/><geom type="box" pos="0 0 -0.3" size="0.03 0.05 0.3" '
-        'mass="1"/></body></worldbody></mujoco>')  # fmt: skip
+        'mass="1"/></body></worldbody></mujoco>'
+    )
 
     def period(mass, inertia):
         model = _scaled(mujoco.MjModel.from_xml_string(xml), mass, inertia)
@@ -286,9 +290,12 @@ def scaled_damping(found):
         f"Standard deviation over 200 draws: {damped:.3f} and {zero:g} N m s/rad by factors, "
         f"{added:.3f} where the draw is added."
     )
-    found.heard(min(damped, zero) > 0.0, only_if="the default damping is not zero",
+    found.heard(
+        min(damped, zero) > 0.0,
+        only_if="the default damping is not zero",
         inside=[spread(d) > 0.0 for d in 10 ** found.rng.uniform(-3, 1, 8)],
-        outside=[spread(d) > 0.0 for d in np.zeros(8) * model.dof_damping[0]])  # fmt: skip
+        outside=[spread(d) > 0.0 for d in np.zeros(8) * model.dof_damping[0]],
+    )
     found.corrected(zero == 0.0, model.dof_damping[1] == 0.0, added > 0.1)
 
 
@@ -323,13 +330,15 @@ def one_geom_friction(found):
         )
 
     both = list(zip(low, high, strict=True))
-    found.heard(plain == sled,
+    found.heard(
+        plain == sled,
         only_if="it is the larger of the two, or its geom has the higher priority, and no pair in "
         "the model names both",
         inside=[_contact(_sled(x, y)) == y for x, y in both]
         + [_contact(_sled(y, x, priority=1)) == x for x, y in both],
         outside=[_contact(_sled(y, x)) == x for x, y in both]
-        + [paired(x, y) == y for x, y in both])  # fmt: skip
+        + [paired(x, y) == y for x, y in both],
+    )
     found.corrected(
         first == sled,
         paired(low[0], high[0]) == 0.2,
@@ -366,8 +375,11 @@ def friction_of_each_geom(found):
         f"geoms {kept:.3f} over 400."
     )
     found.heard(abs(mean - middle) < 0.03)
-    found.corrected(abs(mean - (low + (high - low) * 2.0 / 3.0)) < 0.02, abs(below - 0.25) < 0.04,
-        abs(kept - middle) < 0.04)  # fmt: skip
+    found.corrected(
+        abs(mean - (low + (high - low) * 2.0 / 3.0)) < 0.02,
+        abs(below - 0.25) < 0.04,
+        abs(kept - middle) < 0.04,
+    )
 
 
 @claim(
@@ -399,9 +411,12 @@ def friction_in_all_directions(found):
         f"{ellipse:.4f}; and at ten random angles."
     )
     angles = found.rng.uniform(0.1, np.pi / 2 - 0.1, 10)
-    found.heard(abs(diagonal - 1.0) < 1e-3, only_if="the friction cone is elliptic",
+    found.heard(
+        abs(diagonal - 1.0) < 1e-3,
+        only_if="the friction cone is elliptic",
         inside=[abs(braked("elliptic", a) - 1.0) < 1e-3 for a in angles],
-        outside=[abs(braked("pyramidal", a) - 1.0) < 1e-3 for a in angles])  # fmt: skip
+        outside=[abs(braked("pyramidal", a) - 1.0) < 1e-3 for a in angles],
+    )
     found.corrected(abs(diagonal - np.sqrt(0.5)) < 1e-3)
 
 
@@ -429,10 +444,12 @@ def factors_compound(found):
         f"the median of 2000 runs is {median:.1e} of the default, of draws from it {kept:.2f}."
     )
     found.heard(median > 0.5)
-    found.corrected(abs(np.log(factors).mean() / drift - 1) < 0.01,
+    found.corrected(
+        abs(np.log(factors).mean() / drift - 1) < 0.01,
         abs(np.log(median) / (episodes * drift) - 1.0) < 0.1,
         low <= (masses / default).min() < (masses / default).max() <= high,
-        abs(kept - 1.0) < 0.05)  # fmt: skip
+        abs(kept - 1.0) < 0.05,
+    )
 
 
 @claim(
@@ -476,5 +493,7 @@ def queue_of_k(found):
         f"actuator delay of 4 steps is {late(actuator_delay(sent, 4))}, the randomiser's {ours(4)}."
     )
     found.heard(lag(4) == 4)
-    found.corrected(all(lag(k) == k - 1 for k in range(1, 12)),
-        all(ours(k) == k == late(actuator_delay(sent, k)) for k in (1, 4, 7)))  # fmt: skip
+    found.corrected(
+        all(lag(k) == k - 1 for k in range(1, 12)),
+        all(ours(k) == k == late(actuator_delay(sent, k)) for k in (1, 4, 7)),
+    )

@@ -4,11 +4,16 @@ import numpy as np
 
 from course.derivations import Symbol, claim
 
-SYMBOLS = {"gamma": Symbol("discount", 0.1, 0.99), "a": Symbol("potential of the first state"),
-    "b": Symbol("potential of the last state"), "Q": Symbol("value of an action, unshaped"),
-    "phi": Symbol("potential of its state"), "c": Symbol("penalty of a step"),
+SYMBOLS = {
+    "gamma": Symbol("discount", 0.1, 0.99),
+    "a": Symbol("potential of the first state"),
+    "b": Symbol("potential of the last state"),
+    "Q": Symbol("value of an action, unshaped"),
+    "phi": Symbol("potential of its state"),
+    "c": Symbol("penalty of a step"),
     "eps": Symbol("total variation distance of the next state", 0.01, 0.5),
-    "R": Symbol("largest reward of a step")}  # fmt: skip
+    "R": Symbol("largest reward of a step"),
+}
 
 
 def drawn(rng, ends=0, states=6):
@@ -26,13 +31,17 @@ def drawn(rng, ends=0, states=6):
     "the first.",
     "So they do: all between cancels, for any number of steps. What is left depends on the way "
     "only through its end.",
-    ask=("A step from s to s' is paid gamma phi(s') - phi(s) more. First state of potential a, the "
-         "state after the third step of potential b: discounted sum of what is paid more?",
-         "gamma^3*b - a", {
-             "b - a": "That is without discount.",
-             "gamma^2*b - a": "The third step is discounted by gamma^2, its potential once more.",
-             "gamma^3*(b - a)": "The first potential is not discounted."}),
-)  # fmt: skip
+    ask=(
+        "A step from s to s' is paid gamma phi(s') - phi(s) more. First state of potential a, the "
+        "state after the third step of potential b: discounted sum of what is paid more?",
+        "gamma^3*b - a",
+        {
+            "b - a": "That is without discount.",
+            "gamma^2*b - a": "The third step is discounted by gamma^2, its potential once more.",
+            "gamma^3*(b - a)": "The first potential is not discounted.",
+        },
+    ),
+)
 def telescoped_sum(found):
     import sympy
 
@@ -75,8 +84,9 @@ def shaping_keeps_the_best(found):
     found.figure("free", n - sum(free), 0.0)
     single = found.figure("single", n - sum(kept(True, 1) for _ in range(n)), 0.0)
     found.statement = "Six states, two actions, solved exactly."
-    found.heard(all(free), only_if="the potential is 0 where an episode ends", inside=zero,
-                outside=free)  # fmt: skip
+    found.heard(
+        all(free), only_if="the potential is 0 where an episode ends", inside=zero, outside=free
+    )
     found.corrected(all(zero), sum(free) < 0.8 * n, single > 3)
 
 
@@ -106,8 +116,9 @@ def time_is_an_end(found):
     valued, cut = ([kept(x) for _ in range(n)] for x in (1.0, 0.0))
     found.figure("cut", n - sum(cut), 0.0)
     found.statement = "Six states, two actions, by backward recursion."
-    found.heard(all(cut), only_if="the value of the last state is added there", inside=valued,
-                outside=cut)  # fmt: skip
+    found.heard(
+        all(cut), only_if="the value of the last state is added there", inside=valued, outside=cut
+    )
     found.corrected(all(valued), sum(cut) < 0.8 * n)
 
 
@@ -156,12 +167,17 @@ def two_routes(found):
     "It turns Q into {formula}, if nothing ends or ends have the potential 0: the sum telescopes "
     "to the potential of the state that the action is taken in. It is the same for all actions, so "
     "the best one stays.",
-    ask=("Shaped by gamma phi(s') - phi(s), no end in sight: what becomes of the value Q of an "
-         "action in a state of potential phi?", "Q - phi", {
-             "Q - phi + gamma*phi": "The next state is another one, and its potential cancels.",
-             "Q + phi": "The state's potential is taken off.",
-             "Q - gamma*phi": "The state's own potential is not discounted."}),
-)  # fmt: skip
+    ask=(
+        "Shaped by gamma phi(s') - phi(s), no end in sight: what becomes of the value Q of an "
+        "action in a state of potential phi?",
+        "Q - phi",
+        {
+            "Q - phi + gamma*phi": "The next state is another one, and its potential cancels.",
+            "Q + phi": "The state's potential is taken off.",
+            "Q - gamma*phi": "The state's own potential is not discounted.",
+        },
+    ),
+)
 def q_of_shaped(found):
     import sympy
 
@@ -188,11 +204,16 @@ def q_of_shaped(found):
     "Without an end it is: phi = {formula} everywhere pays -c each step. Nor does it matter where "
     "every way to the end is as long. Else the potential, 0 at the end, would have to tell how "
     "many steps are still to come, which the action decides: a penalty can change what is best.",
-    ask=("Nothing ends. Which constant potential pays -c for every step?", "phi = c/(1 - gamma)", {
-        "-c/(1 - gamma)": "gamma phi - phi has the other sign.",
-        "c": "Then a step costs (1 - gamma) c.",
-        "c/gamma": "Solve gamma phi - phi = -c."}),
-)  # fmt: skip
+    ask=(
+        "Nothing ends. Which constant potential pays -c for every step?",
+        "phi = c/(1 - gamma)",
+        {
+            "-c/(1 - gamma)": "gamma phi - phi has the other sign.",
+            "c": "Then a step costs (1 - gamma) c.",
+            "c/gamma": "Solve gamma phi - phi = -c.",
+        },
+    ),
+)
 def step_penalty(found):
     import sympy
 
@@ -220,10 +241,17 @@ def step_penalty(found):
     found.figure("least_left_with_an_end", min(ended), 0.01)
     found.statement = "The potential that comes closest, by least squares: drawn, and in chains."
     inside, outside = ([x > 1e-9 for x in some] for some in (ended, endless + chains))
-    found.heard(all(outside), only_if="episodes can end, and ways to the end differ in length",
-                inside=inside, outside=outside)  # fmt: skip
-    found.corrected(max(endless) < 1e-9, max(chains) < 1e-9,
-                    float(found.formula.subs({gamma: 0.95, c: 1})) > 19.9)  # fmt: skip
+    found.heard(
+        all(outside),
+        only_if="episodes can end, and ways to the end differ in length",
+        inside=inside,
+        outside=outside,
+    )
+    found.corrected(
+        max(endless) < 1e-9,
+        max(chains) < 1e-9,
+        float(found.formula.subs({gamma: 0.95, c: 1})) > 19.9,
+    )
 
 
 @claim(
@@ -233,12 +261,17 @@ def step_penalty(found):
     "keeps where it is paid and the robot leaves with probability eps reaches {share:.1%} of it, "
     "{factor:.0f} times what was heard. Of two deterministic simulators that differ eps is 1: "
     "there it says nothing, once gamma is above a half.",
-    ask=("Rewards from 0 to R, discount gamma, total variation distance eps of the next state: by "
-         "how much may a policy's value differ at most?", "gamma*eps*R/(1 - gamma)^2", {
-             "eps*R/(1 - gamma)": "That is one wrong step; each step is wrong.",
-             "eps*R/(1 - gamma)^2": "The first reward is paid before a next state is drawn.",
-             "2*gamma*eps*R/(1 - gamma)^2": "eps is half of the summed differences."}),
-)  # fmt: skip
+    ask=(
+        "Rewards from 0 to R, discount gamma, total variation distance eps of the next state: by "
+        "how much may a policy's value differ at most?",
+        "gamma*eps*R/(1 - gamma)^2",
+        {
+            "eps*R/(1 - gamma)": "That is one wrong step; each step is wrong.",
+            "eps*R/(1 - gamma)^2": "The first reward is paid before a next state is drawn.",
+            "2*gamma*eps*R/(1 - gamma)^2": "eps is half of the summed differences.",
+        },
+    ),
+)
 def gap_of_values(found):
     import sympy
 
@@ -264,11 +297,14 @@ def gap_of_values(found):
     found.statement = "Two states, a discount of 0.95 and a distance of 0.001; and drawn ones."
     low, high = found.rng.uniform(0.05, 0.5, 8), found.rng.uniform(0.51, 0.99, 8)
     found.heard(
-        factor <= 1.0, only_if="the discount is a half or less",
+        factor <= 1.0,
+        only_if="the discount is a half or less",
         inside=[transfer_bound(x, eps) * (1 - x) <= eps for x in low],
         outside=[lost(x, eps) * (1 - x) <= eps for x in high],
-    )  # fmt: skip
+    )
     found.corrected(
-        abs(bound / law - 1.0) < 1e-9, 0.9 < share <= 1.0, factor > 10.0,
+        abs(bound / law - 1.0) < 1e-9,
+        0.9 < share <= 1.0,
+        factor > 10.0,
         all((transfer_bound(x, 1.0) >= 1.0 / (1.0 - x)) == (x > 0.5) for x in (*low, *high)),
-    )  # fmt: skip
+    )

@@ -6,9 +6,11 @@ import numpy as np
 
 from course.derivations import Symbol, claim
 
-SYMBOLS = {"r": Symbol("time to wake the workers and hear from them [s]"),
-    "N": Symbol("number of environments", 1.0, 100.0), "W": Symbol("number of workers", 2.0,
-    16.0)}  # fmt: skip
+SYMBOLS = {
+    "r": Symbol("time to wake the workers and hear from them [s]"),
+    "N": Symbol("number of environments", 1.0, 100.0),
+    "W": Symbol("number of workers", 2.0, 16.0),
+}
 
 
 class _Clocked:
@@ -80,9 +82,12 @@ def vector_one_done_flag(found):
     found.figure("learned_with_two", learned(clock, False))
     found.statement = "The fixed point of the targets over 200 steps of 4 environments."
     draws = list(zip(found.rng.integers(2, 190, 8), found.rng.uniform(0.5, 0.99, 8), strict=True))
-    found.heard(right(clock, True, discount), only_if="no episode is cut off by a clock",
-        inside=[right(200 + int(n), True, gamma) for n, gamma in draws], outside=[right(int(n),
-        True, gamma) for n, gamma in draws])  # fmt: skip
+    found.heard(
+        right(clock, True, discount),
+        only_if="no episode is cut off by a clock",
+        inside=[right(200 + int(n), True, gamma) for n, gamma in draws],
+        outside=[right(int(n), True, gamma) for n, gamma in draws],
+    )
     found.corrected(
         abs(one - 1.0 / 0.19) < 1e-9, all(right(int(n), False, gamma) for n, gamma in draws)
     )
@@ -111,8 +116,12 @@ def vector_one_step_test(found):
     found.figure("ends_seen_in_100_runs", runs[:, 1].sum())
     found.statement = "Run on a class that drops the last observation, with episodes of 100 steps."
     found.heard(passes < count)
-    found.corrected(runs[:, 1].sum() == 0, not _asserted(Forgetful, 1, 0)[0], _asserted(Forgetful,
-        1, 0)[1], _asserted(VectorizedEnv, 1, 0)[0])  # fmt: skip
+    found.corrected(
+        runs[:, 1].sum() == 0,
+        not _asserted(Forgetful, 1, 0)[0],
+        _asserted(Forgetful, 1, 0)[1],
+        _asserted(VectorizedEnv, 1, 0)[0],
+    )
 
 
 @claim(
@@ -148,11 +157,18 @@ def vector_zip_of_actions(found):
         return _stepped(Zipped, environments, actions) == (environments, actions)
 
     counts = [int(n) for n in found.rng.integers(1, 20, 10)]
-    found.heard(every(4, 3), only_if="there are as many actions as environments",
-        inside=[every(n, n) for n in counts], outside=[every(n, n + (-1) ** i) for i,
-        n in enumerate(counts)])  # fmt: skip
-    found.corrected(few == 3, many == 4, checked == "ValueError", all(answer(drill, np.zeros((n,
-        1))) == "ValueError" for n in (3, 5)))  # fmt: skip
+    found.heard(
+        every(4, 3),
+        only_if="there are as many actions as environments",
+        inside=[every(n, n) for n in counts],
+        outside=[every(n, n + (-1) ** i) for i, n in enumerate(counts)],
+    )
+    found.corrected(
+        few == 3,
+        many == 4,
+        checked == "ValueError",
+        all(answer(drill, np.zeros((n, 1))) == "ValueError" for n in (3, 5)),
+    )
 
 
 @claim(
@@ -189,9 +205,12 @@ def vector_same_step_reset(found):
     found.figure("reward_of_the_resetting_step", reward)
     found.statement = "Gymnasium's SyncVectorEnv over an environment that ends after one step."
     seeds = [int(seed) for seed in found.rng.integers(0, 10**6, 8)]
-    found.heard(not later, only_if="the autoreset mode is SAME_STEP", inside=[not last_shown(seed,
-        autoreset_mode="SameStep")[0] for seed in seeds], outside=[not last_shown(seed)[0]
-        for seed in seeds])  # fmt: skip
+    found.heard(
+        not later,
+        only_if="the autoreset mode is SAME_STEP",
+        inside=[not last_shown(seed, autoreset_mode="SameStep")[0] for seed in seeds],
+        outside=[not last_shown(seed)[0] for seed in seeds],
+    )
     found.corrected(reward == 0.0, other != 0.0, name == "NextStep")
 
 
@@ -217,11 +236,16 @@ def vector_one_seed(found):
     found.statement = "Distinct first observations of the reaching task."
     seeds = [int(seed) for seed in found.rng.integers(0, 10**6, 10)]
     first = [rows([seed] * 8) for seed in seeds]
-    found.heard(good([5] * 8), only_if="each of them gets a seed of its own",
-        inside=[good(seed) for seed in seeds], outside=[good([seed] * 8)
-        for seed in seeds])  # fmt: skip
-    found.corrected(all(len(set(rows([seed] * 8))) == 1 for seed in seeds),
-        first == [rows([seed] * 8) for seed in seeds])  # fmt: skip
+    found.heard(
+        good([5] * 8),
+        only_if="each of them gets a seed of its own",
+        inside=[good(seed) for seed in seeds],
+        outside=[good([seed] * 8) for seed in seeds],
+    )
+    found.corrected(
+        all(len(set(rows([seed] * 8))) == 1 for seed in seeds),
+        first == [rows([seed] * 8) for seed in seeds],
+    )
 
 
 @claim(
@@ -280,8 +304,10 @@ def vector_processes_pay(found):
         f"By algebra, with the shares counted in {workers} processes: each steps {max(each)} of "
         f"{environments} environments. Times in microseconds."
     )
-    draws = [(found.rng.uniform(20, 500), int(w * k), int(w)) for w, k in zip(found.rng.integers(2,
-        9, 12), found.rng.integers(1, 9, 12), strict=True)]  # fmt: skip
+    draws = [
+        (found.rng.uniform(20, 500), int(w * k), int(w))
+        for w, k in zip(found.rng.integers(2, 9, 12), found.rng.integers(1, 9, 12), strict=True)
+    ]
     beyond, short = found.rng.uniform(1.01, 3, 12), found.rng.uniform(0.3, 0.99, 12)
     found.heard(
         ratio(0.2 * break_even) > 1.0,
@@ -290,6 +316,8 @@ def vector_processes_pay(found):
         outside=[ratio(x * even(*d), *d) > 1 for x, d in zip(short, draws, strict=True)],
     )
     values = [float(found.formula.subs({r: a, n: b, w: k})) for a, b, k in draws]
-    found.corrected(set(each) == {environments // workers} and len(each) == workers,
+    found.corrected(
+        set(each) == {environments // workers} and len(each) == workers,
         all(abs(even(*d) / value - 1) < 1e-12 for d, value in zip(draws, values, strict=True)),
-        ratio(0.99 * break_even) < 1.0 < ratio(1.01 * break_even))  # fmt: skip
+        ratio(0.99 * break_even) < 1.0 < ratio(1.01 * break_even),
+    )

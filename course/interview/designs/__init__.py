@@ -163,8 +163,10 @@ class Design:
             "Red flags": "* " + "\n* ".join(self.red_flags),
             "What is listened for": f"| item | where the answer earns it |\n|---|---|\n{rubric}",
         }
-        folded = [f"<details><summary>{head}</summary>\n\n{self.filled(body, figure)}\n\n</details>"
-                  for head, body in parts.items()]  # fmt: skip
+        folded = [
+            f"<details><summary>{head}</summary>\n\n{self.filled(body, figure)}\n\n</details>"
+            for head, body in parts.items()
+        ]
         return "\n\n".join([f"**{self.title}**", f"*{self.minutes} minutes*", *folded])
 
 
@@ -247,12 +249,16 @@ def svg(design: Design) -> str:
         left, top = (ends[0] + ends[2]) // 2 - 6 * b, (ends[1] + ends[3]) // 2 + 18 * a
         anchor = ("start", "middle", "end")[b + 1]
         for words, row in ((arrow.what, -2), (arrow, 11)):
-            marks.append(f'<text x="{left}" y="{top + row}" text-anchor="{anchor}">'
-                         f"{escape(str(words), quote=False)}</text>")  # fmt: skip
+            marks.append(
+                f'<text x="{left}" y="{top + row}" text-anchor="{anchor}">'
+                f"{escape(str(words), quote=False)}</text>"
+            )
     for box, (x, y) in middle.items():
-        marks.append(f'<rect x="{x - 60}" y="{y - 20}" width="120" height="40" rx="4" '
-                     f'fill="#eef" stroke="#333"/><text x="{x}" y="{y + 4}" '
-                     f'text-anchor="middle">{escape(box, quote=False)}</text>')  # fmt: skip
+        marks.append(
+            f'<rect x="{x - 60}" y="{y - 20}" width="120" height="40" rx="4" '
+            f'fill="#eef" stroke="#333"/><text x="{x}" y="{y + 4}" '
+            f'text-anchor="middle">{escape(box, quote=False)}</text>'
+        )
     wide, high = (max(axis) for axis in zip(*middle.values(), strict=True))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide + 130} {high + 50}" '

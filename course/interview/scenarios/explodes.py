@@ -167,40 +167,122 @@ SCENARIO = Scenario(
     spread=0.1,
     removed=lambda figure: figure >= WINDOW,
     causes=(
-        Cause("double_contact", "Each stop touches with two points at once, each with the "
-              "stiffness that one was chosen for. Twice the stiffness is beyond what the step "
-              "bears.", "share_stiffness"),
-        Cause("explicit_step", "The place moves with the old speed: explicit Euler, which gains "
-              "energy on a spring at every step, however small.", "new_speed_first"),
-        Cause("late_brake", "The brake gets its speed late, by more than a quarter of a swing: it "
-              "pushes where it should pull.", "fresh_speed"),
-        Cause("wrong_friction", "The speed is told along one axis and the friction applied along "
-              "the opposite one: friction drives the slide.", "one_axis"),
+        Cause(
+            "double_contact",
+            "Each stop touches with two points at once, each with the "
+            "stiffness that one was chosen for. Twice the stiffness is beyond what the step "
+            "bears.",
+            "share_stiffness",
+        ),
+        Cause(
+            "explicit_step",
+            "The place moves with the old speed: explicit Euler, which gains "
+            "energy on a spring at every step, however small.",
+            "new_speed_first",
+        ),
+        Cause(
+            "late_brake",
+            "The brake gets its speed late, by more than a quarter of a swing: it "
+            "pushes where it should pull.",
+            "fresh_speed",
+        ),
+        Cause(
+            "wrong_friction",
+            "The speed is told along one axis and the friction applied along "
+            "the opposite one: friction drives the slide.",
+            "one_axis",
+        ),
     ),
     probes=(
-        Probe("halve_step", "half the step: time until it is lost, by that before", "", 3,
-              later(halved), 0.1),
-        Probe("double_mass", "twice the mass: time until it is lost, by that before", "", 3,
-              later(lambda one: replace(one, mass=2 * one.mass)), 0.1),
-        Probe("start_closer", "a tenth of the start: time until it is lost, by that before", "", 2,
-              later(lambda one: replace(one, start=one.start / 10)), 0.1),
-        Probe("brake_off", "no brake: time until it is lost, by that before", "", 3,
-              later(lambda one: replace(one, damping=0.0)), 0.1),
-        Probe("friction_off", "no friction: time until it is lost, by that before", "", 3,
-              later(lambda one: replace(one, friction=0.0)), 0.1),
-        Probe("count_contacts", "most contact points that push in one step", "", 4,
-              logged(lambda log: log["touching"].max()), 0.25),
-        Probe("count_turns", "changes of direction in a step, while it grows", "", 4,
-              logged(lambda log: np.mean(log["v"][401:] * log["v"][400:-1] < 0)), 0.02),
-        Probe("log_friction", "share of steps in which friction pushes with the speed, less the "
-              "share in which it pushes against it", "", 6,
-              logged(lambda log: np.mean(np.sign(log["rub"] * log["v"])[1:])), 0.1),
-        Probe("log_brake", "steps by which the brake is behind the speed", "steps", 6,
-              logged(brake_lag), 1.0),
-        Probe("log_energy", "neither brake nor friction: share of energy gained in ten steps", "",
-              5, stops_gain, 0.01),
-        Probe("push_by_hand", "force at a fixed depth, by that of the stop that was ordered", "",
-              8, hooke, 0.1),
+        Probe(
+            "halve_step",
+            "half the step: time until it is lost, by that before",
+            "",
+            3,
+            later(halved),
+            0.1,
+        ),
+        Probe(
+            "double_mass",
+            "twice the mass: time until it is lost, by that before",
+            "",
+            3,
+            later(lambda one: replace(one, mass=2 * one.mass)),
+            0.1,
+        ),
+        Probe(
+            "start_closer",
+            "a tenth of the start: time until it is lost, by that before",
+            "",
+            2,
+            later(lambda one: replace(one, start=one.start / 10)),
+            0.1,
+        ),
+        Probe(
+            "brake_off",
+            "no brake: time until it is lost, by that before",
+            "",
+            3,
+            later(lambda one: replace(one, damping=0.0)),
+            0.1,
+        ),
+        Probe(
+            "friction_off",
+            "no friction: time until it is lost, by that before",
+            "",
+            3,
+            later(lambda one: replace(one, friction=0.0)),
+            0.1,
+        ),
+        Probe(
+            "count_contacts",
+            "most contact points that push in one step",
+            "",
+            4,
+            logged(lambda log: log["touching"].max()),
+            0.25,
+        ),
+        Probe(
+            "count_turns",
+            "changes of direction in a step, while it grows",
+            "",
+            4,
+            logged(lambda log: np.mean(log["v"][401:] * log["v"][400:-1] < 0)),
+            0.02,
+        ),
+        Probe(
+            "log_friction",
+            "share of steps in which friction pushes with the speed, less the "
+            "share in which it pushes against it",
+            "",
+            6,
+            logged(lambda log: np.mean(np.sign(log["rub"] * log["v"])[1:])),
+            0.1,
+        ),
+        Probe(
+            "log_brake",
+            "steps by which the brake is behind the speed",
+            "steps",
+            6,
+            logged(brake_lag),
+            1.0,
+        ),
+        Probe(
+            "log_energy",
+            "neither brake nor friction: share of energy gained in ten steps",
+            "",
+            5,
+            stops_gain,
+            0.01,
+        ),
+        Probe(
+            "push_by_hand",
+            "force at a fixed depth, by that of the stop that was ordered",
+            "",
+            8,
+            hooke,
+            0.1,
+        ),
     ),
     repairs=(
         Repair("share_stiffness", "The contact points of a stop share its stiffness."),
@@ -215,4 +297,4 @@ SCENARIO = Scenario(
     price_words="steps a second or sag, whichever is more, against the design",
     affordable=1.5,
     path=4,
-)  # fmt: skip
+)

@@ -131,9 +131,9 @@ def cells(one: Room) -> tuple[Array, Mask]:
     number = np.arange(area.size).reshape(area.shape)
     middles = np.meshgrid((x[1:] + x[:-1]) / 2.0, (y[1:] + y[:-1]) / 2.0, indexing="ij")
     open_ = free(one, np.column_stack([part.ravel() for part in middles]))
-    pairs = np.concatenate([
-        np.column_stack((part[1:].ravel(), part[:-1].ravel())) for part in (number, number.T)
-    ])  # fmt: skip
+    pairs = np.concatenate(
+        [np.column_stack((part[1:].ravel(), part[:-1].ravel())) for part in (number, number.T)]
+    )
     first = number[np.searchsorted(x, one.start[0]) - 1, np.searchsorted(y, one.start[1]) - 1]
     found = planner.reached(area.size, pairs[open_[pairs].all(axis=1)], int(first))
     return area, found.reshape(area.shape)
@@ -196,37 +196,107 @@ SCENARIO = Scenario(
     spread=0.2,
     removed=lambda figure: figure <= 2.0,
     causes=(
-        Cause("inflated_twice", "The map had made every box larger by half the carriage already, "
-              "and the checks do it again: to the planner the door is closed.", "grow_once"),
-        Cause("improbable", "The door is open, but so little wider than the carriage that hardly "
-              "a point or an edge that is drawn anywhere goes through.", "guide"),
-        Cause("edge_check", "The check of an edge goes on beyond its end, and refuses it for a "
-              "wall behind.", "clip_edges"),
-        Cause("goal_inside", "The goal is nearer to a shelf than half the carriage: it is inside "
-              "what no middle may enter.", "stand_off"),
+        Cause(
+            "inflated_twice",
+            "The map had made every box larger by half the carriage already, "
+            "and the checks do it again: to the planner the door is closed.",
+            "grow_once",
+        ),
+        Cause(
+            "improbable",
+            "The door is open, but so little wider than the carriage that hardly "
+            "a point or an edge that is drawn anywhere goes through.",
+            "guide",
+        ),
+        Cause(
+            "edge_check",
+            "The check of an edge goes on beyond its end, and refuses it for a wall behind.",
+            "clip_edges",
+        ),
+        Cause(
+            "goal_inside",
+            "The goal is nearer to a shelf than half the carriage: it is inside "
+            "what no middle may enter.",
+            "stand_off",
+        ),
     ),
     probes=(
         Probe("ask_goal", "whether the goal is free to the planner", "", 2, goal_free, 0.1),
-        Probe("hand_path_points", "share of a path by hand through the door that the check of "
-              "points refuses", "", 8, path_points, 0.01),
-        Probe("hand_path_edges", "how many of its three edges the check of edges refuses", "", 6,
-              path_edges, 0.3),
-        Probe("walk_to_wall", "distance from a wall at which a point is refused", "m", 4, margin,
-              0.02),
-        Probe("measure_door", "free width of the door for the carriage's middle, to the planner",
-              "m", 5, door_width, 0.004),
-        Probe("flood", "area that the middle can reach from the start, to the planner", "m^2", 12,
-              flood, 0.5),
-        Probe("edges_by_points", "of random edges whose points are all free, the share that the "
-              "check of edges refuses", "", 8, edges_against_points, 0.1),
-        Probe("joined_share", "share of a roadmap's points that are joined to the start", "", 5,
-              joined, 0.12),
-        Probe("points_in_door", "of a hundred thousand points drawn anywhere, those in the door",
-              "", 4, points_in_door, 200.0),
-        Probe("no_wall", "the wall taken out: of ten roadmaps those without a path", "", 3,
-              wide_door, 2.0),
-        Probe("triple_samples", "three times the points: of three roadmaps those without a path",
-              "", 10, triple, 1.5),
+        Probe(
+            "hand_path_points",
+            "share of a path by hand through the door that the check of points refuses",
+            "",
+            8,
+            path_points,
+            0.01,
+        ),
+        Probe(
+            "hand_path_edges",
+            "how many of its three edges the check of edges refuses",
+            "",
+            6,
+            path_edges,
+            0.3,
+        ),
+        Probe(
+            "walk_to_wall", "distance from a wall at which a point is refused", "m", 4, margin, 0.02
+        ),
+        Probe(
+            "measure_door",
+            "free width of the door for the carriage's middle, to the planner",
+            "m",
+            5,
+            door_width,
+            0.004,
+        ),
+        Probe(
+            "flood",
+            "area that the middle can reach from the start, to the planner",
+            "m^2",
+            12,
+            flood,
+            0.5,
+        ),
+        Probe(
+            "edges_by_points",
+            "of random edges whose points are all free, the share that the check of edges refuses",
+            "",
+            8,
+            edges_against_points,
+            0.1,
+        ),
+        Probe(
+            "joined_share",
+            "share of a roadmap's points that are joined to the start",
+            "",
+            5,
+            joined,
+            0.12,
+        ),
+        Probe(
+            "points_in_door",
+            "of a hundred thousand points drawn anywhere, those in the door",
+            "",
+            4,
+            points_in_door,
+            200.0,
+        ),
+        Probe(
+            "no_wall",
+            "the wall taken out: of ten roadmaps those without a path",
+            "",
+            3,
+            wide_door,
+            2.0,
+        ),
+        Probe(
+            "triple_samples",
+            "three times the points: of three roadmaps those without a path",
+            "",
+            10,
+            triple,
+            1.5,
+        ),
     ),
     repairs=(
         Repair("grow_once", "The map keeps the boxes as they are; the checks make them larger."),
@@ -240,4 +310,4 @@ SCENARIO = Scenario(
     price_words="pairs of points to look at, by those before",
     affordable=2.0,
     path=5,
-)  # fmt: skip
+)

@@ -234,41 +234,101 @@ SCENARIO = Scenario(
     spread=0.2,
     removed=lambda figure: figure >= 0.95,
     causes=(
-        Cause("late_drive", "The drive keeps a queue of commands: each torque comes late by its "
-              "length.", "empty_queue"),
-        Cause("dry_joint", "The joint is dry: below its break-away torque the arm stands still.",
-              "refit_friction"),
-        Cause("heavy_tool", "The arm carries a tool that the model does not have.",
-              "refit_inertia"),
+        Cause(
+            "late_drive",
+            "The drive keeps a queue of commands: each torque comes late by its length.",
+            "empty_queue",
+        ),
+        Cause(
+            "dry_joint",
+            "The joint is dry: below its break-away torque the arm stands still.",
+            "refit_friction",
+        ),
+        Cause(
+            "heavy_tool", "The arm carries a tool that the model does not have.", "refit_inertia"
+        ),
         Cause("stiff_keys", "The keys are stiffer than those of the model.", "refit_key"),
-        Cause("foreign_statistics", "The angle is scaled with the statistics of another run than "
-              "the one that trained.", "ship_statistics"),
+        Cause(
+            "foreign_statistics",
+            "The angle is scaled with the statistics of another run than the one that trained.",
+            "ship_statistics",
+        ),
     ),
     probes=(
-        Probe("print_statistics", "spread of the scaled angle over poses as in training", "", 4,
-              statistics, 0.03),
-        Probe("swap_statistics", "the share of keys with the statistics of training", "", 10,
-              swapped, 0.06),
-        Probe("freeze_target", "the target is where the arm stands: how far it leaves it", "mrad",
-              6, frozen, 1.0),
-        Probe("replay_early", "torques of the model replayed: difference of the angles in the "
-              "first 80 ms", "mrad", 15, replayed(0, 20), 2.0),
-        Probe("replay_late", "the same in the last 80 ms of 400", "mrad", 15, replayed(80, 100),
-              10.0),
-        Probe("replay_positions", "angles of the model replayed slowly into a key: torque above "
-              "the model's", "N m", 20, positions, 0.04),
-        Probe("strike_key", "depth after meeting a key at 2 rad/s without a torque", "mrad", 12,
-              strike, 3.0),
-        Probe("coast", "speed lost in 0.1 s without a torque, from 3 rad/s", "rad/s", 8, coast,
-              0.06),
-        Probe("step_lag", "shift at which commands and accelerations are most alike", "ms", 15,
-              lag, 2.0),
-        Probe("break_away", "torque at which a slow ramp moves the arm", "N m", 10, breakaway,
-              0.03),
-        Probe("two_torques", "inertia from how speeds under two torques part", "kg m^2", 12,
-              two_torques, 2e-3),
-        Probe("no_touch", "the share of targets reached short of every key", "", 6, untouched,
-              0.1),
+        Probe(
+            "print_statistics",
+            "spread of the scaled angle over poses as in training",
+            "",
+            4,
+            statistics,
+            0.03,
+        ),
+        Probe(
+            "swap_statistics",
+            "the share of keys with the statistics of training",
+            "",
+            10,
+            swapped,
+            0.06,
+        ),
+        Probe(
+            "freeze_target",
+            "the target is where the arm stands: how far it leaves it",
+            "mrad",
+            6,
+            frozen,
+            1.0,
+        ),
+        Probe(
+            "replay_early",
+            "torques of the model replayed: difference of the angles in the first 80 ms",
+            "mrad",
+            15,
+            replayed(0, 20),
+            2.0,
+        ),
+        Probe(
+            "replay_late", "the same in the last 80 ms of 400", "mrad", 15, replayed(80, 100), 10.0
+        ),
+        Probe(
+            "replay_positions",
+            "angles of the model replayed slowly into a key: torque above the model's",
+            "N m",
+            20,
+            positions,
+            0.04,
+        ),
+        Probe(
+            "strike_key",
+            "depth after meeting a key at 2 rad/s without a torque",
+            "mrad",
+            12,
+            strike,
+            3.0,
+        ),
+        Probe(
+            "coast", "speed lost in 0.1 s without a torque, from 3 rad/s", "rad/s", 8, coast, 0.06
+        ),
+        Probe(
+            "step_lag",
+            "shift at which commands and accelerations are most alike",
+            "ms",
+            15,
+            lag,
+            2.0,
+        ),
+        Probe(
+            "break_away", "torque at which a slow ramp moves the arm", "N m", 10, breakaway, 0.03
+        ),
+        Probe(
+            "two_torques",
+            "inertia from how speeds under two torques part",
+            "kg m^2",
+            12,
+            two_torques,
+            2e-3,
+        ),
+        Probe("no_touch", "the share of targets reached short of every key", "", 6, untouched, 0.1),
     ),
     repairs=(
         Repair("empty_queue", "The drive takes the newest command and drops the others."),
@@ -276,8 +336,10 @@ SCENARIO = Scenario(
         Repair("refit_inertia", "The inertia as measured goes into the model; train."),
         Repair("refit_key", "The stiffness as measured goes into the model; train."),
         Repair("ship_statistics", "The robot loads the statistics that were saved in training."),
-        Repair("widen", "Train for robots drawn from wide ranges of delay, friction, inertia and "
-               "stiffness."),
+        Repair(
+            "widen",
+            "Train for robots drawn from wide ranges of delay, friction, inertia and stiffness.",
+        ),
         Repair("soften", "Train for a slower arm."),
     ),
     popular="widen",
@@ -285,4 +347,4 @@ SCENARIO = Scenario(
     price_words="time to come near the key, by that on the model",
     affordable=1.4,
     path=9,
-)  # fmt: skip
+)

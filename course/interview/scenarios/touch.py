@@ -171,38 +171,106 @@ SCENARIO = Scenario(
     spread=0.15,
     removed=lambda figure: figure < STILL,
     causes=(
-        Cause("late_loop", "The command uses a measurement that is some ticks old. Delay times the "
-              "stiffness that the force gain adds to the plate is more than the brake can take.",
-              "shorten_delay"),
-        Cause("windup", "The integral grows while the drive is at its limit and the arm is in the "
-              "air; what it stored throws the arm off the plate, and it grows again.",
-              "bound_integral"),
-        Cause("uneven_ticks", "The loop is late now and then: an old command is held, and then "
-              "several follow at once.", "even_ticks"),
-        Cause("soft_sensor", "The sensor sits on a soft mount: its reading is behind the force.",
-              "stiff_mount"),
+        Cause(
+            "late_loop",
+            "The command uses a measurement that is some ticks old. Delay times the "
+            "stiffness that the force gain adds to the plate is more than the brake can take.",
+            "shorten_delay",
+        ),
+        Cause(
+            "windup",
+            "The integral grows while the drive is at its limit and the arm is in the "
+            "air; what it stored throws the arm off the plate, and it grows again.",
+            "bound_integral",
+        ),
+        Cause(
+            "uneven_ticks",
+            "The loop is late now and then: an old command is held, and then "
+            "several follow at once.",
+            "even_ticks",
+        ),
+        Cause(
+            "soft_sensor",
+            "The sensor sits on a soft mount: its reading is behind the force.",
+            "stiff_mount",
+        ),
     ),
     probes=(
-        Probe("hold_command", "a constant command instead of the loop: swing, by that before", "",
-              2, calmer(lambda one: replace(one, gain=0.0, integral=0.0)), 0.1),
-        Probe("quarter_gain", "a quarter of the force gain: swing, by that before", "", 2,
-              calmer(REPAIRS["soften"]), 0.15),
-        Probe("soft_plate", "a plate with a tenth of the stiffness: swing, by that before", "", 3,
-              calmer(REPAIRS["pad"]), 0.15),
-        Probe("gentle_start", "from a hundredth of the height: swing, by that before", "", 3,
-              calmer(lambda one: replace(one, start=one.start / 100)), 0.15),
-        Probe("integral_off", "no integral: swing, by that before", "", 3,
-              calmer(lambda one: replace(one, integral=0.0)), 0.3),
-        Probe("double_drive", "a drive with twice the limit: swing, by that before", "", 4,
-              calmer(lambda one: replace(one, limit=2 * one.limit)), 0.15),
-        Probe("log_ticks", "longest tick of the loop, by the shortest", "", 5,
-              read(tick_spread), 5.0),
-        Probe("log_switch_on", "ticks from switching on to the first command", "ticks", 5,
-              read(first_command), 0.25),
-        Probe("log_sensor", "ticks by which the reading is behind a gauge under the plate",
-              "ticks", 6, read(sensor_lag), 1.0),
-        Probe("fixed_rate", "the loop on a clock that is never late: swing, by that before", "",
-              8, calmer(even), 0.15),
+        Probe(
+            "hold_command",
+            "a constant command instead of the loop: swing, by that before",
+            "",
+            2,
+            calmer(lambda one: replace(one, gain=0.0, integral=0.0)),
+            0.1,
+        ),
+        Probe(
+            "quarter_gain",
+            "a quarter of the force gain: swing, by that before",
+            "",
+            2,
+            calmer(REPAIRS["soften"]),
+            0.15,
+        ),
+        Probe(
+            "soft_plate",
+            "a plate with a tenth of the stiffness: swing, by that before",
+            "",
+            3,
+            calmer(REPAIRS["pad"]),
+            0.15,
+        ),
+        Probe(
+            "gentle_start",
+            "from a hundredth of the height: swing, by that before",
+            "",
+            3,
+            calmer(lambda one: replace(one, start=one.start / 100)),
+            0.15,
+        ),
+        Probe(
+            "integral_off",
+            "no integral: swing, by that before",
+            "",
+            3,
+            calmer(lambda one: replace(one, integral=0.0)),
+            0.3,
+        ),
+        Probe(
+            "double_drive",
+            "a drive with twice the limit: swing, by that before",
+            "",
+            4,
+            calmer(lambda one: replace(one, limit=2 * one.limit)),
+            0.15,
+        ),
+        Probe(
+            "log_ticks", "longest tick of the loop, by the shortest", "", 5, read(tick_spread), 5.0
+        ),
+        Probe(
+            "log_switch_on",
+            "ticks from switching on to the first command",
+            "ticks",
+            5,
+            read(first_command),
+            0.25,
+        ),
+        Probe(
+            "log_sensor",
+            "ticks by which the reading is behind a gauge under the plate",
+            "ticks",
+            6,
+            read(sensor_lag),
+            1.0,
+        ),
+        Probe(
+            "fixed_rate",
+            "the loop on a clock that is never late: swing, by that before",
+            "",
+            8,
+            calmer(even),
+            0.15,
+        ),
     ),
     repairs=(
         Repair("shorten_delay", "The loop runs beside the drive: one tick of delay."),
@@ -217,4 +285,4 @@ SCENARIO = Scenario(
     price_words="error under a sudden load or sag, whichever is more, against the design",
     affordable=1.5,
     path=4,
-)  # fmt: skip
+)

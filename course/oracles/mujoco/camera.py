@@ -58,9 +58,19 @@ class Rays:
     def cast(self) -> None:
         """All rays, in one call."""
         self._mujoco.mj_multiRay(
-            self.model, self.data, np.zeros(3), self._rays, None, True, -1, self._ids,
-            self._depth, None, self._ids.size, 1e10,
-        )  # fmt: skip
+            self.model,
+            self.data,
+            np.zeros(3),
+            self._rays,
+            None,
+            True,
+            -1,
+            self._ids,
+            self._depth,
+            None,
+            self._ids.size,
+            1e10,
+        )
 
     def picture(self) -> tuple[Array, NDArray[np.int64]]:
         """Depth, 0 where nothing is, and the number of the shape, -1 where none is: (H, W)."""

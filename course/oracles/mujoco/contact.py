@@ -58,9 +58,14 @@ class Options:
     def softness(self, weight: Array | None = None) -> Softness:
         """The same for `course.contact.soft`."""
         return Softness(
-            self.solref, self.solimp, self.impratio, self.cone, self.margin,
-            self.refsafe, None if self.diagexact else weight,
-        )  # fmt: skip
+            self.solref,
+            self.solimp,
+            self.impratio,
+            self.cone,
+            self.margin,
+            self.refsafe,
+            None if self.diagexact else weight,
+        )
 
 
 def contact_xml(

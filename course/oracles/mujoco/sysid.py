@@ -60,10 +60,13 @@ def toolbox() -> Any:
 def _spec(arm: TwoLink, dt: float) -> Any:
     """Two hinges with motors and sensors; masses and damping are set at each compilation."""
     l1, l2 = arm.lengths
-    off = " ".join(f'{f}="disable"' for f in (*ALWAYS_OFF, *CONTACT_OFF)
-                   if f not in ("actuation", "sensor"))  # fmt: skip
-    sensors, motors = ("".join(f'<{kind} name="{kind}{i}" joint="joint{i}"/>' for i in (1, 2))
-                       for kind in ("jointpos", "motor"))  # fmt: skip
+    off = " ".join(
+        f'{f}="disable"' for f in (*ALWAYS_OFF, *CONTACT_OFF) if f not in ("actuation", "sensor")
+    )
+    sensors, motors = (
+        "".join(f'<{kind} name="{kind}{i}" joint="joint{i}"/>' for i in (1, 2))
+        for kind in ("jointpos", "motor")
+    )
     return library().MjSpec.from_string(
         f'<mujoco><option timestep="{dt:.17g}" integrator="RK4" gravity="0 0 0"><flag {off}/>'
         '</option><worldbody><body name="link1">'
@@ -100,8 +103,10 @@ def prepared(
     first = np.linalg.solve(into, [start[name] for name in BASE])
     spec = _spec(arm, log.dt)
     model = spec.compile()
-    joints, bodies = ([find(f"{name}{i}") for i in (1, 2)]
-                      for find, name in ((spec.joint, "joint"), (spec.body, "link")))  # fmt: skip
+    joints, bodies = (
+        [find(f"{name}{i}") for i in (1, 2)]
+        for find, name in ((spec.joint, "joint"), (spec.body, "link"))
+    )
 
     def build(params: Any, spec: Any) -> Any:
         i1, m2, i2, *damping = params.as_vector()
@@ -120,9 +125,11 @@ def prepared(
     at_rest = sysid.create_initial_state(model, np.zeros(2))
     sequence = sysid.ModelSequences("arm", spec, "log", at_rest, sent, seen)
     residual = sysid.build_residual_fn(
-        models_sequences=[sequence], build_model=build, n_threads=count("threads", threads, 1),
+        models_sequences=[sequence],
+        build_model=build,
+        n_threads=count("threads", threads, 1),
         modify_residual=against_state if observe == "state" else None,
-    )  # fmt: skip
+    )
 
     def run() -> Fitted:
         params = sysid.ParameterDict()

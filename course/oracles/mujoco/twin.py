@@ -64,9 +64,18 @@ class Hidden:
 
 
 PLAIN = Hidden(
-    payload=0.0, emf=0.0, lag=0.0, coulomb=0.0, static=0.0, bristle=0.0, armature=0.0, backlash=0.0,
-    delay=0.0, sensing=0.0, noise=0.0,
-)  # fmt: skip
+    payload=0.0,
+    emf=0.0,
+    lag=0.0,
+    coulomb=0.0,
+    static=0.0,
+    bristle=0.0,
+    armature=0.0,
+    backlash=0.0,
+    delay=0.0,
+    sensing=0.0,
+    noise=0.0,
+)
 
 
 def _history(seconds: float, step: float) -> str:
@@ -128,9 +137,13 @@ class Twin:
     """A batch of the same arm in MuJoCo, under a law that is sampled as the course's is."""
 
     def __init__(
-        self, hidden: Hidden | None = None, *, step: float = 1e-3,
-        integrator: str = "implicitfast", threads: int = 2,
-    ) -> None:  # fmt: skip
+        self,
+        hidden: Hidden | None = None,
+        *,
+        step: float = 1e-3,
+        integrator: str = "implicitfast",
+        threads: int = 2,
+    ) -> None:
         """The arm; step [s] has to divide the control loop's."""
         mujoco = library()
         self._hidden = Hidden() if hidden is None else hidden

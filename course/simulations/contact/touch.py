@@ -75,9 +75,15 @@ def step(controls, dt, model, body, force):
         u = np.array([nx * body[2] + ny * body[3], nx * body[3] - ny * body[2]])
         damper = 2.0 * controls["zeta"] * math.sqrt(controls["stiffness"] * MASS)
         penalty_force(
-            -gap, u, controls["stiffness"], damper, np.array([mu]), SLIP, controls["pull"] != 0,
+            -gap,
+            u,
+            controls["stiffness"],
+            damper,
+            np.array([mu]),
+            SLIP,
+            controls["pull"] != 0,
             force,
-        )  # fmt: skip
+        )
     else:
         # Rows scaled by the friction coefficient, so that the cone is |g_t| <= g_n.
         A = np.diag(np.array([1.0, mu * mu])) / MASS
@@ -131,9 +137,13 @@ _PENALTY, _SOLVED, _CONE, _HAND = word(
     "penalty", "constraint", "friction cone", "the hand: drag it"
 )
 _T, _GAP, _GAPS, _TANGENT, _NORMAL, _FORCES = word(
-    "time [s]", "gap [mm]", "gap: below zero is overlap", "tangential [N]", "normal [N]",
+    "time [s]",
+    "gap [mm]",
+    "gap: below zero is overlap",
+    "tangential [N]",
+    "normal [N]",
     "force on the body",
-)  # fmt: skip
+)
 _DEPTH, _NORMALS, _TANGENTS, _MODE, _STEP, _MM, _NEWTON, _COMMA = word(
     "depth", "normal force", "tangential force", "contact", "ω h (penalty)", " mm", " N", ", "
 )
@@ -185,9 +195,14 @@ def _scene(pen, state, controls):
         if state["gone"][k] == 0.0 and size > 0.0:
             scale = min(0.02, 0.8 / size)  # m per N; long arrows are drawn at most 0.8 m long
             draw.arrow(
-                pen, x, y, x + scale * (nx * fn - ny * ft), y + scale * (ny * fn + nx * ft),
-                _INKS[k], 3.0,
-            )  # fmt: skip
+                pen,
+                x,
+                y,
+                x + scale * (nx * fn - ny * ft),
+                y + scale * (ny * fn + nx * ft),
+                _INKS[k],
+                3.0,
+            )
     draw.spot(pen, hand[0], hand[1], 0.05, draw.GREEN, draw.INK)
     draw.window(pen)
     draw.key(pen, 0.35, 4.72, _PENALTY, draw.BLUE, 4.0)
@@ -291,6 +306,15 @@ PRESETS = {
 }  # fmt: skip
 
 MODEL = Model(
-    TITLE, draw.Paper(TITLE, word, colour), CONTROLS, STATE, PRESETS, initial, advance, frame, drag,
-    press=press, live_drag=True,
-)  # fmt: skip
+    TITLE,
+    draw.Paper(TITLE, word, colour),
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    press=press,
+    live_drag=True,
+)

@@ -66,10 +66,23 @@ _judged = loop(judged, VECTOR(*6 * (numba.float64,), VECTOR))
 def numbers_of(controls):
     """The gains as the chapter's loop takes them: `course.control.Gains.numbers`."""
     limit, top = controls["limit"], math.inf
-    return np.array([
-        controls["kp"], controls["ki"], controls["kd"], 1e-3 * controls["dt"], -limit, limit,
-        0.0, top, 1.0, 1.0 * controls["on_error"], 0.0, 2.0 - 2.0 * controls["conditional"], 0.1,
-    ])  # fmt: skip
+    return np.array(
+        [
+            controls["kp"],
+            controls["ki"],
+            controls["kd"],
+            1e-3 * controls["dt"],
+            -limit,
+            limit,
+            0.0,
+            top,
+            1.0,
+            1.0 * controls["on_error"],
+            0.0,
+            2.0 - 2.0 * controls["conditional"],
+            0.1,
+        ]
+    )
 
 
 def initial(controls, state):

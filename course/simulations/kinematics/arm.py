@@ -102,8 +102,15 @@ def follow(controls, state):
     e, size = aim(controls, tip)
     change = np.zeros(2)
     kind = DAMPED if method == MARQUARDT else method
-    step(rows[:2].copy(), e, kind, damping_of(controls, state), np.empty((2, 2)),
-         np.empty((2, 2)), change)  # fmt: skip
+    step(
+        rows[:2].copy(),
+        e,
+        kind,
+        damping_of(controls, state),
+        np.empty((2, 2)),
+        np.empty((2, 2)),
+        change,
+    )
     state["asked"] = math.hypot(change[0], change[1]) / max(min(size, _AIM), 1e-300)
     if size > 1e-9:
         state["largest"] = max(state["largest"], state["asked"])
@@ -150,16 +157,31 @@ TITLE = "Two links follow a target"
 word, colour = draw.words_table(), draw.colours_table()
 _SHELL, _HOLE, _LINK = colour("#eef3f7", "#ffffff", "#3b6ea5")
 _ERROR, _STEPS, _COND, _YOSHIKAWA, _SMALLEST, _ASKED, _MOST, _BOUND = word(
-    "error", "steps", "condition number", "manipulability", "smallest value", "gain of the step",
-    "largest gain so far", "its bound 1/(2λ)",
-)  # fmt: skip
+    "error",
+    "steps",
+    "condition number",
+    "manipulability",
+    "smallest value",
+    "gain of the step",
+    "largest gain so far",
+    "its bound 1/(2λ)",
+)
 _METRES, _RADIANS, _PER, _SQUARE, _ENDLESS, _NO_BOUND = word(
-    " m", " m/rad", " rad/m", " m²/rad²", "∞", "none",
-)  # fmt: skip
+    " m",
+    " m/rad",
+    " rad/m",
+    " m²/rad²",
+    "∞",
+    "none",
+)
 _S, _GAIN, _GAINS, _TIME, _LOG, _HISTORY = word(
-    "singular value s [m/rad]", "rad/m", "gain of a step at s; dots: this posture",
-    "time [s]", "log₁₀ error [m]", "how far the tip is from its target",
-)  # fmt: skip
+    "singular value s [m/rad]",
+    "rad/m",
+    "gain of a step at s; dots: this posture",
+    "time [s]",
+    "log₁₀ error [m]",
+    "how far the tip is from its target",
+)
 _SCENE, _CURVE, _PASSED = (0.1, 4.8, 0.15, 4.85), (5.75, 8.8, 2.95, 4.4), (5.75, 8.8, 0.6, 1.95)
 _HALF = 2.2  # of the scene [m]
 _VIEW = (-_HALF, _HALF, -_HALF, _HALF)
@@ -205,12 +227,25 @@ def _scene(pen, state, controls, tip, elbow, U, s):
     # Red grows with 1 / s: at s = 0.05 m/rad it is full.
     glow = min(0.05 / max(s[1], 1e-12), 1.0)
     for k in range(5):
-        draw.spot(pen, tip[0], tip[1], (0.12 + 0.5 * glow) * (k + 1) / 5.0, draw.RED, draw.NONE,
-                  1.0, 0.22 * glow)  # fmt: skip
+        draw.spot(
+            pen,
+            tip[0],
+            tip[1],
+            (0.12 + 0.5 * glow) * (k + 1) / 5.0,
+            draw.RED,
+            draw.NONE,
+            1.0,
+            0.22 * glow,
+        )
     angle = np.linspace(0.0, 2.0 * math.pi, 49)
     along, across = 0.35 * s[0] * np.cos(angle), 0.35 * s[1] * np.sin(angle)
-    draw.curve(pen, tip[0] + U[0, 0] * along + U[0, 1] * across,
-               tip[1] + U[1, 0] * along + U[1, 1] * across, draw.GREEN, 2.0)  # fmt: skip
+    draw.curve(
+        pen,
+        tip[0] + U[0, 0] * along + U[0, 1] * across,
+        tip[1] + U[1, 0] * along + U[1, 1] * across,
+        draw.GREEN,
+        2.0,
+    )
     _links(pen, q[0], q[1], _LINK, 9.0, 1.0, 0.0, 0.0)
     draw.disc(pen, 0.07, draw.INK)
     draw.point(pen, 0.0, 0.0)
@@ -227,8 +262,9 @@ def _charts(pen, state, controls, J, e, s):
     draw.area(pen, _CURVE, (0.0, _SPAN, 0.0, _TOP))
     draw.axes(pen, _S, _GAIN, _GAINS, 4, 4)
     values = np.linspace(0.0, _SPAN, 161)
-    draw.curve(pen, values, np.minimum(gains(J, e, method, damping, values), 9.0 * _TOP),
-               draw.BLUE, 2.0)  # fmt: skip
+    draw.curve(
+        pen, values, np.minimum(gains(J, e, method, damping, values), 9.0 * _TOP), draw.BLUE, 2.0
+    )
     if method == DAMPED:
         draw.segment(pen, 0.0, 0.5 / damping, _SPAN, 0.5 / damping, draw.INK, 1.2, 0.8, 5.0, 4.0)
     own = gains(J, e, method, damping, s)
@@ -297,6 +333,15 @@ PRESETS = {
 
 PAPER = draw.Paper(TITLE, word, colour)
 MODEL = Model(
-    TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag, press=press,
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    press=press,
     live_drag=True,
-)  # fmt: skip
+)

@@ -121,13 +121,23 @@ TITLE = "An arm in its null space"
 word, colour = draw.words_table(), draw.colours_table()
 _LINK, _FLOOR = colour("#3b6ea5", "#f2f4f6")
 _TIP, _TURNED, _STEPS, _ROAD, _CURVE, _WAY = word(
-    "the tip is off by", "and turned by", "steps", "the elbow has moved",
-    "off by one step / h²", "along the null space",
-)  # fmt: skip
+    "the tip is off by",
+    "and turned by",
+    "steps",
+    "the elbow has moved",
+    "off by one step / h²",
+    "along the null space",
+)
 _MM, _DEGREES, _M, _PER, _RAD, _TIME, _LOG, _HISTORY = word(
-    " mm", "°", " m", " m/rad²", " rad", "time [s]", "log₁₀ [mm]",
+    " mm",
+    "°",
+    " m",
+    " m/rad²",
+    " rad",
+    "time [s]",
+    "log₁₀ [mm]",
     "how far the tip is from its place",
-)  # fmt: skip
+)
 _SCENE, _PAST_PLACE = (0.1, 5.2, 0.1, 4.9), (6.1, 8.8, 2.2, 4.3)
 _CENTRE = np.array([0.2, 0.0, 0.45])  # of the view [m]
 _SQUARE = np.array([[-0.5, 0.8, 0.8, -0.5], [-0.6, -0.6, 0.6, 0.6], [0.0] * 4])

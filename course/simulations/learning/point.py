@@ -40,16 +40,27 @@ CONTROLS = Record(
     rate=slider("Step size, 1e-3", 5.0, 0.5, 20.0, 0.5, "", 1),
     epochs=slider("Epochs", 10, 1, 15, 1),
     seed=slider("Seed", 0, 0, 9, 1),
-    reward=menu("Reward", ("for the disc alone", "minus the distance", "potential of distance",
-                           "a bonus for being near"), POTENTIAL),
+    reward=menu(
+        "Reward",
+        (
+            "for the disc alone",
+            "minus the distance",
+            "potential of distance",
+            "a bonus for being near",
+        ),
+        POTENTIAL,
+    ),
     left_out=menu("Broken", ("nothing", "lambda 0", "discount 0.9", "no reward scaling")),
     first=switch("Count the first to finish too", False),
-)  # fmt: skip
+)
 STATE = Record(
-    told=Field(0.0, shape=(ITERATIONS, 8)), best=Field(0.0), time=Field(0.0, unit="s"),
+    told=Field(0.0, shape=(ITERATIONS, 8)),
+    best=Field(0.0),
+    time=Field(0.0, unit="s"),
     paths=Field(0.0, shape=(ITERATIONS, SHOWN, 2, MAX_STEPS + 1), unit="m"),
-    steps=Field(0, shape=(ITERATIONS, SHOWN)), there=Field(0, shape=(ITERATIONS, SHOWN)),
-)  # fmt: skip
+    steps=Field(0, shape=(ITERATIONS, SHOWN)),
+    there=Field(0, shape=(ITERATIONS, SHOWN)),
+)
 
 
 def judged(policy, envs):
@@ -72,8 +83,14 @@ def judged(policy, envs):
 @lru_cache(maxsize=128)
 def learned(rate, epochs, seed, reward, left_out, first):
     """All iterations: what is told, the best return, ways, steps and successes of those shown."""
-    settings = Settings(horizon=HORIZON, minibatches=PARTS, hidden=(16, 16), rate=1e-3 * rate,
-                        epochs=epochs, **LEFT_OUT[left_out])  # fmt: skip
+    settings = Settings(
+        horizon=HORIZON,
+        minibatches=PARTS,
+        hidden=(16, 16),
+        rate=1e-3 * rate,
+        epochs=epochs,
+        **LEFT_OUT[left_out],
+    )
     kind = REWARDS[reward]
     envs = PointReachVector(POINTS, kind, autoreset_mode="SameStep")
     test = PointReachVector(STARTS, kind)
@@ -90,11 +107,19 @@ def learned(rate, epochs, seed, reward, left_out, first):
             ):
                 played, ways = judged(now.policy, test)
                 good = int(played.success.sum())
-                read = (first_finished(now.policy, test, STARTS, FIRST).success.mean()
-                        if first else 0.0)  # fmt: skip
+                read = (
+                    first_finished(now.policy, test, STARTS, FIRST).success.mean() if first else 0.0
+                )
                 worth = np.where(played.success, DISCOUNT ** (played.steps - 1.0), 0.0).mean()
-                told[k] = (good / STARTS, *wilson(good, STARTS), read, played.returns.mean(),
-                           worth / prize, now.kl, now.spread)  # fmt: skip
+                told[k] = (
+                    good / STARTS,
+                    *wilson(good, STARTS),
+                    read,
+                    played.returns.mean(),
+                    worth / prize,
+                    now.kl,
+                    now.spread,
+                )
                 paths[k] = ways[:, :SHOWN].transpose(1, 0, 2)
                 steps[k], there[k] = played.steps[:SHOWN], played.success[:SHOWN]
         except Diverged:  # the last good one stays
@@ -107,10 +132,23 @@ def learned(rate, epochs, seed, reward, left_out, first):
 def initial(controls, state):
     """Learn."""
     c = controls
-    values = np.array([c["rate"], 1.0 * c["epochs"], 1.0 * c["seed"], 1.0 * c["reward"],
-                       1.0 * c["left_out"], 1.0 * c["first"]])  # fmt: skip
-    with objmode(told="float64[:,:]", best="float64", paths="float64[:,:,:,:]",
-                 steps="int64[:,:]", there="int64[:,:]"):  # fmt: skip
+    values = np.array(
+        [
+            c["rate"],
+            1.0 * c["epochs"],
+            1.0 * c["seed"],
+            1.0 * c["reward"],
+            1.0 * c["left_out"],
+            1.0 * c["first"],
+        ]
+    )
+    with objmode(
+        told="float64[:,:]",
+        best="float64",
+        paths="float64[:,:,:,:]",
+        steps="int64[:,:]",
+        there="int64[:,:]",
+    ):
         told, best, paths, steps, there = learned(float(values[0]), *map(int, values[1:]))
     state["told"][:], state["best"], state["paths"][:] = told, best, paths
     state["steps"][:], state["there"][:] = steps, there
@@ -125,13 +163,24 @@ TITLE = "A point learns to reach a disc"
 word, colour = draw.words_table(), draw.colours_table()
 _SAND = colour("#f7f5ef")[0]
 _WAYS, _ITERATION, _PERCENT_OF, _RETURN, _OPTIMUM, _TRUE, _FIRST = word(
-    "common starts, seen from the goal", "iteration", "successes [%]", "return",
-    "exact optimum", "one episode each", "first to finish",
-)  # fmt: skip
+    "common starts, seen from the goal",
+    "iteration",
+    "successes [%]",
+    "return",
+    "exact optimum",
+    "one episode each",
+    "first to finish",
+)
 _STEPS, _GOOD, _READ, _WORTH, _BEST, _OF, _KL, _STD = word(
-    "steps so far", "success", "first to finish", "return", "optimum", "of the prize",
-    "divergence", "action spread",
-)  # fmt: skip
+    "steps so far",
+    "success",
+    "first to finish",
+    "return",
+    "optimum",
+    "of the prize",
+    "divergence",
+    "action spread",
+)
 _BAND, _TO, _CLOSE, _PERCENT, _NOT, _NONE, _NUMBER = word(
     " % (", "-", ")", " %", "not counted", "not known", "iteration "
 )
@@ -162,8 +211,9 @@ def frame(pen, state, controls):
     at, rows = np.arange(1.0, now + 2.0), told[: now + 1]
     draw.chart(pen, _UPPER, (0.0, 1.0 * ITERATIONS, 0.0, 100.0), 0, _PERCENT_OF, 0, 6, 5)
     for k in range(now + 1):
-        draw.segment(pen, k + 1.0, 100.0 * told[k, LOW], k + 1.0, 100.0 * told[k, HIGH],
-                     draw.BLUE, 4.0, 0.3)  # fmt: skip
+        draw.segment(
+            pen, k + 1.0, 100.0 * told[k, LOW], k + 1.0, 100.0 * told[k, HIGH], draw.BLUE, 4.0, 0.3
+        )
     draw.curve(pen, at, 100.0 * rows[:, SUCCESS], draw.BLUE, 2.2)
     if controls["first"]:
         draw.curve(pen, at, 100.0 * rows[:, READ], draw.ORANGE, 2.0, 1.0, 5.0, 3.0)
@@ -171,8 +221,9 @@ def frame(pen, state, controls):
     high = max(max(state["best"], np.max(told[:, RETURN])), 0.0) - 0.1 * low
     draw.chart(pen, _LOWER, (0.0, 1.0 * ITERATIONS, low, 1.15 * high), _ITERATION, _RETURN, 0, 6, 4)
     if controls["reward"] != DISTANCE:
-        draw.segment(pen, 0.0, state["best"], 1.0 * ITERATIONS, state["best"], draw.GREEN, 2.0,
-                     1.0, 5.0, 3.0)  # fmt: skip
+        draw.segment(
+            pen, 0.0, state["best"], 1.0 * ITERATIONS, state["best"], draw.GREEN, 2.0, 1.0, 5.0, 3.0
+        )
     draw.curve(pen, at, rows[:, RETURN], draw.BLUE, 2.2)
     draw.window(pen)
     draw.key(pen, 5.35, 4.82, _TRUE, draw.BLUE, 2.2)
@@ -262,6 +313,14 @@ PRESETS = {
 }
 
 MODEL = Model(
-    TITLE, draw.Paper(TITLE, word, colour, room=30_000), CONTROLS, STATE, PRESETS, initial,
-    advance, frame, drag, live_drag=True,
-)  # fmt: skip
+    TITLE,
+    draw.Paper(TITLE, word, colour, room=30_000),
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    live_drag=True,
+)

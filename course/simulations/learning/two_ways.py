@@ -28,10 +28,12 @@ CONTROLS = Record(
     sampled=slider("Steps of the sampler", 10, 1, 20, 1),
 )
 STATE = Record(
-    shown=Field(0.0, shape=(RUNS, TASK.steps + 1, 2), unit="m"), side=Field(0, shape=(RUNS,)),
-    ways=Field(0.0, shape=(RUNS, TASK.steps + 1, 2), unit="m"), time=Field(0.0, unit="s"),
+    shown=Field(0.0, shape=(RUNS, TASK.steps + 1, 2), unit="m"),
+    side=Field(0, shape=(RUNS,)),
+    ways=Field(0.0, shape=(RUNS, TASK.steps + 1, 2), unit="m"),
+    time=Field(0.0, unit="s"),
     band=Field((0.0, 0.0)),
-)  # fmt: skip
+)
 
 
 @lru_cache(maxsize=8)
@@ -64,8 +66,7 @@ def initial(controls, state):
     """Run the policy from all starts."""
     c = controls
     values = np.array([1.0 * c["head"], 1.0 * c["executed"], c["noise"], 1.0 * c["sampled"]])
-    with objmode(ways="float64[:,:,:]", side="int64[:]", band="float64[:]",
-                 shown="float64[:,:,:]"):  # fmt: skip
+    with objmode(ways="float64[:,:,:]", side="int64[:]", band="float64[:]", shown="float64[:,:,:]"):
         head, executed, noise, sampled = values.tolist()
         ways, side, band = driven(int(head), int(executed), round(noise, 9), int(sampled))
         shown = demonstrated()
@@ -82,9 +83,17 @@ TITLE = "Two ways round a disc"
 word, colour = draw.words_table(), draw.colours_table()
 _SAND = colour("#f7f5ef")[0]
 _DONE, _SHOWN, _GOOD, _LEFT, _RIGHT, _HIT, _EXECUTED, _BAND, _TO, _CLOSE = word(
-    "a hundred runs of the policy", "demonstrations", "success", "pass left", "pass right",
-    "hit or elsewhere", "plans in a run", " % (", "-", ")",
-)  # fmt: skip
+    "a hundred runs of the policy",
+    "demonstrations",
+    "success",
+    "pass left",
+    "pass right",
+    "hit or elsewhere",
+    "plans in a run",
+    " % (",
+    "-",
+    ")",
+)
 _SCENE, _VIEW = (0.1, 8.9, 0.5, 4.6), (-0.3, 1.5, -0.42, 0.42)
 
 
@@ -132,6 +141,12 @@ PRESETS = {
 }  # fmt: skip
 
 MODEL = Model(
-    TITLE, draw.Paper(TITLE, word, colour, room=30_000), CONTROLS, STATE, PRESETS, initial,
-    advance, frame,
-)  # fmt: skip
+    TITLE,
+    draw.Paper(TITLE, word, colour, room=30_000),
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+)

@@ -32,11 +32,12 @@ CONTROLS = Record(
     bias=slider("Goal bias", 0.05, 0.0, 0.95, 0.05),
     rate=slider("Samples a second", 40, 5, 400, 5, live=True),
     seed=slider("Seed", 1, 0, 99, 1),
-    piece=menu("Keys move", ("start", "goal", *(f"obstacle {k + 1}" for k in range(PIECES))),
-               live=True),
+    piece=menu(
+        "Keys move", ("start", "goal", *(f"obstacle {k + 1}" for k in range(PIECES))), live=True
+    ),
     ends=Field((1.0, 2.0, 16.0, 7.0), low=0.0, high=LONG, unit="m"),  # start, goal
     pieces=Field(0.0, shape=(PIECES, 4), low=0.0, high=LONG, unit="m"),  # centre, half sides
-)  # fmt: skip
+)
 STATE = Record(
     rows=Field(0.0, shape=(4 * PIECES, 5)),  # the obstacles as a world has them
     many=Field(0),
@@ -137,9 +138,21 @@ def _route(state, rows, body):
     begins, leaves, came = np.full(many, np.inf), np.full(many, np.inf), np.empty(many, np.int64)
     begins[0], leaves[1] = 0.0, 0.0
     last = roadmaps._search(
-        edge_free, rows, rows[:0], body, nodes, pairs, state["known"], first, order % edges,
-        begins, leaves, nodes[1], came, state["counts"],
-    )  # fmt: skip
+        edge_free,
+        rows,
+        rows[:0],
+        body,
+        nodes,
+        pairs,
+        state["known"],
+        first,
+        order % edges,
+        begins,
+        leaves,
+        nodes[1],
+        came,
+        state["counts"],
+    )
     for i in range(many):
         state["parents"][0, i] = -1 if came[i] < 0 else pairs[came[i], 0] + pairs[came[i], 1] - i
     return last
@@ -162,9 +175,21 @@ def grow(controls, state, samples):
     if samples > 0 and method == PRM:
         numbers[roadmaps.NEAREST], numbers[roadmaps.STOP], numbers[roadmaps.MIX] = JOINED, 1.0, 1.0
         if roadmaps._grow(
-            state_free, edge_free, rows, body, bounds, numbers, np.zeros(2), state["nodes"][0],
-            state["stacks"][0], state["pairs"], state["known"], counts, rng, samples,
-        ):  # fmt: skip
+            state_free,
+            edge_free,
+            rows,
+            body,
+            bounds,
+            numbers,
+            np.zeros(2),
+            state["nodes"][0],
+            state["stacks"][0],
+            state["pairs"],
+            state["known"],
+            counts,
+            rng,
+            samples,
+        ):
             last = _route(state, rows, body)
     elif samples > 0:
         numbers[trees.STEP], numbers[trees.MIX] = controls["step"], 1.0
@@ -172,9 +197,23 @@ def grow(controls, state, samples):
         # The radius of RRT*: 1.1 times the least for which it converges, in the plane.
         numbers[trees.STAR] = 1.1 * math.sqrt(3.0 / math.pi * LONG * HIGH) * (method == STAR)
         goal = np.stack((controls["ends"][2:], controls["ends"][2:]))
-        rest = (rows, body, bounds, goal, numbers, np.zeros((4, 2)), state["nodes"],
-                state["parents"], state["links"], state["costs"], state["stacks"], state["gaps"],
-                counts, rng, samples)  # fmt: skip
+        rest = (
+            rows,
+            body,
+            bounds,
+            goal,
+            numbers,
+            np.zeros((4, 2)),
+            state["nodes"],
+            state["parents"],
+            state["links"],
+            state["costs"],
+            state["stacks"],
+            state["gaps"],
+            counts,
+            rng,
+            samples,
+        )
         if method == CONNECT:
             code = trees._connect(state_free, edge_free, *rest)
         else:
@@ -221,9 +260,16 @@ _BUTTONS = word("Step", "Plan", "Shortcut", "Reset")[0]
 _STATUS = word("start or goal in collision", "searching", "solved", "samples spent")[0]
 _ENDS = word("start", "goal")[0]
 _METRES, _WHAT, _SAMPLES, _EDGES, _NODES, _PATH, _FIRST, _WRONG, _NONE = word(
-    " m", "question", "samples", "edges tested", "nodes", "path", "before shortcuts",
-    "edges of it that hit", "none",
-)  # fmt: skip
+    " m",
+    "question",
+    "samples",
+    "edges tested",
+    "nodes",
+    "path",
+    "before shortcuts",
+    "edges of it that hit",
+    "none",
+)
 _SCENE, _VIEW = (0.1, 8.9, 0.45, 4.95), (0.0, LONG, 0.0, HIGH)
 _CORNER = (0.1, 0.06)  # of the buttons
 
@@ -390,6 +436,16 @@ PRESETS = {
 }  # fmt: skip
 
 MODEL = Model(
-    TITLE, draw.Paper(TITLE, word, colour, room=60_000), CONTROLS, STATE, PRESETS, initial, advance,
-    frame, drag, grab, press, live_drag=True,
-)  # fmt: skip
+    TITLE,
+    draw.Paper(TITLE, word, colour, room=60_000),
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    grab,
+    press,
+    live_drag=True,
+)

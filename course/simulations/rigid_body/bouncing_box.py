@@ -96,9 +96,20 @@ def _run(box, controls, how, steps):
     parameters[6, 0] = rest_speed
     counts = np.zeros((2, 1), np.int64)
     step_boxes_loop(
-        box, counts, box, parameters, np.zeros((3, 1)), 0.0, -controls["gravity"], dt, steps,
-        coefficient, resolve, True, _MOST,
-    )  # fmt: skip
+        box,
+        counts,
+        box,
+        parameters,
+        np.zeros((3, 1)),
+        0.0,
+        -controls["gravity"],
+        dt,
+        steps,
+        coefficient,
+        resolve,
+        True,
+        _MOST,
+    )
     return counts[0, 0], counts[1, 0]
 
 

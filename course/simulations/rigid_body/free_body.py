@@ -44,9 +44,12 @@ word, colour = draw.Table(*turning.word.entries), draw.Table(*turning.colour.ent
 (_VIOLET,) = colour("#b5487f")  # no body rate has it
 _L, _OMEGA, _THIRD = word("L", "ω", "3")
 _KEYS = word(
-    "L: fixed in space", "ω: wanders", "space cone: where ω was, in space",
-    "body cone: where ω was, in the body", "plane in which the tip of ω stays",
-)[0]  # fmt: skip
+    "L: fixed in space",
+    "ω: wanders",
+    "space cone: where ω was, in space",
+    "body cone: where ω was, in the body",
+    "plane in which the tip of ω stays",
+)[0]
 _TIME, _ENERGY, _SIZE = word("time", "energy", "size of L")
 _ANGLE, _MOVED = word("angle of ω and L", "ω has moved by")
 _S, _J, _NMS, _DEG = word(" s", " J", " N m s", "°")
@@ -75,8 +78,16 @@ def frame(pen, state, controls):
     space.sheet(pen, eye, plane, draw.GREY, draw.GREY, 1.0, 0.16)
     turning.body(pen, eye, q, sides)
     third = rotate(q, np.array([0.0, 0.0, 1.0]))
-    space.arrow(pen, eye, 0.5 * sides[2] * third, (0.5 * sides[2] + 0.3) * third, draw.GREY, 1.5,
-                8.0, _THIRD)  # fmt: skip
+    space.arrow(
+        pen,
+        eye,
+        0.5 * sides[2] * third,
+        (0.5 * sides[2] + 0.3) * third,
+        draw.GREY,
+        1.5,
+        8.0,
+        _THIRD,
+    )
     _fan(pen, eye, unit * past[4:7], draw.GREEN)
     _fan(pen, eye, unit * rotate(q, past[1:4]), _VIOLET)
     space.arrow(pen, eye, 0.0 * spin, 1.25 * momentum / length, draw.INK, 3.5, 13.0, _L)

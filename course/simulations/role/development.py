@@ -33,8 +33,13 @@ def days(controls):
     steps = controls["seconds"] * controls["rate"]
     computed = steps * controls["step"] * 1e-6 / controls["cores"]
     tries = 10.0 ** controls["tries"]
-    return (tries * real / 86_400.0, tries * computed / 86_400.0, 86_400.0 / real,
-            86_400.0 / computed, tries * controls["breaks"] / 1000.0)  # fmt: skip
+    return (
+        tries * real / 86_400.0,
+        tries * computed / 86_400.0,
+        86_400.0 / real,
+        86_400.0 / computed,
+        tries * controls["breaks"] / 1000.0,
+    )
 
 
 def initial(controls, state):
@@ -86,8 +91,18 @@ def frame(pen, state, controls):
         ink = draw.BLUE if k else draw.ORANGE
         draw.curve(pen, ends, value + ends - controls["tries"], ink, 2.4)
         draw.spot(pen, controls["tries"], value, 0.05 + 0.01 * math.sin(3.0 * state["time"]), ink)
-        draw.text(pen, 6.9, value + 6.9 - controls["tries"], _COMPUTED if k else _ROBOT, ink, 13.0,
-                  draw.RIGHT, draw.TOP, 0.0, -34.0)  # fmt: skip
+        draw.text(
+            pen,
+            6.9,
+            value + 6.9 - controls["tries"],
+            _COMPUTED if k else _ROBOT,
+            ink,
+            13.0,
+            draw.RIGHT,
+            draw.TOP,
+            0.0,
+            -34.0,
+        )
     draw.segment(pen, 1.0, math.log10(7.0), 7.0, math.log10(7.0), draw.GREY, 1.2, 1.0, 5.0, 4.0)
     draw.text(pen, 6.9, math.log10(7.0), _WEEK, draw.GREY, 12.0, draw.RIGHT, draw.BOTTOM)
     draw.spot(pen, state["mark"][0], state["mark"][1], 0.04, draw.NONE, draw.GREY, 1.0)
@@ -101,12 +116,15 @@ def frame(pen, state, controls):
 
 PRESETS = {
     "Ten thousand grasps": Preset(
-        {}, "One robot, resets by hand, and one body of MuJoCo a step on two cores. Slide the cost "
-        "of a step to where your scene is: contacts and cameras cost a hundred times as much."),
+        {},
+        "One robot, resets by hand, and one body of MuJoCo a step on two cores. Slide the cost "
+        "of a step to where your scene is: contacts and cameras cost a hundred times as much.",
+    ),
     "A million, with cameras": Preset(
-        {"tries": 6.0, "step": 1000.0, "cores": 16}, "Rendering in every step: the computer "
-        "needs days, the robot decades."),
-}  # fmt: skip
+        {"tries": 6.0, "step": 1000.0, "cores": 16},
+        "Rendering in every step: the computer needs days, the robot decades.",
+    ),
+}
 
 PAPER = draw.Paper(TITLE, word, colour)
 MODEL = Model(TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag, live_drag=True)

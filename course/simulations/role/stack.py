@@ -138,8 +138,9 @@ _AT = np.array([(2.9, 0.55), (0.85, 1.55), (0.85, 4.1), (2.9, 4.1), (4.95, 4.1),
 _W, _H = 0.66, 0.27  # half a box
 _FROM = np.array([role.BOXES.index(edge.source) for edge in role.STACK])
 _TO = np.array([role.BOXES.index(edge.target) for edge in role.STACK])
-_RATES, _SIZES = (np.array([float(getattr(edge, name)) for edge in role.STACK])
-                  for name in ("rate", "size"))  # fmt: skip
+_RATES, _SIZES = (
+    np.array([float(getattr(edge, name)) for edge in role.STACK]) for name in ("rate", "size")
+)
 _HISTOGRAM = (6.35, 8.8, 3.1, 4.55)
 
 
@@ -195,8 +196,16 @@ def _graph(pen, controls, given, interval):
         draw.arrow(pen, x0, y0, x1, y1, ink, width, 8.0 + width, 1.0 if ink == draw.BLUE else 0.45)
     for k in range(len(_AT)):
         x, y = _AT[k]
-        draw.box(pen, x - _W, x + _W, y - _H, y + _H, _CHOSEN if k == chosen else _QUIET,
-                 draw.INK if k == chosen else draw.GREY, 2.2 if k == chosen else 1.2)  # fmt: skip
+        draw.box(
+            pen,
+            x - _W,
+            x + _W,
+            y - _H,
+            y + _H,
+            _CHOSEN if k == chosen else _QUIET,
+            draw.INK if k == chosen else draw.GREY,
+            2.2 if k == chosen else 1.2,
+        )
         draw.text(pen, x, y, _NAMES + k, draw.INK, 13.0, draw.CENTRE)
 
 
@@ -228,8 +237,20 @@ def _flows(pen, controls, given, interval):
     """What flows into the chosen box, and what flows out of it."""
     y = 2.3
     for way in range(2):
-        draw.text(pen, 6.0, y, _OUT if way else _IN, draw.INK, 13.0, draw.LEFT, draw.MIDDLE, 0.0,
-                  0.0, 0.0, 1.0)  # fmt: skip
+        draw.text(
+            pen,
+            6.0,
+            y,
+            _OUT if way else _IN,
+            draw.INK,
+            13.0,
+            draw.LEFT,
+            draw.MIDDLE,
+            0.0,
+            0.0,
+            0.0,
+            1.0,
+        )
         for k in range(_FROM.size):
             if (_FROM[k] if way else _TO[k]) != controls["box"]:
                 continue
@@ -308,6 +329,15 @@ PRESETS = {
 
 PAPER = draw.Paper(TITLE, word, colour)
 MODEL = Model(
-    TITLE, PAPER, CONTROLS, STATE, PRESETS, initial, advance, frame, drag, press=press,
+    TITLE,
+    PAPER,
+    CONTROLS,
+    STATE,
+    PRESETS,
+    initial,
+    advance,
+    frame,
+    drag,
+    press=press,
     live_drag=True,
-)  # fmt: skip
+)

@@ -47,15 +47,17 @@ def cases(rng: np.random.Generator) -> list[Case]:
         Case((corner, corner + [-0.1, low - 1.0]), "overlap from below", "simple"),
         Case((corner, corner + [2.0, 0.3]), "apart along x", "simple"),
         *(Case((box(d), box(d)), f"{d} dimensions") for d in (1, 2, 2, 3, 3, 4, 6)),
-        inside(2), inside(3),
-        apart(2, 1, "apart on one axis only"), apart(3, 1, "apart on one axis only"),
+        inside(2),
+        inside(3),
+        apart(2, 1, "apart on one axis only"),
+        apart(3, 1, "apart on one axis only"),
         apart(3, 3, "apart on all axes"),
         Case((corner, corner[:, ::-1] + [1.0, 0.25]), "just touching", "edge"),
         Case((corner, np.array([[0.2, 0.3], [0.9, 0.3]])), "a flat box", "edge"),
         Case((box(3, 1e3), box(3, 1e-3)), "a crumb and a hall", "edge"),
         Case((box(2) + 1e3, box(2) + 1e3), "far from the origin", "edge"),
         Case((np.array([[0, 0], [4, 5]]), np.array([[3, 3], [9, 7]])), "integers", "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def boxes(figure: Any, shown: Shown) -> None:
@@ -81,41 +83,75 @@ def boxes(figure: Any, shown: Shown) -> None:
 OVERLAP, PUSH = "np.minimum(up, down)", "depth if up[axis] < down[axis] else -depth"
 
 SLIPS = slips(
-    shared_length=(OVERLAP, "np.minimum(high_a, high_b) - np.maximum(low_a, low_b)",
+    shared_length=(
+        OVERLAP,
+        "np.minimum(high_a, high_b) - np.maximum(low_a, low_b)",
         "On an axis on which one box lies inside the other you return the length that both share. "
-        "To part them takes more: the smaller of high_a - low_b and high_b - low_a."),
-    largest_overlap=("np.argmin(overlap)", "np.argmax(overlap)",
+        "To part them takes more: the smaller of high_a - low_b and high_b - low_a.",
+    ),
+    largest_overlap=(
+        "np.argmin(overlap)",
+        "np.argmax(overlap)",
         "You take the axis of the largest overlap. The shortest way out is along the smallest, and "
-        "a single axis with a gap parts the boxes."),
-    pushes_the_other=(PUSH, "-depth if up[axis] < down[axis] else depth",
+        "a single axis with a gap parts the boxes.",
+    ),
+    pushes_the_other=(
+        PUSH,
+        "-depth if up[axis] < down[axis] else depth",
         "The push has the right length and the other direction: it moves a out of b, or b deeper "
-        "into a. It is b that is moved."),
-    always_up=(PUSH, "depth",
-        "Your push always goes up the axis. Down is the shorter way when b lies below."),
-    one_way_only=(OVERLAP, "up",
+        "into a. It is b that is moved.",
+    ),
+    always_up=(
+        PUSH,
+        "depth",
+        "Your push always goes up the axis. Down is the shorter way when b lies below.",
+    ),
+    one_way_only=(
+        OVERLAP,
+        "up",
         "Only the way up, high_a - low_b, is looked at. A box below is parted by the way down, "
-        "high_b - low_a; the smaller of the two counts."),
-    two_axes_only=("axis = int(np.argmin(overlap))", "axis = int(np.argmin(overlap[:2]))",
-        "Only the first two axes are looked at. Boxes have as many as their corners have numbers."),
-    pushed_when_apart=("if depth > 0.0:", "if True:",
-        "Boxes that are apart are pushed too. Return zeros there."),
-    gap_not_told=("return depth, push", "return max(depth, 0.0), push",
-        "The depth is cut off at zero. When the boxes are apart it is minus the largest gap."),
-    centre_distance=("axis = int(np.argmin(overlap))",
+        "high_b - low_a; the smaller of the two counts.",
+    ),
+    two_axes_only=(
+        "axis = int(np.argmin(overlap))",
+        "axis = int(np.argmin(overlap[:2]))",
+        "Only the first two axes are looked at. Boxes have as many as their corners have numbers.",
+    ),
+    pushed_when_apart=(
+        "if depth > 0.0:",
+        "if True:",
+        "Boxes that are apart are pushed too. Return zeros there.",
+    ),
+    gap_not_told=(
+        "return depth, push",
+        "return max(depth, 0.0), push",
+        "The depth is cut off at zero. When the boxes are apart it is minus the largest gap.",
+    ),
+    centre_distance=(
+        "axis = int(np.argmin(overlap))",
         "axis = int(np.argmax(np.abs(low_a + high_a - low_b - high_b)))",
         "You take the axis on which the centres are farthest apart. The box's size counts as well: "
-        "take the axis of the smallest overlap."),
-    half_of_it=("push[axis] = depth", "push[axis] = 0.5 * depth",
-        "else -depth", "else -0.5 * depth",
-        "You push by half of the depth, as if both boxes moved. Here b alone is moved."),
-    low_and_high_swapped=("up, down = high_a - low_b, high_b - low_a",
+        "take the axis of the smallest overlap.",
+    ),
+    half_of_it=(
+        "push[axis] = depth",
+        "push[axis] = 0.5 * depth",
+        "else -depth",
+        "else -0.5 * depth",
+        "You push by half of the depth, as if both boxes moved. Here b alone is moved.",
+    ),
+    low_and_high_swapped=(
+        "up, down = high_a - low_b, high_b - low_a",
         "up, down = low_b - high_a, low_a - high_b",
-        "The signs are turned: positive is an overlap, high_a - low_b, not a gap."),
-    columns_for_rows=("np.asarray(a, dtype=float), np.asarray(b, dtype=float)",
+        "The signs are turned: positive is an overlap, high_a - low_b, not a gap.",
+    ),
+    columns_for_rows=(
+        "np.asarray(a, dtype=float), np.asarray(b, dtype=float)",
         "np.asarray(a, float).reshape(-1, 2).T, np.asarray(b, float).reshape(-1, 2).T",
         "The corners are read as columns. A box has two rows: its lowest and its highest "
-        "coordinates."),
-)  # fmt: skip
+        "coordinates.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

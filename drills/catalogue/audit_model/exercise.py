@@ -25,8 +25,15 @@ def rotation(q: Array) -> Array:
 def cases(rng: np.random.Generator) -> list[Case]:
     """Arms with light fingers; each kind of fault alone, then all of them."""
 
-    def model(label: str, level: str = "core", *, turn: float | None = None, shuffled: bool = True,
-              faults: str = "", n: int = 8) -> Case:  # fmt: skip
+    def model(
+        label: str,
+        level: str = "core",
+        *,
+        turn: float | None = None,
+        shuffled: bool = True,
+        faults: str = "",
+        n: int = 8,
+    ) -> Case:
         tolerance = 0.01
         ids, masses = rng.permutation(40)[:n] + 1, 10.0 ** rng.uniform(-3.0, 1.0, n)
         rods = masses[:, None] * rng.uniform(8e-4, 1e-3, (n, 3)) * [1.0, 3.0, 8.0]
@@ -36,8 +43,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
             turns = np.cos(turn / 2.0) * np.eye(4)[np.zeros(n, dtype=int)]
             turns += np.sin(turn / 2.0) * np.eye(4)[rng.integers(1, 4, n)]
         turns /= np.linalg.norm(turns, axis=1)[:, None]
-        inertias = np.array([rotation(q) @ np.diag(d) @ rotation(q).T
-                             for q, d in zip(turns, moments, strict=True)])  # fmt: skip
+        inertias = np.array(
+            [rotation(q) @ np.diag(d) @ rotation(q).T for q, d in zip(turns, moments, strict=True)]
+        )
         sizes = 1.0 + tolerance * rng.uniform(-0.4, 0.4, n)  # within the tolerance, as is the turn
         loaded, held = masses * sizes, moments * sizes[::-1, None]
         axes = turns + 7e-4 * rng.uniform(-1.0, 1.0, (n, 4))
@@ -61,23 +69,30 @@ def cases(rng: np.random.Generator) -> list[Case]:
         order = np.array([one for one in order if one not in gone], dtype=int)
         body = ids[order], loaded[order], held[order], axes[order]
         if shuffled:  # and the world, and something that stands in it
-            body = (np.r_[0, body[0], 77], np.r_[0.0, body[1], 1.0],
-                    np.vstack((np.zeros(3), body[2], np.ones(3))),
-                    np.vstack((np.eye(4)[0], body[3], np.eye(4)[0])))  # fmt: skip
+            body = (
+                np.r_[0, body[0], 77],
+                np.r_[0.0, body[1], 1.0],
+                np.vstack((np.zeros(3), body[2], np.ones(3))),
+                np.vstack((np.eye(4)[0], body[3], np.eye(4)[0])),
+            )
         return Case((ids, masses, inertias, *body, tolerance), label, level)
 
     return [
         model("file's order and axes", "simple", turn=0.0, shuffled=False),
         model("masses", "simple", turn=0.0, shuffled=False, faults="mmm"),
         model("inertias", "simple", turn=0.0, shuffled=False, faults="iit"),
-        model("turned axes", shuffled=False), model("its own order", turn=0.0, faults="mi"),
-        model("half turns", turn=np.pi, faults="m"), model("quarter turns", turn=np.pi / 2.0),
-        model("beside the diagonal", turn=0.0, faults="oo"), model("about other axes", faults="tt"),
-        model("both faults in one link", faults="bb"), model("not loaded", faults="xx"),
+        model("turned axes", shuffled=False),
+        model("its own order", turn=0.0, faults="mi"),
+        model("half turns", turn=np.pi, faults="m"),
+        model("quarter turns", turn=np.pi / 2.0),
+        model("beside the diagonal", turn=0.0, faults="oo"),
+        model("about other axes", faults="tt"),
+        model("both faults in one link", faults="bb"),
+        model("not loaded", faults="xx"),
         *(model("all kinds", faults="mitbx") for _ in range(3)),
-        model("one link", "edge", n=1, faults="t"), model("nothing loaded", "edge", n=2,
-        faults="xx"),
-    ]  # fmt: skip
+        model("one link", "edge", n=1, faults="t"),
+        model("nothing loaded", "edge", n=2, faults="xx"),
+    ]
 
 
 def faults(figure: Any, shown: Shown) -> None:
@@ -95,49 +110,87 @@ _EQUAL = """np.abs(np.sort(np.asarray(moments)[j]) - np.linalg.eigvalsh(inertia[
             tolerance * np.abs(inertia[i]).max())"""
 
 SLIPS = slips(
-    rotated_frames_compared=(_LOADED, "loaded = np.diag(np.asarray(moments, dtype=float)[j])",
+    rotated_frames_compared=(
+        _LOADED,
+        "loaded = np.diag(np.asarray(moments, dtype=float)[j])",
         "The principal moments are compared with the diagonal of a matrix along other axes: a "
-        "link that is right is reported. Turn them into the link's axes first."),
-    moments_alone=(_INERTIA, _EQUAL,
+        "link that is right is reported. Turn them into the link's axes first.",
+    ),
+    moments_alone=(
+        _INERTIA,
+        _EQUAL,
         "Only the moments are compared. An inertia with the right moments about the wrong axes "
-        "passes, such as a tool that is mounted across."),
-    turned_the_other_way=(_LOADED, "loaded = R.T @ np.diag(np.asarray(moments, dtype=float)[j]) "
-        "@ R",
+        "passes, such as a tool that is mounted across.",
+    ),
+    turned_the_other_way=(
+        _LOADED,
+        "loaded = R.T @ np.diag(np.asarray(moments, dtype=float)[j]) @ R",
         "The rotation goes the other way: R leads from the principal axes to the link's, so it "
-        "stands on the left."),
-    turned_one_side=(_LOADED, "loaded = R @ np.diag(np.asarray(moments, dtype=float)[j])",
-        "A matrix is turned from both sides, R I R^T; from one side only vectors are."),
-    scalar_last=("w, *v = np.asarray(turns, dtype=float)[j]",
+        "stands on the left.",
+    ),
+    turned_one_side=(
+        _LOADED,
+        "loaded = R @ np.diag(np.asarray(moments, dtype=float)[j])",
+        "A matrix is turned from both sides, R I R^T; from one side only vectors are.",
+    ),
+    scalar_last=(
+        "w, *v = np.asarray(turns, dtype=float)[j]",
         "*v, w = np.asarray(turns, dtype=float)[j]",
         "The quaternion is read with its scalar part last. Engines differ in this; here it comes "
-        "first."),
-    absolute_tolerance=(_INERTIA, "np.abs(loaded - inertia[i]).max() > tolerance",
-        _MASS, "> tolerance",
+        "first.",
+    ),
+    absolute_tolerance=(
+        _INERTIA,
+        "np.abs(loaded - inertia[i]).max() > tolerance",
+        _MASS,
+        "> tolerance",
         "The tolerance is taken in kilograms: a finger of a gram may be anything. It is a part of "
-        "the file's value."),
-    absolute_inertia=(_INERTIA, "np.abs(loaded - inertia[i]).max() > tolerance",
-        "The inertia's tolerance is absolute: the inertia of a light link passes, whatever it is."),
-    entry_by_entry=(_INERTIA, "(np.abs(loaded - inertia[i]) > tolerance * "
-        "np.abs(inertia[i])).any()",
+        "the file's value.",
+    ),
+    absolute_inertia=(
+        _INERTIA,
+        "np.abs(loaded - inertia[i]).max() > tolerance",
+        "The inertia's tolerance is absolute: the inertia of a light link passes, whatever it is.",
+    ),
+    entry_by_entry=(
+        _INERTIA,
+        "(np.abs(loaded - inertia[i]) > tolerance * np.abs(inertia[i])).any()",
         "Each entry has its own tolerance: one beside the diagonal may be zero, and then rounding "
-        "is an error. Measure by the largest entry."),
-    by_row=(_PLACE, "j = i if i < len(np.asarray(loaded_ids)) else None",
+        "is an error. Measure by the largest entry.",
+    ),
+    by_row=(
+        _PLACE,
+        "j = i if i < len(np.asarray(loaded_ids)) else None",
         "Row i of the file is compared with body i of the simulator. It has an order and bodies of "
-        "its own; match by id."),
-    world_counted=(_PLACE, "j = i + 1 if i + 1 < len(np.asarray(loaded_ids)) else None",
-        "The world is skipped, and the rest is taken in the file's order. Match by id."),
-    missing_is_fine=("found[i] = 4", "found[i] = 0",
-        "A link that was not loaded at all passes."),
-    codes_mixed=("found[i] += 1", "found[i] += 3", "found[i] += 2", "found[i] += 1",
-        "found[i] += 3", "found[i] += 2",
-        "Mass and inertia are mixed up: 1 is for the mass, 2 for the inertia."),
-    first_fault_only=("        if np.abs(loaded", "        elif np.abs(loaded",
+        "its own; match by id.",
+    ),
+    world_counted=(
+        _PLACE,
+        "j = i + 1 if i + 1 < len(np.asarray(loaded_ids)) else None",
+        "The world is skipped, and the rest is taken in the file's order. Match by id.",
+    ),
+    missing_is_fine=("found[i] = 4", "found[i] = 0", "A link that was not loaded at all passes."),
+    codes_mixed=(
+        "found[i] += 1",
+        "found[i] += 3",
+        "found[i] += 2",
+        "found[i] += 1",
+        "found[i] += 3",
+        "found[i] += 2",
+        "Mass and inertia are mixed up: 1 is for the mass, 2 for the inertia.",
+    ),
+    first_fault_only=(
+        "        if np.abs(loaded",
+        "        elif np.abs(loaded",
         "Only the first fault of a link is told. A link can have another mass and another inertia: "
-        "the sum says both."),
-    diagonal_only=(_INERTIA, "np.abs(np.diag(loaded - inertia[i])).max() > tolerance * "
-        "np.abs(inertia[i]).max()",
-        "Only the diagonals are compared: products of inertia count, too."),
-)  # fmt: skip
+        "the sum says both.",
+    ),
+    diagonal_only=(
+        _INERTIA,
+        "np.abs(np.diag(loaded - inertia[i])).max() > tolerance * np.abs(inertia[i]).max()",
+        "Only the diagonals are compared: products of inertia count, too.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-12, "whole numbers"),

@@ -18,8 +18,16 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """A pixel on the axis, a wall, a wall far off the axis; then pictures of all kinds."""
 
-    def seen(label: str, rows: int = 7, columns: int = 9, holes: float = 0.0, level: str = "core",
-             unit: float = 1.0, kind: type = float, fill: float = 0.0) -> Case:  # fmt: skip
+    def seen(
+        label: str,
+        rows: int = 7,
+        columns: int = 9,
+        holes: float = 0.0,
+        level: str = "core",
+        unit: float = 1.0,
+        kind: type = float,
+        fill: float = 0.0,
+    ) -> Case:
         """A picture of depths from 0.3 to 4 m."""
         depth = rng.uniform(0.3, 4.0, (rows, columns)) / unit
         depth[rng.random(depth.shape) < holes] = fill
@@ -62,32 +70,63 @@ _POINTS = "return np.array([x * z, y * z, z])"
 _SEEN = "v, u = np.nonzero(depth > 0.0)"
 
 SLIPS = slips(
-    range_for_depth=(_RAYS, f"{_RAYS}\n    z = z / np.sqrt(1.0 + x * x + y * y)",
+    range_for_depth=(
+        _RAYS,
+        f"{_RAYS}\n    z = z / np.sqrt(1.0 + x * x + y * y)",
         "The number is taken for the length of the ray. It is z: right on the axis either way, and "
-        "towards the edge a flat wall would be a bowl."),
-    u_and_v_swapped=(_SEEN, _SEEN.replace("v, u", "u, v"), "depth[v, u]", "depth[u, v]",
+        "towards the edge a flat wall would be a bowl.",
+    ),
+    u_and_v_swapped=(
+        _SEEN,
+        _SEEN.replace("v, u", "u, v"),
+        "depth[v, u]",
+        "depth[u, v]",
         "Columns and rows are swapped: the first index of an array is the row v, and y comes from "
-        "it."),
-    half_a_pixel=(_RAYS, _RAYS.replace("(u -", "(u + 0.5 -").replace("(v -", "(v + 0.5 -"),
-        "Half a pixel is added. Here a pixel's centre is at the whole number."),
-    holes_at_the_origin=(_SEEN, "v, u = np.indices(depth.shape).reshape(2, -1)",
+        "it.",
+    ),
+    half_a_pixel=(
+        _RAYS,
+        _RAYS.replace("(u -", "(u + 0.5 -").replace("(v -", "(v + 0.5 -"),
+        "Half a pixel is added. Here a pixel's centre is at the whole number.",
+    ),
+    holes_at_the_origin=(
+        _SEEN,
+        "v, u = np.indices(depth.shape).reshape(2, -1)",
         "Pixels without a measurement give points. They all lie at the origin, or are NaN: leave "
-        "them out."),
-    counts_for_metres=("* float(unit)", "* 1.0",
+        "them out.",
+    ),
+    counts_for_metres=(
+        "* float(unit)",
+        "* 1.0",
         "The unit is not used: these are counts. Millimetres taken for metres make a cloud of the "
-        "right form that is a thousand times too large."),
-    only_zero_is_a_hole=("depth > 0.0", "depth",
-        "Zeros are left out and NaN is not. NaN is not 0: ask for what is greater than 0."),
-    picture_centre_for_the_axis=(_RAYS,
+        "right form that is a thousand times too large.",
+    ),
+    only_zero_is_a_hole=(
+        "depth > 0.0",
+        "depth",
+        "Zeros are left out and NaN is not. NaN is not 0: ask for what is greater than 0.",
+    ),
+    picture_centre_for_the_axis=(
+        _RAYS,
         "x, y = (u - (depth.shape[1] - 1) / 2) / fx, (v - (depth.shape[0] - 1) / 2) / fy",
-        "The axis is taken to meet the middle of the picture. cx and cy say where it does."),
-    one_focal_length=(_RAYS, _RAYS.replace("fy", "fx"),
-        "y is divided by fx. Pixels need not be square."),
-    column_by_column=(_SEEN, "u, v = np.nonzero((depth > 0.0).T)",
-        "The points come column by column. They are asked for row by row."),
-    a_point_a_row=(_POINTS, f"{_POINTS}.T",
-        "A point is a row here. The components are asked for along the first axis: (3, n)."),
-)  # fmt: skip
+        "The axis is taken to meet the middle of the picture. cx and cy say where it does.",
+    ),
+    one_focal_length=(
+        _RAYS,
+        _RAYS.replace("fy", "fx"),
+        "y is divided by fx. Pixels need not be square.",
+    ),
+    column_by_column=(
+        _SEEN,
+        "u, v = np.nonzero((depth > 0.0).T)",
+        "The points come column by column. They are asked for row by row.",
+    ),
+    a_point_a_row=(
+        _POINTS,
+        f"{_POINTS}.T",
+        "A point is a row here. The components are asked for along the first axis: (3, n).",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "a quotient and a product: rounding", told=coarse),

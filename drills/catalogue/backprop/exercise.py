@@ -13,22 +13,42 @@ from drills.report import Shown
 def cases(rng: np.random.Generator) -> list[Case]:
     """Nets and batches of every size."""
 
-    def net(label: str, level: str = "core", *, d: int = 3, h: int = 5, m: int = 2, n: int = 8,
-            size: float = 1.0) -> Case:  # fmt: skip
+    def net(
+        label: str,
+        level: str = "core",
+        *,
+        d: int = 3,
+        h: int = 5,
+        m: int = 2,
+        n: int = 8,
+        size: float = 1.0,
+    ) -> Case:
         shapes = (d, n), (m, n), (h, d), (h,), (m, h), (m,)
         return Case(tuple(size * rng.normal(size=shape) for shape in shapes), label, level)
 
-    whole = tuple(np.array(a) for a in (
-        [[1, 0, -1], [0, 1, 1]], [[2, 0, 1]], [[1, 0], [-1, 1]], [0, 1], [[2, -1]], [1],
-    ))  # fmt: skip
+    whole = tuple(
+        np.array(a)
+        for a in (
+            [[1, 0, -1], [0, 1, 1]],
+            [[2, 0, 1]],
+            [[1, 0], [-1, 1]],
+            [0, 1],
+            [[2, -1]],
+            [1],
+        )
+    )
     return [
         net("one unit, one sample", "simple", d=1, h=1, m=1, n=1),
-        net("one sample", "simple", n=1), net("one output", "simple", m=1),
-        net("two samples", n=2), *(net("a batch") for _ in range(3)),
-        net("a large batch", n=60, h=12, m=4), net("square weights", d=4, h=4, m=4),
-        net("units that saturate", "edge", size=3.0), net("one unit", "edge", h=1),
+        net("one sample", "simple", n=1),
+        net("one output", "simple", m=1),
+        net("two samples", n=2),
+        *(net("a batch") for _ in range(3)),
+        net("a large batch", n=60, h=12, m=4),
+        net("square weights", d=4, h=4, m=4),
+        net("units that saturate", "edge", size=3.0),
+        net("one unit", "edge", h=1),
         Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def components(figure: Any, shown: Shown) -> None:
@@ -44,24 +64,48 @@ _RETURN = "return back @ inputs.T, back.sum(axis=1), error @ hidden.T, error.sum
 _SLOPE = "(1.0 - hidden**2)"
 
 SLIPS = slips(
-    derivative_at_the_output=(_SLOPE, "(1.0 - np.tanh(hidden) ** 2)",
+    derivative_at_the_output=(
+        _SLOPE,
+        "(1.0 - np.tanh(hidden) ** 2)",
         "The derivative of tanh is taken at its output. It belongs where tanh was evaluated: "
-        "1 - tanh(z)^2, which is 1 less the square of the hidden value itself."),
-    bias_divided_twice=(_RETURN, _RETURN.replace("sum", "mean"),
-        "The biases are divided by the batch twice: the errors hold 1 / n already, so sum them."),
-    batch_mean_forgotten=(_ERROR, "error = output - wanted",
-        "The mean over the batch is missing: this is the gradient of the sum."),
-    mean_over_outputs_too=(_ERROR, "error = (output - wanted) / output.size",
-        "The mean is taken over the outputs too. The loss sums them: a squared length."),
-    half_forgotten=(_ERROR, _ERROR.replace("(output", "2.0 * (output"),
-        "Twice too large: the loss has a half in it."),
-    sign_of_the_error=(_ERROR, "error = (wanted - output) / inputs.shape[1]",
-        "The sign is turned: this is the way down, the gradient points up."),
-    no_derivative=(f" * {_SLOPE}", "",
-        "The error comes through tanh as if that were a straight line: its derivative is missing."),
-    derivative_of_a_sigmoid=(_SLOPE, "hidden * (1.0 - hidden)",
-        "h (1 - h) is the derivative of the logistic function. That of tanh is 1 - h^2."),
-)  # fmt: skip
+        "1 - tanh(z)^2, which is 1 less the square of the hidden value itself.",
+    ),
+    bias_divided_twice=(
+        _RETURN,
+        _RETURN.replace("sum", "mean"),
+        "The biases are divided by the batch twice: the errors hold 1 / n already, so sum them.",
+    ),
+    batch_mean_forgotten=(
+        _ERROR,
+        "error = output - wanted",
+        "The mean over the batch is missing: this is the gradient of the sum.",
+    ),
+    mean_over_outputs_too=(
+        _ERROR,
+        "error = (output - wanted) / output.size",
+        "The mean is taken over the outputs too. The loss sums them: a squared length.",
+    ),
+    half_forgotten=(
+        _ERROR,
+        _ERROR.replace("(output", "2.0 * (output"),
+        "Twice too large: the loss has a half in it.",
+    ),
+    sign_of_the_error=(
+        _ERROR,
+        "error = (wanted - output) / inputs.shape[1]",
+        "The sign is turned: this is the way down, the gradient points up.",
+    ),
+    no_derivative=(
+        f" * {_SLOPE}",
+        "",
+        "The error comes through tanh as if that were a straight line: its derivative is missing.",
+    ),
+    derivative_of_a_sigmoid=(
+        _SLOPE,
+        "hidden * (1.0 - hidden)",
+        "h (1 - h) is the derivative of the logistic function. That of tanh is 1 - h^2.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-10, "sums of some hundred products", told=coarse),

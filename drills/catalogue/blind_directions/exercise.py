@@ -40,8 +40,17 @@ def cases(rng: np.random.Generator) -> list[Case]:
         normals = np.eye(3)[:, rng.permutation(np.resize(faces, n))]
         return np.where(normals > 0.0, 1.0, rng.uniform(-1.0, 1.0, (3, n))), normals
 
-    def seen(kind: str, label: str = "", *, n: int = 40, size: float = 1.0, moved: float = 0.0,
-             rough: float = 0.0, level: str = "core", least: float = LEAST) -> Case:  # fmt: skip
+    def seen(
+        kind: str,
+        label: str = "",
+        *,
+        n: int = 40,
+        size: float = 1.0,
+        moved: float = 0.0,
+        rough: float = 0.0,
+        level: str = "core",
+        least: float = LEAST,
+    ) -> Case:
         while True:
             points, normals = surface(kind, n)
             normals = normals + rough * rng.normal(size=(3, n))
@@ -62,19 +71,28 @@ def cases(rng: np.random.Generator) -> list[Case]:
     small, large = 0.01, 3.0
     return [
         *(seen(kind, level="simple") for kind in ("patch", "ball", "cylinder")),
-        *(seen(kind, f"{kind}, moved and turned", moved=0.6)
-          for kind in ("patch", "ball", "cylinder", "edge", "corner")),
-        *(seen(kind, f"{kind} of centimetres", size=small, moved=0.6)
-          for kind in ("ball", "cylinder", "edge", "corner")),
-        *(seen(kind, f"{kind} of metres", size=large, moved=0.6)
-          for kind in ("cylinder", "corner")),
+        *(
+            seen(kind, f"{kind}, moved and turned", moved=0.6)
+            for kind in ("patch", "ball", "cylinder", "edge", "corner")
+        ),
+        *(
+            seen(kind, f"{kind} of centimetres", size=small, moved=0.6)
+            for kind in ("ball", "cylinder", "edge", "corner")
+        ),
+        *(
+            seen(kind, f"{kind} of metres", size=large, moved=0.6)
+            for kind in ("cylinder", "corner")
+        ),
         *(seen(kind, f"{kind}, rough", rough=2e-4, moved=0.6) for kind in ("patch", "cylinder")),
-        *(seen(kind, f"{kind}, many points", n=400, rough=2e-3, moved=0.6)
-          for kind in ("patch", "ball")),
+        *(
+            seen(kind, f"{kind}, many points", n=400, rough=2e-3, moved=0.6)
+            for kind in ("patch", "ball")
+        ),
         seen("cylinder", "a strict threshold", rough=1e-2, least=1e-4, moved=0.6),
         seen("corner", "all is seen", n=60, level="edge"),
-        seen("patch", "one point", n=1, level="edge"), Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+        seen("patch", "one point", n=1, level="edge"),
+        Case(whole, WHOLE, "edge"),
+    ]
 
 
 def told(answers: Sequence[Answer]) -> str:
@@ -88,32 +106,62 @@ _BLIND = "blind = motions[:, values < least**2]"
 _MEAN = "rows.T @ rows / len(rows)"
 
 SLIPS = slips(
-    radians_beside_metres=("np.cross(x, n) / lever", "np.cross(x, n)",
+    radians_beside_metres=(
+        "np.cross(x, n) / lever",
+        "np.cross(x, n)",
         "Turns in radians stand beside shifts in metres: of a small part every turn looks blind. "
-        "Divide the turn's columns by the lever."),
-    lever_upside_down=("np.cross(x, n) / lever", "np.cross(x, n) * lever",
+        "Divide the turn's columns by the lever.",
+    ),
+    lever_upside_down=(
+        "np.cross(x, n) / lever",
+        "np.cross(x, n) * lever",
         "The turn's columns are multiplied by the lever. The unknown is lever times w, so they are "
-        "divided by it."),
-    smallest_taken_for_null=(_BLIND, "blind = motions[:, :1]",
+        "divided by it.",
+    ),
+    smallest_taken_for_null=(
+        _BLIND,
+        "blind = motions[:, :1]",
         "The smallest eigenvalue is taken for a null space. It may be large, and there may be "
-        "several that are null."),
-    sum_for_mean=(_MEAN, "rows.T @ rows",
-        "The squares are summed, not averaged: with more points everything counts as seen."),
-    threshold_not_squared=(_BLIND, "blind = motions[:, values < least]",
-        "Eigenvalues are mean squares. The threshold is that of the root: square it."),
-    relative_threshold=(_BLIND, "blind = motions[:, values < 1e-9 * values[-1]]",
+        "several that are null.",
+    ),
+    sum_for_mean=(
+        _MEAN,
+        "rows.T @ rows",
+        "The squares are summed, not averaged: with more points everything counts as seen.",
+    ),
+    threshold_not_squared=(
+        _BLIND,
+        "blind = motions[:, values < least]",
+        "Eigenvalues are mean squares. The threshold is that of the root: square it.",
+    ),
+    relative_threshold=(
+        _BLIND,
+        "blind = motions[:, values < 1e-9 * values[-1]]",
         "Only what is zero to rounding counts as blind. Noise makes every eigenvalue positive; "
-        "`least` says what is too little."),
-    axis_by_axis=(_BLIND, "blind = np.eye(6)[:, np.diag(rows.T @ rows / len(rows)) < least**2]",
+        "`least` says what is too little.",
+    ),
+    axis_by_axis=(
+        _BLIND,
+        "blind = np.eye(6)[:, np.diag(rows.T @ rows / len(rows)) < least**2]",
         "Each of the six axes is asked by itself. What is blind is mostly a mixture: a ball off "
-        "the origin turns and shifts."),
-    the_seen_ones=(_BLIND, "blind = motions[:, values >= least**2]",
-        "This is the space of the motions that are seen."),
-    cross_product_sign=("np.cross(x, n) / lever", "np.cross(n, x) / lever",
-        "The cross product has the wrong sign: n . (w x x) is (x x n) . w."),
-    about_the_mean=(_ROWS, _ROWS.replace("np.cross(x,", "np.cross(x - x.mean(axis=0),"),
-        "The turns are about the mean of the points. They are asked for about the origin."),
-)  # fmt: skip
+        "the origin turns and shifts.",
+    ),
+    the_seen_ones=(
+        _BLIND,
+        "blind = motions[:, values >= least**2]",
+        "This is the space of the motions that are seen.",
+    ),
+    cross_product_sign=(
+        "np.cross(x, n) / lever",
+        "np.cross(n, x) / lever",
+        "The cross product has the wrong sign: n . (w x x) is (x x n) . w.",
+    ),
+    about_the_mean=(
+        _ROWS,
+        _ROWS.replace("np.cross(x,", "np.cross(x - x.mean(axis=0),"),
+        "The turns are about the mean of the points. They are asked for about the origin.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-9, "eigenvectors across a wide gap: rounding", told=told),

@@ -265,78 +265,119 @@ SLIPS = slips(
     euler_flight=(
         _END.format(flight="y + (v - gravity * dt) * dt", floor="0.0", speed="-restitution * v"),
         "The flight itself is stepped with Euler's method and is off by g dt^2 / 2 in height. "
-        "Gravity is constant, so the parabola is exact: y + v dt - g dt^2 / 2."),
-    impact_at_the_end=(_END.format(flight=_PARABOLA, floor="0.0", speed="-restitution * v"),
+        "Gravity is constant, so the parabola is exact: y + v dt - g dt^2 / 2.",
+    ),
+    impact_at_the_end=(
+        _END.format(flight=_PARABOLA, floor="0.0", speed="-restitution * v"),
         "The ball is found below the floor at the end of the step, put on it and turned round "
         "there. That moves the impact to the end of the step: a first-order error each time, and "
-        "energy out of nothing (the ball was lifted by m g d)."),
+        "energy out of nothing (the ball was lifted by m g d).",
+    ),
     restitution_on_the_position=(
         _END.format(flight=_PARABOLA, floor="-restitution * y", speed="-restitution * v"),
         "The height below the floor is mirrored and multiplied by the restitution. It is the "
         "speed at the impact that restitution multiplies, and gravity acts on the way up as on "
-        "the way down."),
-    whole_step_after_impact=("left = dt - fall", "left = dt",
+        "the way down.",
+    ),
+    whole_step_after_impact=(
+        "left = dt - fall",
+        "left = dt",
         "After the impact the ball flies for the whole dt again. What is left is dt less the time "
-        "of the fall."),
-    first_root=("fall = (v + impact) / gravity", "fall = (v - impact) / gravity",
+        "of the fall.",
+    ),
+    first_root=(
+        "fall = (v + impact) / gravity",
+        "fall = (v - impact) / gravity",
         "The impact is taken at the earlier root of the parabola, which lies in the past: the ball "
-        "is on the floor at t = (v + sqrt(v^2 + 2 g y)) / g."),
-    only_one_impact=("    if gone * (1.0 - restitution) >= up:\n",
+        "is on the floor at t = (v + sqrt(v^2 + 2 g y)) / g.",
+    ),
+    only_one_impact=(
+        "    if gone * (1.0 - restitution) >= up:\n",
         "    return up * left - 0.5 * gravity * left * left, up - gravity * left\n"
         "    if gone * (1.0 - restitution) >= up:\n",
         "Only the first impact of the step is resolved. A long step, or a ball near rest, has "
-        "more of them: your ball flies on through the floor."),
-    rest_of_the_step_lost=("    if gone * (1.0 - restitution) >= up:\n",
+        "more of them: your ball flies on through the floor.",
+    ),
+    rest_of_the_step_lost=(
+        "    if gone * (1.0 - restitution) >= up:\n",
         "    return 0.0, up\n    if gone * (1.0 - restitution) >= up:\n",
         "After the impact the ball waits on the floor for the end of the step. What is left of "
-        "dt must be flown too."),
-    gravity_upwards=(_UPWARDS,
+        "dt must be flown too.",
+    ),
+    gravity_upwards=(
+        _UPWARDS,
         "Gravity pulls upwards here: with the velocity counted upwards the height is "
-        "y + v dt - g dt^2 / 2 and the velocity v - g dt."),
-    default_gravity=("gravity: float = 9.81", "gravity: float = 9.8",
-        "It is right where gravity is handed in. Its default is 9.81 m/s^2, as the task says."),
-    restitution_squared=("def bounce_step(", "def exact(", _LAST,
+        "y + v dt - g dt^2 / 2 and the velocity v - g dt.",
+    ),
+    default_gravity=(
+        "gravity: float = 9.81",
+        "gravity: float = 9.8",
+        "It is right where gravity is handed in. Its default is 9.81 m/s^2, as the task says.",
+    ),
+    restitution_squared=(
+        "def bounce_step(",
+        "def exact(",
+        _LAST,
         _LAST + _WITH.format("y, v, dt, restitution**2, gravity"),
         "The speed is multiplied by the square of the restitution. That is what the energy is "
-        "multiplied by; the speed only once."),
-    not_turned_round=("    gone = left * gravity / 2.0\n",
+        "multiplied by; the speed only once.",
+    ),
+    not_turned_round=(
+        "    gone = left * gravity / 2.0\n",
         "    return -up * left - 0.5 * gravity * left * left, -up - gravity * left\n",
         "The ball goes on downwards after the impact, through the floor: the velocity changes its "
-        "sign there."),
-    restitution_of_energy=("def bounce_step(", "def exact(", _LAST,
+        "sign there.",
+    ),
+    restitution_of_energy=(
+        "def bounce_step(",
+        "def exact(",
+        _LAST,
         _LAST + _WITH.format("y, v, dt, math.sqrt(restitution), gravity"),
         "The energy is multiplied by the restitution, so the speed by its square root. "
-        "Restitution is the ratio of the speeds; the energy keeps its square."),
+        "Restitution is the ratio of the speeds; the energy keeps its square.",
+    ),
     restitution_once=(
         _LOOP.format(
-        speed="impact if y == 0.0 and v > 0.0 else restitution * impact",
-        rest="if v <= 0.0:\n            return 0.0, 0.0",
+            speed="impact if y == 0.0 and v > 0.0 else restitution * impact",
+            rest="if v <= 0.0:\n            return 0.0, 0.0",
         ),
         "Every flight after the first impact is as high as the one before: the restitution acts "
-        "at each impact, not only at the first."),
-    start_velocity_ignored=("impact = math.sqrt(v * v + 2.0 * gravity * y)",
+        "at each impact, not only at the first.",
+    ),
+    start_velocity_ignored=(
+        "impact = math.sqrt(v * v + 2.0 * gravity * y)",
         "impact = math.sqrt(2.0 * gravity * y)",
         "The speed of the impact is sqrt(2 g y), as if the ball had been dropped from rest. Its "
-        "velocity at the start belongs to it: sqrt(v^2 + 2 g y)."),
-    start_speed_turned_round=(_START_SPEED,
+        "velocity at the start belongs to it: sqrt(v^2 + 2 g y).",
+    ),
+    start_speed_turned_round=(
+        _START_SPEED,
         "The speed that is turned round is the one from the start of the step. Until the impact "
-        "gravity adds to it: there it is sqrt(v^2 + 2 g y)."),
-    energy_gained=("up = restitution * impact", "up = restitution * (gravity * dt - v)",
+        "gravity adds to it: there it is sqrt(v^2 + 2 g y).",
+    ),
+    energy_gained=(
+        "up = restitution * impact",
+        "up = restitution * (gravity * dt - v)",
         "The ball is turned round with more speed than the impact had: the speed at the *end* of "
-        "the step, gained below the floor, is used in a flight from the impact on."),
-    rest_time_halved=("    if gone * (1.0 - restitution) >= up:\n",
+        "the step, gained below the floor, is used in a flight from the impact on.",
+    ),
+    rest_time_halved=(
+        "    if gone * (1.0 - restitution) >= up:\n",
         "    if 2.0 * gone * (1.0 - restitution) >= up:\n",
         "The ball is put to rest after u / (g (1 - e)). A flight with speed u lasts 2 u / g, up "
-        "and down, so all that are left last 2 u / (g (1 - e)): twice as long."),
+        "and down, so all that are left last 2 u / (g (1 - e)): twice as long.",
+    ),
     impacts_counted=(
         _LOOP.format(speed="restitution * impact", rest="").replace("2000", "100"),
         "The loop ends after so many impacts, and the ball falls on through the floor. One that "
-        "comes to rest has infinitely many of them, in the time 2 u / (g (1 - e)): test for it."),
+        "comes to rest has infinitely many of them, in the time 2 u / (g (1 - e)): test for it.",
+    ),
     rests_too_early=(
         _LOOP.format(speed="restitution * impact", rest="if v < 0.8:\n            return 0.0, 0.0"),
         "The ball is put to rest although it still bounces: a threshold on its speed cuts off "
-        "bounces that are due. How long they last is a finite sum: 2 u / (g (1 - e))."),
-)  # fmt: skip
+        "bounces that are due. How long they last is a finite sum: 2 u / (g (1 - e)).",
+    ),
+)
 
 ENDLESS = Slip(
     "endless_bounces",

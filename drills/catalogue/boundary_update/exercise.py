@@ -14,8 +14,15 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """Buffers whose means are above, between, below and at the thresholds."""
 
-    def ranges(label: str, level: str, wins: list[tuple[int, int]], *, m: int = 20,
-               near: float = 1.0, shares: tuple[float, float] = (0.5, 0.8)) -> Case:  # fmt: skip
+    def ranges(
+        label: str,
+        level: str,
+        wins: list[tuple[int, int]],
+        *,
+        m: int = 20,
+        near: float = 1.0,
+        shares: tuple[float, float] = (0.5, 0.8),
+    ) -> Case:
         n = len(wins)
         centre, step = rng.normal(size=n), rng.uniform(0.1, 0.3, n)
         away = near * rng.uniform(0.5, 1.0, (n, 2)) * [-1.0, 1.0]
@@ -24,8 +31,13 @@ def cases(rng: np.random.Generator) -> list[Case]:
         args = centre[:, None] + away, centre, outcomes, np.array(shares), step
         return Case(args, label, level)
 
-    whole = (np.array([[-2, 3], [1, 4]]), np.array([0, 2]), np.tile([1, 1, 0, 0], (2, 2, 1)),
-             np.array([0, 1]), np.array([1, 1]))  # fmt: skip
+    whole = (
+        np.array([[-2, 3], [1, 4]]),
+        np.array([0, 2]),
+        np.tile([1, 1, 0, 0], (2, 2, 1)),
+        np.array([0, 1]),
+        np.array([1, 1]),
+    )
     whole[2][0, 0], whole[2][0, 1], whole[2][1, 1] = 1, 0, 1
     return [
         ranges("both ends pay", "simple", [(19, 18)]), ranges("neither", "simple", [(3, 6)]),
@@ -45,28 +57,57 @@ _MOVE = "np.where(mean >= upper, 1.0, np.where(mean <= lower, -1.0, 0.0))"
 _LOW = "np.minimum(moved[:, 0], middle), np.maximum(moved[:, 1], middle)"
 
 SLIPS = slips(
-    one_buffer_for_all=(_MEAN, _MEAN.replace("axis=2)", "axis=(0, 1, 2), keepdims=True)[..., 0]"),
-        "One buffer for all: an end that is too far is carried along by the others."),
-    one_buffer_for_both_ends=(_MEAN,
+    one_buffer_for_all=(
+        _MEAN,
+        _MEAN.replace("axis=2)", "axis=(0, 1, 2), keepdims=True)[..., 0]"),
+        "One buffer for all: an end that is too far is carried along by the others.",
+    ),
+    one_buffer_for_both_ends=(
+        _MEAN,
         _MEAN.replace("axis=2)", "axis=(1, 2), keepdims=True)[..., 0]"),
-        "Both ends of a range share a buffer: one that is too far is hidden by the other."),
-    only_widens=(_MOVE, "np.where(mean >= upper, 1.0, 0.0)",
-        "The ranges only widen. Where the policy fails an end has to come back."),
-    last_value_for_mean=(_MEAN, "mean = np.asarray(outcomes, dtype=float)[:, :, -1]",
-        "The last episode decides instead of the mean of the buffer: that is a coin."),
-    thresholds_swapped=("lower, upper = np", "upper, lower = np",
-        "The thresholds are swapped: between them both rules hold."),
-    past_the_calibrated_value=(_LOW, "moved[:, 0], moved[:, 1]",
-        "An end goes past the calibrated value: the range no longer holds the arm that is known."),
-    one_way=("* [-1.0, 1.0]", "* [1.0, 1.0]",
-        "Both ends move the same way: outward is down for the low end."),
-    turned_round=("* [-1.0, 1.0]", "* [1.0, -1.0]",
-        "What should widen narrows: outward is down for the low end, up for the high one."),
-    threshold_itself_left_out=("mean >= upper", "mean > upper",
-        "A mean at the upper threshold counts as enough."),
-    half_way_back=("np.where(mean <= lower, -1.0, 0.0)", "np.where(mean < upper, -1.0, 0.0)",
-        "Between the thresholds an end stays; yours comes back."),
-)  # fmt: skip
+        "Both ends of a range share a buffer: one that is too far is hidden by the other.",
+    ),
+    only_widens=(
+        _MOVE,
+        "np.where(mean >= upper, 1.0, 0.0)",
+        "The ranges only widen. Where the policy fails an end has to come back.",
+    ),
+    last_value_for_mean=(
+        _MEAN,
+        "mean = np.asarray(outcomes, dtype=float)[:, :, -1]",
+        "The last episode decides instead of the mean of the buffer: that is a coin.",
+    ),
+    thresholds_swapped=(
+        "lower, upper = np",
+        "upper, lower = np",
+        "The thresholds are swapped: between them both rules hold.",
+    ),
+    past_the_calibrated_value=(
+        _LOW,
+        "moved[:, 0], moved[:, 1]",
+        "An end goes past the calibrated value: the range no longer holds the arm that is known.",
+    ),
+    one_way=(
+        "* [-1.0, 1.0]",
+        "* [1.0, 1.0]",
+        "Both ends move the same way: outward is down for the low end.",
+    ),
+    turned_round=(
+        "* [-1.0, 1.0]",
+        "* [1.0, -1.0]",
+        "What should widen narrows: outward is down for the low end, up for the high one.",
+    ),
+    threshold_itself_left_out=(
+        "mean >= upper",
+        "mean > upper",
+        "A mean at the upper threshold counts as enough.",
+    ),
+    half_way_back=(
+        "np.where(mean <= lower, -1.0, 0.0)",
+        "np.where(mean < upper, -1.0, 0.0)",
+        "Between the thresholds an end stays; yours comes back.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-12, "a sum of two numbers", told=coarse),

@@ -98,16 +98,31 @@ def cases(rng: np.random.Generator) -> list[Case]:
         return Case((turns, rates, moments, STEP), label, level)
 
     return [
-        batch("right ones", "simple", RIGHT), batch("matrices", "simple", (*BENT, "right")),
-        batch("rates", "simple", (*LATE, "right")), batch("motion", "simple", (*PUSHED, "right")),
+        batch("right ones", "simple", RIGHT),
+        batch("matrices", "simple", (*BENT, "right")),
+        batch("rates", "simple", (*LATE, "right")),
+        batch("motion", "simple", (*PUSHED, "right")),
         batch("matrices and right ones", "core", (*BENT, *RIGHT)),
         batch("rates and right ones", "core", (*LATE, *RIGHT)),
         batch("motion and right ones", "core", (*PUSHED, *RIGHT)),
-        *(batch("all kinds", "core", (*RIGHT, *(str(rng.choice(family)) for family in
-          (BENT, BENT, LATE, LATE, PUSHED, PUSHED)))) for _ in range(2)),
+        *(
+            batch(
+                "all kinds",
+                "core",
+                (
+                    *RIGHT,
+                    *(
+                        str(rng.choice(family))
+                        for family in (BENT, BENT, LATE, LATE, PUSHED, PUSHED)
+                    ),
+                ),
+            )
+            for _ in range(2)
+        ),
         batch("a short record", "edge", ("right", "mirror", "slow"), 10),
-        batch("one right program", "edge", ("right",)), batch("no number", "edge", ("no rate",)),
-    ]  # fmt: skip
+        batch("one right program", "edge", ("right",)),
+        batch("no number", "edge", ("no rate",)),
+    ]
 
 
 _BENT = "bent = np.abs(back @ R - np.eye(3)).max(axis=(1, 2, 3))"
@@ -121,58 +136,105 @@ _ENERGY = """energy = np.sum(momentum * w, axis=2)
 _KEPT = "[~one for one in kept], [1, 2, 3], 0"
 
 SLIPS = slips(
-    mirrors_pass=(_DET, "mirrored = 0.0 * bent",
-        "A mirror passes: its columns are orthonormal, too. The determinant must be +1."),
-    determinant_alone=(_BENT, "bent = np.zeros(len(R))",
+    mirrors_pass=(
+        _DET,
+        "mirrored = 0.0 * bent",
+        "A mirror passes: its columns are orthonormal, too. The determinant must be +1.",
+    ),
+    determinant_alone=(
+        _BENT,
+        "bent = np.zeros(len(R))",
         "The determinant alone is looked at. A sheared matrix has the determinant 1, too: its "
-        "columns must be orthonormal."),
-    exact=("mirrored) < 1e-4", "mirrored) == 0.0",
-        "Rotations are asked to be exact: single precision, and rounding itself, is a false "
-        "alarm."),
-    none_passes=(_KEPT, "[np.maximum(bent, mirrored) >= 1e-4, late >= 0.25, drift >= 1e-3], "
-        "[1, 2, 3], 0",
+        "columns must be orthonormal.",
+    ),
+    exact=(
+        "mirrored) < 1e-4",
+        "mirrored) == 0.0",
+        "Rotations are asked to be exact: single precision, and rounding itself, is a false alarm.",
+    ),
+    none_passes=(
+        _KEPT,
+        "[np.maximum(bent, mirrored) >= 1e-4, late >= 0.25, drift >= 1e-3], [1, 2, 3], 0",
         "What is no number passes: every comparison with NaN is false. Ask whether the error is "
-        "small, not whether it is large."),
-    on_average=(_LATE, "late = np.abs(seen - w).mean(axis=(1, 2))",
+        "small, not whether it is large.",
+    ),
+    on_average=(
+        _LATE,
+        "late = np.abs(seen - w).mean(axis=(1, 2))",
         "The rates are compared on average: one wrong sample in a record disappears. Take the "
-        "worst."),
-    ends_left_out=(_LATE, "late = np.abs(seen - w)[:, 1:-1].max(axis=(1, 2))",
+        "worst.",
+    ),
+    ends_left_out=(
+        _LATE,
+        "late = np.abs(seen - w)[:, 1:-1].max(axis=(1, 2))",
         "The first and the last sample are left out, where central differences don't reach. "
-        "Differences to one side do, of second order."),
-    body_axes=(_SPIN, _SPIN.replace("np.gradient", "back @ np.gradient").replace(" @ back", ""),
-        "R^T dR/dt is the rate in the body's axes. In the world's it is dR/dt R^T."),
-    sign_of_the_rates=("np.abs(seen - w)", "np.abs(seen + w)",
+        "Differences to one side do, of second order.",
+    ),
+    body_axes=(
+        _SPIN,
+        _SPIN.replace("np.gradient", "back @ np.gradient").replace(" @ back", ""),
+        "R^T dR/dt is the rate in the body's axes. In the world's it is dR/dt R^T.",
+    ),
+    sign_of_the_rates=(
+        "np.abs(seen - w)",
+        "np.abs(seen + w)",
         "The rates are compared with the other sign: look at which element of the matrix is which "
-        "component."),
-    speed_alone=(_LATE, "late = np.abs(np.linalg.norm(seen, axis=2) - np.linalg.norm(w, axis=2))"
-        ".max(axis=1)",
+        "component.",
+    ),
+    speed_alone=(
+        _LATE,
+        "late = np.abs(np.linalg.norm(seen, axis=2) - np.linalg.norm(w, axis=2)).max(axis=1)",
         "Only the size of the rates is compared: in other axes, or with the other sign, it is the "
-        "same."),
-    one_sided=("np.gradient(R, step, axis=1, edge_order=2)",
-        "np.diff(R, axis=1, append=2 * R[:, -1:] - R[:, -2:-1]) / step", "late < 0.25",
+        "same.",
+    ),
+    one_sided=(
+        "np.gradient(R, step, axis=1, edge_order=2)",
+        "np.diff(R, axis=1, append=2 * R[:, -1:] - R[:, -2:-1]) / step",
+        "late < 0.25",
         "late < 1e-3",
         "Differences to one side are off by half a step of angular acceleration, and the limit is "
-        "below that: right programs are reported. Take central ones."),
-    energy_for_momentum=(f"{_DRIFT}\n    {_PART}", _ENERGY,
+        "below that: right programs are reported. Take central ones.",
+    ),
+    energy_for_momentum=(
+        f"{_DRIFT}\n    {_PART}",
+        _ENERGY,
         "Energy is asked for. A wrong law may keep it: the gyroscopic torque with the other sign, "
-        "for one. Without a torque the angular momentum stays."),
-    length_of_the_momentum=(_DRIFT, "size = np.linalg.norm(momentum, axis=2)\n    "
+        "for one. Without a torque the angular momentum stays.",
+    ),
+    length_of_the_momentum=(
+        _DRIFT,
+        "size = np.linalg.norm(momentum, axis=2)\n    "
         "drift = np.abs(size - size[:, :1]).max(axis=1)",
         "Only the length of the momentum is compared: a momentum that turns with the body keeps "
-        "it. It is a vector that stays in the world."),
-    momentum_in_the_body=(_DRIFT, _DRIFT.replace("momentum - momentum[:, :1]",
-        '(m := np.einsum("knji,knj->kni", R, momentum)) - m[:, :1]'),
+        "it. It is a vector that stays in the world.",
+    ),
+    momentum_in_the_body=(
+        _DRIFT,
+        _DRIFT.replace(
+            "momentum - momentum[:, :1]",
+            '(m := np.einsum("knji,knj->kni", R, momentum)) - m[:, :1]',
+        ),
         "The momentum is compared along the body's axes. There it turns, since the body does; in "
-        "the world's it stays."),
-    absolute=(_PART, "pass",
+        "the world's it stays.",
+    ),
+    absolute=(
+        _PART,
+        "pass",
         "The momentum's limit is in kg m^2/s: a light body may do anything, and a heavy one fails "
-        "by rounding. Compare with the momentum itself."),
-    inertia_not_turned=('inertia * np.einsum("knji,knj->kni", R, w)', "inertia * w",
+        "by rounding. Compare with the momentum itself.",
+    ),
+    inertia_not_turned=(
+        'inertia * np.einsum("knji,knj->kni", R, w)',
+        "inertia * w",
         "The moments are along the body's axes, the rates along the world's: turn the rates into "
-        "the body, and the momentum back."),
-    not_asked=(", drift < 1e-3]", ", drift > -1.0]",
-        "Whether the motion is free is not asked at all."),
-)  # fmt: skip
+        "the body, and the momentum back.",
+    ),
+    not_asked=(
+        ", drift < 1e-3]",
+        ", drift > -1.0]",
+        "Whether the motion is free is not asked at all.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-12, "whole numbers"),

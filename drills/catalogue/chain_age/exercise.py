@@ -48,33 +48,69 @@ _WAITS = "waits += interval"
 _END = "np.array([least, least + waits / 2.0, least + waits])"
 
 SLIPS = slips(
-    executions_only=(_END, "np.array([least, least, least])",
-        "That is the sum of the executions only, the least age. Clocks make information wait."),
-    hold_forgotten=(_READ, "if i + 1 < len(C) and T[i + 1] > 0.0:",
-        "The command is not held: it stays in force until the next one comes, and gets older."),
-    consumers_period=(_READ, "if True:", _WAITS, "waits += T[i + 1] if i + 1 < len(C) else 0.0",
+    executions_only=(
+        _END,
+        "np.array([least, least, least])",
+        "That is the sum of the executions only, the least age. Clocks make information wait.",
+    ),
+    hold_forgotten=(
+        _READ,
+        "if i + 1 < len(C) and T[i + 1] > 0.0:",
+        "The command is not held: it stays in force until the next one comes, and gets older.",
+    ),
+    consumers_period=(
+        _READ,
+        "if True:",
+        _WAITS,
+        "waits += T[i + 1] if i + 1 < len(C) else 0.0",
         "The reader's period is taken for its wait, and nothing for the hold. How old the newest "
-        "value is depends on how often it is made: the producer's period."),
-    both_ends_doubled=("C.sum(), 0.0, 0.0", "C.sum(), T[0], 0.0",
+        "value is depends on how often it is made: the producer's period.",
+    ),
+    both_ends_doubled=(
+        "C.sum(), 0.0, 0.0",
+        "C.sum(), T[0], 0.0",
         "The sensor's period counts twice: once for the event that waits for a capture, once for "
-        "the result that waits for its reader. Age begins at the capture."),
-    waits_on_arrival=(_READ, "if True:",
-        "A stage that starts on arrival is made to wait as if it had a clock."),
-    interval_not_carried=(_OWN, _OWN + "\n        else:\n            interval = 0.0",
-        "A stage on arrival is taken to deliver all the time. It delivers as often as its input."),
-    whole_period_in_the_mean=(_END, "np.array([least, least + waits, least + waits])",
-        "The mean wait is given as a whole interval. It is spread evenly from 0: half of it."),
-    greatest_is_the_mean=(_END, "np.array([least, least + waits / 2.0, least + waits / 2.0])",
-        "The greatest age is given half an interval a wait: that is the mean."),
-    periods_only=(_END, "np.array([0.0, waits / 2.0, waits])",
-        "Only the waits are counted. The executions come on top, in all three."),
-    waits_once_for_all=(_WAITS, "waits = max(waits, interval)",
-        "Only the longest wait is counted. Each clock in the chain adds one."),
-)  # fmt: skip
+        "the result that waits for its reader. Age begins at the capture.",
+    ),
+    waits_on_arrival=(
+        _READ,
+        "if True:",
+        "A stage that starts on arrival is made to wait as if it had a clock.",
+    ),
+    interval_not_carried=(
+        _OWN,
+        _OWN + "\n        else:\n            interval = 0.0",
+        "A stage on arrival is taken to deliver all the time. It delivers as often as its input.",
+    ),
+    whole_period_in_the_mean=(
+        _END,
+        "np.array([least, least + waits, least + waits])",
+        "The mean wait is given as a whole interval. It is spread evenly from 0: half of it.",
+    ),
+    greatest_is_the_mean=(
+        _END,
+        "np.array([least, least + waits / 2.0, least + waits / 2.0])",
+        "The greatest age is given half an interval a wait: that is the mean.",
+    ),
+    periods_only=(
+        _END,
+        "np.array([0.0, waits / 2.0, waits])",
+        "Only the waits are counted. The executions come on top, in all three.",
+    ),
+    waits_once_for_all=(
+        _WAITS,
+        "waits = max(waits, interval)",
+        "Only the longest wait is counted. Each clock in the chain adds one.",
+    ),
+)
 
 EXERCISE = Exercise(
-    judge=judge_of(cases, lambda case, truth: 1e-9 * float(truth[0].max()),
-                   "sums of a few numbers: rounding", told=coarse),
+    judge=judge_of(
+        cases,
+        lambda case, truth: 1e-9 * float(truth[0].max()),
+        "sums of a few numbers: rounding",
+        told=coarse,
+    ),
     examples=(
         "chain_age([0.01], [0.1])",
         "chain_age([0.01, 0.02], [0.1, 0.05])",
@@ -84,4 +120,4 @@ EXERCISE = Exercise(
     slips=SLIPS
     + coarse_slips("chain_age", "A microsecond is much in a loop at 1 kHz.")
     + value_slips("chain_age"),
-)  # fmt: skip
+)

@@ -42,10 +42,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
         pair(1.0 + 1e-9, "nearly touching"),
         pair(rng.uniform(0.02, 0.1), "one inside the other"),
         Case((np.array([0.3, -0.2]), 0.5, np.array([0.3, -0.2]), 0.8), "one centre", "edge"),
-        tiny(1e-7), tiny(1e-20), tiny(1e-200),
+        tiny(1e-7),
+        tiny(1e-20),
+        tiny(1e-200),
         Case((rng.uniform(-1, 1, 2), 0.0, rng.uniform(2, 3, 2), 0.0), "two points", "edge"),
         Case((np.array([3, -1]), 2, np.array([7, 2]), 4), WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
@@ -76,49 +78,84 @@ SCALED = """    size = max(abs(x), abs(y))
 """
 
 SLIPS = slips(
-    divided_by_zero=(SCALED,
+    divided_by_zero=(
+        SCALED,
         "    with np.errstate(all='ignore'):\n"
         "        normal = np.array([x, y]) / np.float64(distance)\n",
-        "Where the centres coincide the normal is 0/0. There the task asks for (1, 0)."),
-    small_number_added=(SCALED,
+        "Where the centres coincide the normal is 0/0. There the task asks for (1, 0).",
+    ),
+    small_number_added=(
+        SCALED,
         "    normal = np.array([x, y]) / (distance + 1e-9)\n",
         "A small number in the denominator keeps 0/0 away and makes every normal too short: none "
         "at all where the centres coincide, wrong in the ninth digit elsewhere. Treat the one "
-        "case by itself."),
-    threshold=("if size > 0.0:", "if size > 1e-6:",
+        "case by itself.",
+    ),
+    threshold=(
+        "if size > 0.0:",
+        "if size > 1e-6:",
         "Centres that nearly coincide are treated as if they did. Their direction still counts, "
-        "however small the distance."),
-    squares_underflow=(SCALED,
+        "however small the distance.",
+    ),
+    squares_underflow=(
+        SCALED,
         "    normal = np.array([1.0, 0.0])\n"
         "    length = math.sqrt(x * x + y * y)\n"
         "    if length > 0.0:\n"
         "        normal = np.array([x, y]) / length\n",
         "The square of 1e-200 is zero, and with it the distance. Scale x and y by the larger of "
-        "them before you square, or use math.hypot."),
-    from_b_to_a=("x, y = q - p", "x, y = p - q",
-        "The normal points from b to a. It goes from the first to the second."),
-    depth_for_gap=("gap = distance - (radius_a + radius_b)", "gap = radius_a + radius_b - distance",
+        "them before you square, or use math.hypot.",
+    ),
+    from_b_to_a=(
+        "x, y = q - p",
+        "x, y = p - q",
+        "The normal points from b to a. It goes from the first to the second.",
+    ),
+    depth_for_gap=(
+        "gap = distance - (radius_a + radius_b)",
+        "gap = radius_a + radius_b - distance",
         "The sign of the gap is turned: it is negative when the circles overlap. (What you return "
-        "is the depth.)"),
-    one_radius_forgotten=("(radius_a + radius_b)\n", "radius_a\n",
-        "One radius is missing: the gap is the distance of the centres less both radii."),
-    on_the_surface_of_a=("radius_a + 0.5 * gap", "radius_a",
+        "is the depth.)",
+    ),
+    one_radius_forgotten=(
+        "(radius_a + radius_b)\n",
+        "radius_a\n",
+        "One radius is missing: the gap is the distance of the centres less both radii.",
+    ),
+    on_the_surface_of_a=(
+        "radius_a + 0.5 * gap",
+        "radius_a",
         "Your point lies on the surface of a. It lies half way between the two surfaces: go on by "
-        "half of the gap, which is negative in an overlap."),
-    half_way_between_centres=("p + (radius_a + 0.5 * gap) * normal", "0.5 * (p + q)",
+        "half of the gap, which is negative in an overlap.",
+    ),
+    half_way_between_centres=(
+        "p + (radius_a + 0.5 * gap) * normal",
+        "0.5 * (p + q)",
         "Your point lies half way between the centres, which is right for equal radii only. Half "
-        "way between the surfaces is meant."),
-    radii_swapped=("(radius_a + 0.5 * gap)", "(radius_b + 0.5 * gap)",
-        "From the centre of a one goes the radius of a, not that of b."),
-    no_normal=("normal = np.array([1.0, 0.0])\n", "normal = np.array([0.0, 0.0])\n",
+        "way between the surfaces is meant.",
+    ),
+    radii_swapped=(
+        "(radius_a + 0.5 * gap)",
+        "(radius_b + 0.5 * gap)",
+        "From the centre of a one goes the radius of a, not that of b.",
+    ),
+    no_normal=(
+        "normal = np.array([1.0, 0.0])\n",
+        "normal = np.array([0.0, 0.0])\n",
         "Where the centres coincide your normal is zero: a contact without direction can't push "
-        "anything. The task asks for (1, 0)."),
-    not_a_unit_vector=("normal = normal / math.hypot(*normal)",
+        "anything. The task asks for (1, 0).",
+    ),
+    not_a_unit_vector=(
+        "normal = normal / math.hypot(*normal)",
         "normal = normal * min(1.0, distance)",
-        "The normal has not length one: divide the difference of the centres by its length."),
-    gap_squared=("distance - (radius_a + radius_b)", "distance**2 - (radius_a + radius_b) ** 2",
-        "Squares of lengths are compared. That tells whether they overlap, not by how much."),
-)  # fmt: skip
+        "The normal has not length one: divide the difference of the centres by its length.",
+    ),
+    gap_squared=(
+        "distance - (radius_a + radius_b)",
+        "distance**2 - (radius_a + radius_b) ** 2",
+        "Squares of lengths are compared. That tells whether they overlap, not by how much.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

@@ -42,11 +42,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
         ]
     bare = none(none(drawn(), 2), 4)
     return [
-        pair("the same", same, same, "simple"), *found,
+        pair("the same", same, same, "simple"),
+        *found,
         *(pair("all drawn", drawn(), drawn()) for _ in range(8)),
         pair("no times at all", bare, bare, "edge"),
         Case((np.array([0, 1, 0, 2, 3, 1, 0]), np.array([1, 0, 2, 1, 2, 1, 1])), WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def flags(figure: Any, shown: Shown) -> None:
@@ -65,44 +66,91 @@ _NONE = "for profile in (offer, wish):"
 _RETURN = "return np.array([less[0]"
 
 SLIPS = slips(
-    symmetric=(_RANK, "less = more = offer != wish",
+    symmetric=(
+        _RANK,
+        "less = more = offer != wish",
         "Whatever differs is refused. Only one direction fails: a writer may offer more than the "
-        "reader asks for."),
-    reader_and_writer_swapped=(_RANK, "less, more = wish < offer, wish > offer",
+        "reader asks for.",
+    ),
+    reader_and_writer_swapped=(
+        _RANK,
+        "less, more = wish < offer, wish > offer",
         "Offered and requested have changed places: a best-effort writer is let through to a "
-        "reliable reader, and the reverse refused."),
-    deadline_reversed=("more[2]", "less[2]", "more[4]", "less[4]",
-        "Deadline and lease are ranked like the others. A shorter time is the stronger promise."),
-    deadline_alone_reversed=("more[2]", "less[2]",
+        "reliable reader, and the reverse refused.",
+    ),
+    deadline_reversed=(
+        "more[2]",
+        "less[2]",
+        "more[4]",
+        "less[4]",
+        "Deadline and lease are ranked like the others. A shorter time is the stronger promise.",
+    ),
+    deadline_alone_reversed=(
+        "more[2]",
+        "less[2]",
         "The deadline is the wrong way round. The writer promises a sample at least that often: it "
-        "fails where its time is longer than the reader's."),
-    lease_reversed=("more[4]", "less[4]",
+        "fails where its time is longer than the reader's.",
+    ),
+    lease_reversed=(
+        "more[4]",
+        "less[4]",
         "The lease is the wrong way round: a writer that shows a sign of life more often than "
-        "asked for is welcome."),
-    none_taken_as_zero=(_NONE, "for profile in ():",
+        "asked for is welcome.",
+    ),
+    none_taken_as_zero=(
+        _NONE,
+        "for profile in ():",
         "A time of 0 is compared as a number. It stands for none, so it is the longest of all: no "
-        "deadline offered fails against any requested one."),
-    none_offered_passes=(_NONE, "for profile in (wish,):",
-        "Who offers no deadline is let through to a reader that requests one."),
-    none_requested_fails=(_NONE, "for profile in (offer,):",
-        "A reader that requests no deadline refuses every writer that keeps one."),
-    lease_forgotten=(_LIVELY, "lively = less[3]",
-        "The lease is forgotten. Liveliness is a kind and a time: either of them can fail."),
-    kind_forgotten=(_LIVELY, "lively = more[4]",
+        "deadline offered fails against any requested one.",
+    ),
+    none_offered_passes=(
+        _NONE,
+        "for profile in (wish,):",
+        "Who offers no deadline is let through to a reader that requests one.",
+    ),
+    none_requested_fails=(
+        _NONE,
+        "for profile in (offer,):",
+        "A reader that requests no deadline refuses every writer that keeps one.",
+    ),
+    lease_forgotten=(
+        _LIVELY,
+        "lively = less[3]",
+        "The lease is forgotten. Liveliness is a kind and a time: either of them can fail.",
+    ),
+    kind_forgotten=(
+        _LIVELY,
+        "lively = more[4]",
         "Only the lease is compared. Liveliness fails, too, where its kind is below the one "
-        "requested."),
-    both_must_fail=(_LIVELY, "lively = less[3] and more[4]",
-        "Liveliness is let through unless kind and lease both fail. One is enough."),
-    equal_fails=(_RANK, "less, more = offer < wish, offer >= wish",
-        "Equal times are refused. A writer that offers what is requested fits."),
-    ownership_ranked=(_UNLIKE, "unlike = less[6]",
+        "requested.",
+    ),
+    both_must_fail=(
+        _LIVELY,
+        "lively = less[3] and more[4]",
+        "Liveliness is let through unless kind and lease both fail. One is enough.",
+    ),
+    equal_fails=(
+        _RANK,
+        "less, more = offer < wish, offer >= wish",
+        "Equal times are refused. A writer that offers what is requested fits.",
+    ),
+    ownership_ranked=(
+        _UNLIKE,
+        "unlike = less[6]",
         "Ownership is ranked. Exclusive offers nothing that a shared reader could take: both ends "
-        "must say the same."),
-    ownership_ignored=(_UNLIKE, "unlike = False",
-        "Ownership never fails. It must be the same at both ends."),
-    ones_for_what_fits=(_RETURN, "return 1 - np.array([less[0]",
-        "1 stands where a policy fits. Asked is what fails."),
-)  # fmt: skip
+        "must say the same.",
+    ),
+    ownership_ignored=(
+        _UNLIKE,
+        "unlike = False",
+        "Ownership never fails. It must be the same at both ends.",
+    ),
+    ones_for_what_fits=(
+        _RETURN,
+        "return 1 - np.array([less[0]",
+        "1 stands where a policy fits. Asked is what fails.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-9, "zeros and ones"),

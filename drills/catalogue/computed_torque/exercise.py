@@ -19,15 +19,27 @@ def cases(rng: np.random.Generator) -> list[Case]:
     """Holding, an error at rest, coasting on the reference; then arms that do all of it."""
 
     def moving(
-        label: str = "random", level: str = "core", *, error: float = 0.3, slow: float = 0.5,
-        v: float = 2.0, a: float = 4.0, gravity: float = G, turns: float = 0.0,
-    ) -> Case:  # fmt: skip
+        label: str = "random",
+        level: str = "core",
+        *,
+        error: float = 0.3,
+        slow: float = 0.5,
+        v: float = 2.0,
+        a: float = 4.0,
+        gravity: float = G,
+        turns: float = 0.0,
+    ) -> Case:
         """Errors of angle and rate, speed and acceleration of these sizes."""
         lengths, masses = rng.uniform(0.2, 0.8, 2), rng.uniform(0.3, 3.0, 2)
         q = rng.uniform(-math.pi, math.pi, 2) + turns
         rate = v * rng.uniform(0.5, 1.5, 2) * rng.choice([-1.0, 1.0], 2)
-        reference = np.array([q + error * rng.normal(size=2), rate + slow * rng.normal(size=2),
-                              a * rng.normal(size=2)])  # fmt: skip
+        reference = np.array(
+            [
+                q + error * rng.normal(size=2),
+                rate + slow * rng.normal(size=2),
+                a * rng.normal(size=2),
+            ]
+        )
         gains = rng.uniform(20.0, 200.0, 2), rng.uniform(5.0, 30.0, 2)
         return Case((lengths, masses, gravity, q, rate, reference, *gains), label, level)
 
@@ -77,56 +89,110 @@ _SPIN = "np.array([-2.0 * v[0] * v[1] - v[1] ** 2, v[0] ** 2])"
 _OUTER = "outer = 0.5 * m2 * l2 * math.cos(q[0] + q[1])"
 
 SLIPS = slips(
-    gains_outside_the_mass_matrix=(_A, "a = a_ref", _RETURN, f"{_RETURN} + {_PD}",
+    gains_outside_the_mass_matrix=(
+        _A,
+        "a = a_ref",
+        _RETURN,
+        f"{_RETURN} + {_PD}",
         "The gains act as torques: they stand outside the mass matrix. Then a joint's error moves "
         "the other one, and the poles change with the posture. Inside, M turns the wanted "
-        "acceleration, gains and all, into torque."),
-    rate_of_the_reference_in_coriolis=(_SPIN, _SPIN.replace("v[", "v_ref["),
+        "acceleration, gains and all, into torque.",
+    ),
+    rate_of_the_reference_in_coriolis=(
+        _SPIN,
+        _SPIN.replace("v[", "v_ref["),
         "The Coriolis term takes the rate of the reference. It undoes a torque that the arm has "
-        "now: with the rate that is measured."),
-    one_rate_of_each_in_coriolis=(_SPIN,
+        "now: with the rate that is measured.",
+    ),
+    one_rate_of_each_in_coriolis=(
+        _SPIN,
         "np.array([-v[0] * v_ref[1] - v[1] * v_ref[0] - v[1] * v_ref[1], v[0] * v_ref[0]])",
         "The Coriolis term is C(q, v) v_ref: that is the law of Slotine and Li, whose error obeys "
-        "another equation. Here it undoes the arm's own torque, C(q, v) v."),
-    gravity_sign=(_RETURN, "return M @ a + coriolis - weight",
+        "another equation. Here it undoes the arm's own torque, C(q, v) v.",
+    ),
+    gravity_sign=(
+        _RETURN,
+        "return M @ a + coriolis - weight",
         "Gravity has the wrong sign: the torque must hold the arm up. A link along +x wants a "
-        "positive torque."),
+        "positive torque.",
+    ),
     gravity_forgotten=(_RETURN, "return M @ a + coriolis", "Gravity is missing."),
-    coriolis_forgotten=(_RETURN, "return M @ a + weight",
-        "The Coriolis and centripetal torques are missing: one does not see it at rest."),
-    coriolis_sign=(_RETURN, "return M @ a - coriolis + weight",
+    coriolis_forgotten=(
+        _RETURN,
+        "return M @ a + weight",
+        "The Coriolis and centripetal torques are missing: one does not see it at rest.",
+    ),
+    coriolis_sign=(
+        _RETURN,
+        "return M @ a - coriolis + weight",
         "The Coriolis and centripetal torques have the wrong sign: they double what they should "
-        "undo."),
-    two_forgotten_in_coriolis=(_SPIN, "np.array([-v[0] * v[1] - v[1] ** 2, v[0] ** 2])",
-        "The Coriolis torque on the first joint is -c (2 v1 v2 + v2^2): the 2 is missing."),
-    acceleration_forgotten=("a = a_ref + ", "a = ",
+        "undo.",
+    ),
+    two_forgotten_in_coriolis=(
+        _SPIN,
+        "np.array([-v[0] * v[1] - v[1] ** 2, v[0] ** 2])",
+        "The Coriolis torque on the first joint is -c (2 v1 v2 + v2^2): the 2 is missing.",
+    ),
+    acceleration_forgotten=(
+        "a = a_ref + ",
+        "a = ",
         "The acceleration of the reference is not fed forward: the arm then lags behind whenever "
-        "it has to speed up."),
-    error_reversed=(_A, _A.replace("(q_ref - q)", "(q - q_ref)"),
+        "it has to speed up.",
+    ),
+    error_reversed=(
+        _A,
+        _A.replace("(q_ref - q)", "(q - q_ref)"),
         "The error of the angles has the wrong sign: reference less measured. This drives the arm "
-        "away."),
-    rate_error_reversed=(_A, _A.replace("(v_ref - v)", "(v - v_ref)"),
-        "The error of the rates has the wrong sign: reference less measured."),
-    damping_of_the_whole_rate=(_A, _A.replace("(v_ref - v)", "-v"),
-        "The damping acts on the whole rate and not on its error, so it brakes the wanted motion."),
-    gains_swapped=(_A, "a = a_ref + np.asarray(kp) * (v_ref - v) + np.asarray(kd) * (q_ref - q)",
-        "kp and kd have changed places."),
-    model_at_the_reference=("    " + _A + "\n", "",
-        "    coupling, tip =", f"    {_A}\n    q, v = q_ref, v_ref\n    coupling, tip =",
+        "away.",
+    ),
+    rate_error_reversed=(
+        _A,
+        _A.replace("(v_ref - v)", "(v - v_ref)"),
+        "The error of the rates has the wrong sign: reference less measured.",
+    ),
+    damping_of_the_whole_rate=(
+        _A,
+        _A.replace("(v_ref - v)", "-v"),
+        "The damping acts on the whole rate and not on its error, so it brakes the wanted motion.",
+    ),
+    gains_swapped=(
+        _A,
+        "a = a_ref + np.asarray(kp) * (v_ref - v) + np.asarray(kd) * (q_ref - q)",
+        "kp and kd have changed places.",
+    ),
+    model_at_the_reference=(
+        "    " + _A + "\n",
+        "",
+        "    coupling, tip =",
+        f"    {_A}\n    q, v = q_ref, v_ref\n    coupling, tip =",
         "The model is evaluated on the reference. That is a feedforward: it does not cancel what "
-        "the arm does where it is, and the errors of the joints stay coupled."),
-    weight_at_the_reference=("math.cos(q[0]) + outer", "math.cos(q_ref[0]) + outer",
-        _OUTER, _OUTER.replace("q[0] + q[1]", "q_ref[0] + q_ref[1]"),
-        "Gravity is that of the wanted posture. The arm hangs where it is measured."),
-    error_wrapped=("(q_ref - q)", "((q_ref - q + np.pi) % (2.0 * np.pi) - np.pi)",
+        "the arm does where it is, and the errors of the joints stay coupled.",
+    ),
+    weight_at_the_reference=(
+        "math.cos(q[0]) + outer",
+        "math.cos(q_ref[0]) + outer",
+        _OUTER,
+        _OUTER.replace("q[0] + q[1]", "q_ref[0] + q_ref[1]"),
+        "Gravity is that of the wanted posture. The arm hangs where it is measured.",
+    ),
+    error_wrapped=(
+        "(q_ref - q)",
+        "((q_ref - q + np.pi) % (2.0 * np.pi) - np.pi)",
         "The error is brought between -pi and pi. The task takes the difference as it is: a joint "
-        "that is wound up by a turn has to come back."),
-    diagonal_only=("[base, across], [across, tip]", "[base, 0.0], [0.0, tip]",
-        "The mass matrix has only its diagonal: each joint is driven as if the other stood still."),
-    absolute_second_angle=(_OUTER, _OUTER.replace("q[0] + q[1]", "q[1]"),
+        "that is wound up by a turn has to come back.",
+    ),
+    diagonal_only=(
+        "[base, across], [across, tip]",
+        "[base, 0.0], [0.0, tip]",
+        "The mass matrix has only its diagonal: each joint is driven as if the other stood still.",
+    ),
+    absolute_second_angle=(
+        _OUTER,
+        _OUTER.replace("q[0] + q[1]", "q[1]"),
         "The second link's weight takes q2 from the x axis. It is measured from the first link: "
-        "its direction is q1 + q2."),
-)  # fmt: skip
+        "its direction is q1 + q2.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "a closed form of some dozen products: rounding", told=coarse),

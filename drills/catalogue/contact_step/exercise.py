@@ -38,12 +38,15 @@ def cases(rng: np.random.Generator) -> list[Case]:
         on(1.5 * math.atan(m), m, 0.0, 100, "sliding down", "core"),
         on(1.3 * math.atan(m), m, -2.0, 150, "thrown uphill", "core"),
         on(0.7 * math.atan(m), m, 3.0, 200, "coming to rest on a slope", "core"),
-        landing(0.0), landing(0.3), landing(-0.5),
+        landing(0.0),
+        landing(0.3),
+        landing(-0.5),
         on(0.3, 0.0, 1.0, 100, "no friction", "edge"),
-        on(0.2, 0.5, 1.0, 0, "no step", "edge"), on(0.2, 0.5, 1.0, 1, "one step", "edge"),
+        on(0.2, 0.5, 1.0, 0, "no step", "edge"),
+        on(0.2, 0.5, 1.0, 1, "one step", "edge"),
         on(math.pi / 2, 0.9, 0.0, 60, "a wall", "edge"),
         Case((np.array([0, 1]), np.array([2, -1]), 0, 1, 0.01, 60), WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def allowed(case: Case, truth: tuple[Any, ...]) -> float:
@@ -82,43 +85,78 @@ _WEIGHT = "most = mu * 9.81 * dt{} if normal > 0.0 else 0.0\n        friction = 
 _BOUND = "min(max(-v[0], -most), most)"
 
 SLIPS = slips(
-    bug_still_there=("friction = " + FRICTION, _WEIGHT.format("") + _BOUND,
+    bug_still_there=(
+        "friction = " + FRICTION,
+        _WEIGHT.format("") + _BOUND,
         "The bug is still there: friction is bounded by mu times the weight. On a slope the plane "
-        "carries less, at a landing much more; the normal impulse of this step knows."),
-    cosine_put_in=("friction = " + FRICTION, _WEIGHT.format(" * math.cos(slope)") + _BOUND,
+        "carries less, at a landing much more; the normal impulse of this step knows.",
+    ),
+    cosine_put_in=(
+        "friction = " + FRICTION,
+        _WEIGHT.format(" * math.cos(slope)") + _BOUND,
         "The bound is mu times the weight's part across the slope: right for a block that lies on "
         "it. At a landing the normal impulse is many times that, and friction with it. Bound it by "
-        "the impulse itself."),
-    always_full_friction=(FRICTION, "-math.copysign(mu * normal, v[0])",
+        "the impulse itself.",
+    ),
+    always_full_friction=(
+        FRICTION,
+        "-math.copysign(mu * normal, v[0])",
         "Friction is always mu times the normal impulse. A block at rest is then pushed to and "
-        "fro: friction takes what is needed to stop it, at most that."),
-    sticks_always=(FRICTION, "-v[0] if normal > 0.0 else 0.0",
-        "Friction stops the block at once, without a bound: nothing slides any more."),
-    no_friction=(FRICTION, "0.0 * normal",
+        "fro: friction takes what is needed to stop it, at most that.",
+    ),
+    sticks_always=(
+        FRICTION,
+        "-v[0] if normal > 0.0 else 0.0",
+        "Friction stops the block at once, without a bound: nothing slides any more.",
+    ),
+    no_friction=(
+        FRICTION,
+        "0.0 * normal",
         "There is no friction at all. It takes what stops the block, at most mu times the normal "
-        "impulse."),
-    friction_in_the_air=("-mu * normal), mu * normal)",
+        "impulse.",
+    ),
+    friction_in_the_air=(
+        "-mu * normal), mu * normal)",
         "-mu * abs(v[1] + x[1] / dt)), mu * abs(v[1] + x[1] / dt))",
-        "There is friction in the air: its bound is not zero where the normal impulse is."),
-    friction_before_gravity=("v = v + dt * gravity", "old, v = v[0], v + dt * gravity",
-        "max(-v[0], -mu", "max(-old, -mu",
+        "There is friction in the air: its bound is not zero where the normal impulse is.",
+    ),
+    friction_before_gravity=(
+        "v = v + dt * gravity",
+        "old, v = v[0], v + dt * gravity",
+        "max(-v[0], -mu",
+        "max(-old, -mu",
         "Friction is computed from the velocity before gravity has acted in this step: a block "
-        "that should stick creeps downhill by g sin(slope) dt."),
-    no_place_in_the_normal=("-(v[1] + x[1] / dt)", "-v[1] if x[1] <= 0.0 else 0.0",
+        "that should stick creeps downhill by g sin(slope) dt.",
+    ),
+    no_place_in_the_normal=(
+        "-(v[1] + x[1] / dt)",
+        "-v[1] if x[1] <= 0.0 else 0.0",
         "The normal impulse comes a step late: it acts only where the block has sunk in already. "
-        "The task's scheme lets it just touch at the end of the step."),
-    bounces=("np.array([friction, normal])", "np.array([friction, 2.0 * normal])",
+        "The task's scheme lets it just touch at the end of the step.",
+    ),
+    bounces=(
+        "np.array([friction, normal])",
+        "np.array([friction, 2.0 * normal])",
         "The normal impulse is taken twice: the block bounces. It is the one that lets it just "
-        "touch."),
-    explicit_position=("v = v + np.array([friction, normal])\n        x = x + dt * v",
+        "touch.",
+    ),
+    explicit_position=(
+        "v = v + np.array([friction, normal])\n        x = x + dt * v",
         "x = x + dt * v\n        v = v + np.array([friction, normal])",
         "The position moves with the velocity from before the impulses, so the block sinks in. "
-        "First the impulses, then the position."),
-    slope_reversed=("[math.sin(slope), -math.cos(slope)]", "[-math.sin(slope), -math.cos(slope)]",
-        "Gravity pulls uphill: the first axis points down the slope."),
-    one_step_off=("range(steps)", "range(steps + 1)",
-        "It is right, and one step off: the loop makes `steps` of them."),
-)  # fmt: skip
+        "First the impulses, then the position.",
+    ),
+    slope_reversed=(
+        "[math.sin(slope), -math.cos(slope)]",
+        "[-math.sin(slope), -math.cos(slope)]",
+        "Gravity pulls uphill: the first axis points down the slope.",
+    ),
+    one_step_off=(
+        "range(steps)",
+        "range(steps + 1)",
+        "It is right, and one step off: the loop makes `steps` of them.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

@@ -13,8 +13,9 @@ from drills.report import Shown
 def cases(rng: np.random.Generator) -> list[Case]:
     """Plants that grow a little by themselves; the expert's law bends where actions are large."""
 
-    def task(label: str, level: str = "core", *, n: int = 2, m: int = 1, k: int = 8,
-             steps: int = 6) -> Case:  # fmt: skip
+    def task(
+        label: str, level: str = "core", *, n: int = 2, m: int = 1, k: int = 8, steps: int = 6
+    ) -> Case:
         A = 1.1 * np.linalg.qr(rng.normal(size=(n, n)))[0]
         B = rng.normal(size=(n, m)) + np.eye(n, m)
         G = 0.7 * np.linalg.pinv(B) @ A
@@ -29,15 +30,25 @@ def cases(rng: np.random.Generator) -> list[Case]:
     def brake(x: Any) -> Any:
         return -np.sign(np.asarray(x, dtype=float)[1:])
 
-    whole = (np.array([[1, 1], [0, 1]]), np.array([[0], [1]]), brake, np.array([[0, 1], [1, -1]]),
-             np.array([[-1, 1]]), np.array([1, 2]), 3)  # fmt: skip
+    whole = (
+        np.array([[1, 1], [0, 1]]),
+        np.array([[0], [1]]),
+        brake,
+        np.array([[0, 1], [1, -1]]),
+        np.array([[-1, 1]]),
+        np.array([1, 2]),
+        3,
+    )
     return [
-        task("one state, one action", "simple", n=1, steps=1), task("one state", "simple", n=1),
-        task("one action", "simple", steps=1), *(task("two states") for _ in range(3)),
+        task("one state, one action", "simple", n=1, steps=1),
+        task("one state", "simple", n=1),
+        task("one action", "simple", steps=1),
+        *(task("two states") for _ in range(3)),
         *(task("three states, two actions", n=3, m=2, k=12, steps=8) for _ in range(3)),
-        task("fewer data than states", "edge", n=3, k=1), task("no steps", "edge", steps=0),
+        task("fewer data than states", "edge", n=3, k=1),
+        task("no steps", "edge", steps=0),
         Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def labelled(figure: Any, shown: Shown) -> None:
@@ -55,26 +66,49 @@ _RETURN = "return seen, told, fit(seen, told)"
 _OLD = "np.shape(states)[1]"
 
 SLIPS = slips(
-    learners_labels=("told, expert(x)", "told, K @ x",
+    learners_labels=(
+        "told, expert(x)",
+        "told, K @ x",
         "The new labels are the learner's own actions: it is told to do what it does. Ask the "
-        "expert what to do in the states that the learner has come to."),
-    data_replaced=(_RETURN,
+        "expert what to do in the states that the learner has come to.",
+    ),
+    data_replaced=(
+        _RETURN,
         f"seen, told = seen[:, {_OLD}:], told[:, {_OLD}:]\n    {_RETURN}",
-        "The old data are gone. DAgger aggregates: a fit to the last round alone forgets."),
-    fitted_to_the_new_alone=(_RETURN, f"return seen, told, fit(seen[:, {_OLD}:], told[:, {_OLD}:])",
-        "The fit uses the new data alone. DAgger fits to all: else what was learnt is forgotten."),
-    expert_drives=(_MOVE, _MOVE.replace("(K @ x)", "expert(x)"),
+        "The old data are gone. DAgger aggregates: a fit to the last round alone forgets.",
+    ),
+    fitted_to_the_new_alone=(
+        _RETURN,
+        f"return seen, told, fit(seen[:, {_OLD}:], told[:, {_OLD}:])",
+        "The fit uses the new data alone. DAgger fits to all: else what was learnt is forgotten.",
+    ),
+    expert_drives=(
+        _MOVE,
+        _MOVE.replace("(K @ x)", "expert(x)"),
         "The expert drives: these are states to which it goes, and of them there are data already. "
-        "The learner has to drive."),
-    states_one_late=(_STORE + _MOVE, _MOVE + _STORE,
-        "Each state is kept after the action: the start is missing, and one more is in."),
-    not_fitted_again=(_RETURN, "return seen, told, K",
-        "The data are right, and K is still that of the old ones: fit again."),
-    fitted_after_each_step=(_MOVE, _MOVE + "        K = fit(seen, told)\n",
-        "The learner is fitted again within the round. It drives as it was until the round ends."),
-    both_drive=(_MOVE, _MOVE.replace("(K @ x)", "(0.5 * K @ x + 0.5 * expert(x))"),
-        "Half of each action is the expert's. In this round the learner drives alone."),
-)  # fmt: skip
+        "The learner has to drive.",
+    ),
+    states_one_late=(
+        _STORE + _MOVE,
+        _MOVE + _STORE,
+        "Each state is kept after the action: the start is missing, and one more is in.",
+    ),
+    not_fitted_again=(
+        _RETURN,
+        "return seen, told, K",
+        "The data are right, and K is still that of the old ones: fit again.",
+    ),
+    fitted_after_each_step=(
+        _MOVE,
+        _MOVE + "        K = fit(seen, told)\n",
+        "The learner is fitted again within the round. It drives as it was until the round ends.",
+    ),
+    both_drive=(
+        _MOVE,
+        _MOVE.replace("(K @ x)", "(0.5 * K @ x + 0.5 * expert(x))"),
+        "Half of each action is the expert's. In this round the learner drives alone.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-8, "least squares of well spread data", told=coarse),

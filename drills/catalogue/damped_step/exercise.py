@@ -21,8 +21,10 @@ TINY = "a damping of 1e-7"
 
 
 def _two_link(q1: float, q2: float) -> Array:
-    one, both = np.array([math.cos(q1), math.sin(q1)]), np.array([math.cos(q1 + q2),
-                                                                  math.sin(q1 + q2)])  # fmt: skip
+    one, both = (
+        np.array([math.cos(q1), math.sin(q1)]),
+        np.array([math.cos(q1 + q2), math.sin(q1 + q2)]),
+    )
     ahead = np.column_stack((one + 0.7 * both, 0.7 * both))
     return np.array([-ahead[1], ahead[0]])
 
@@ -117,56 +119,101 @@ _GAIN = "gain = s / (s**2 + damping**2)"
 _RETURN = "return Vt.T @ (gain * (U.T @ np.asarray(error, dtype=float)))"
 
 SLIPS = slips(
-    damping_not_squared=(_GAIN, "gain = s / (s**2 + damping)",
+    damping_not_squared=(
+        _GAIN,
+        "gain = s / (s**2 + damping)",
         "The damping is added as it is; its square belongs there. The units say so: J J^T is in "
-        "m^2/rad^2, damping in m/rad."),
-    pseudo_inverse=("    " + _GAIN + "\n", "", _RETURN,
+        "m^2/rad^2, damping in m/rad.",
+    ),
+    pseudo_inverse=(
+        "    " + _GAIN + "\n",
+        "",
+        _RETURN,
         "return np.linalg.pinv(np.asarray(J, dtype=float)) @ error",
         "This is the pseudo-inverse: the damping does nothing. Beside a singularity its steps "
-        "have no bound."),
-    transpose_alone=(_GAIN, "gain = s",
+        "have no bound.",
+    ),
+    transpose_alone=(
+        _GAIN,
+        "gain = s",
         "This is J^T error, the gradient. Damping divides it by s^2 + lambda^2 in each singular "
-        "direction: solve with J J^T + lambda^2 I first."),
-    damping_added_to_values=(_GAIN, "gain = 1.0 / (s + damping)",
+        "direction: solve with J J^T + lambda^2 I first.",
+    ),
+    damping_added_to_values=(
+        _GAIN,
+        "gain = 1.0 / (s + damping)",
         "The damping is added to the singular values themselves, 1 / (s + lambda). That is "
-        "bounded by 1 / lambda, moves along directions that the arm has not, and is another step."),
-    small_values_cut_off=(_GAIN, "gain = np.where(s > damping, 1.0 / np.maximum(s, 1e-300), 0.0)",
+        "bounded by 1 / lambda, moves along directions that the arm has not, and is another step.",
+    ),
+    small_values_cut_off=(
+        _GAIN,
+        "gain = np.where(s > damping, 1.0 / np.maximum(s, 1e-300), 0.0)",
         "Singular values below the damping are left out and the others are not damped. That "
-        "jumps when a value crosses the limit; damping changes smoothly."),
-    damped_only_when_singular=(_GAIN,
+        "jumps when a value crosses the limit; damping changes smoothly.",
+    ),
+    damped_only_when_singular=(
+        _GAIN,
         "gain = s / (s**2 + damping**2) if s.min() < damping else 1.0 / s",
         "The damping is switched on only near a singularity. Here it always acts, by how much the "
-        "singular values decide."),
-    step_cut_off=("    " + _GAIN + "\n", "", _RETURN,
+        "singular values decide.",
+    ),
+    step_cut_off=(
+        "    " + _GAIN + "\n",
+        "",
+        _RETURN,
         "step = np.linalg.pinv(np.asarray(J, dtype=float)) @ np.asarray(error, dtype=float)\n"
         "    size, bound = np.linalg.norm(step), np.linalg.norm(error) / (2.0 * damping)\n"
         "    return step * min(1.0, bound / size) if size else step",
         "The step of the pseudo-inverse is cut off at the bound. It points along the singular "
-        "direction, which is the worst of all; damping turns it away from there."),
-    sign_of_the_error=(_RETURN, _RETURN.replace("return ", "return -"),
-        "The step goes the other way: the error is target minus tip, what is yet to move."),
-    damping_twice=(_GAIN, "gain = s / (s**2 + 2.0 * damping**2)",
+        "direction, which is the worst of all; damping turns it away from there.",
+    ),
+    sign_of_the_error=(
+        _RETURN,
+        _RETURN.replace("return ", "return -"),
+        "The step goes the other way: the error is target minus tip, what is yet to move.",
+    ),
+    damping_twice=(
+        _GAIN,
+        "gain = s / (s**2 + 2.0 * damping**2)",
         "The damping counts twice: a factor of 2 comes from one of the two squares and not from "
-        "the other. The gradient of both has it."),
-    damping_halved=(_GAIN, "gain = s / (s**2 + 0.25 * damping**2)",
+        "the other. The gradient of both has it.",
+    ),
+    damping_halved=(
+        _GAIN,
+        "gain = s / (s**2 + 0.25 * damping**2)",
         "The damping is halved, as by a 1/2 that stands at one of the two squares only. The bound "
-        "is then twice as high."),
-    damping_to_the_fourth=(_GAIN, "gain = s / (s**2 + damping**4)",
+        "is then twice as high.",
+    ),
+    damping_to_the_fourth=(
+        _GAIN,
+        "gain = s / (s**2 + damping**4)",
         "The damping is squared twice: in the stacked system [J; lambda I] it stands as it is, and "
-        "its square comes by itself."),
-    damping_relative=(_GAIN, "gain = s / (s**2 + (damping * s.max()) ** 2)",
+        "its square comes by itself.",
+    ),
+    damping_relative=(
+        _GAIN,
+        "gain = s / (s**2 + (damping * s.max()) ** 2)",
         "The damping is taken relative to the largest singular value. It is given in m/rad, the "
-        "unit of the singular values, and is used as it is."),
-    gain_squared=(_GAIN, "gain = s / (s**2 + damping**2) * s**2 / (s**2 + damping**2)",
+        "unit of the singular values, and is used as it is.",
+    ),
+    gain_squared=(
+        _GAIN,
+        "gain = s / (s**2 + damping**2) * s**2 / (s**2 + damping**2)",
         "The damping acts twice, as in J^T times a damped inverse of a Jacobian that was damped "
-        "already."),
-    damping_lost=("    U, s, Vt = np.linalg.svd(np.asarray(J, dtype=float), full_matrices=False)\n",
-        "    J = np.asarray(J, dtype=float)\n", "    " + _GAIN + "\n", "", _RETURN,
+        "already.",
+    ),
+    damping_lost=(
+        "    U, s, Vt = np.linalg.svd(np.asarray(J, dtype=float), full_matrices=False)\n",
+        "    J = np.asarray(J, dtype=float)\n",
+        "    " + _GAIN + "\n",
+        "",
+        _RETURN,
         "normal = J @ J.T + damping**2 * np.eye(len(J))\n"
         "    return J.T @ np.linalg.lstsq(normal, np.asarray(error, dtype=float), 1e-300)[0]",
         "The formula is right and its digits are gone: damping^2 = 1e-14 beside numbers of one "
-        "leaves two digits in J J^T + damping^2 I. Use the singular values of J itself."),
-)  # fmt: skip
+        "leaves two digits in J J^T + damping^2 I. Use the singular values of J itself.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

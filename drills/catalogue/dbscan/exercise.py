@@ -27,8 +27,15 @@ def cases(rng: np.random.Generator) -> list[Case]:
         points = np.outer([1.0, 0.0, 0.0], xs)
         return Case((np.asarray(points, dtype=float), eps, least), label, level)
 
-    def blobs(label: str, count: int, eps: float, least: int, stray: int = 15,
-              level: str = "core", flat: float = 1.0) -> Case:  # fmt: skip
+    def blobs(
+        label: str,
+        count: int,
+        eps: float,
+        least: int,
+        stray: int = 15,
+        level: str = "core",
+        flat: float = 1.0,
+    ) -> Case:
         while True:
             middles = 0.12 * rng.normal(size=(3, count))
             points = [middle[:, None] + 0.02 * rng.normal(size=(3, 20)) for middle in middles.T]
@@ -53,12 +60,13 @@ def cases(rng: np.random.Generator) -> list[Case]:
         Case((grid.astype(float), 3.0, 3), "a lattice, along x"),
         *(blobs(f"{n} blobs", n, eps, least) for n, eps, least in ((2, 0.03, 5), (4, 0.025, 6))),
         *(blobs("sparse", 3, 0.03, least) for least in (8, 10)),
-        blobs("flat", 3, 0.02, 5, flat=0.0), blobs("mostly strays", 1, 0.04, 4, 60),
+        blobs("flat", 3, 0.02, 5, flat=0.0),
+        blobs("mostly strays", 1, 0.04, 4, 60),
         blobs("every point is core", 2, 0.02, 1, level="edge"),
         blobs("nothing but noise", 1, 0.005, 6, level="edge"),
         Case((np.zeros((3, 0)), 1.0, 3), "no point", "edge"),
         Case((grid, 4, 4), "whole numbers on a lattice", "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def clusters(figure: Any, shown: Shown) -> None:
@@ -74,32 +82,62 @@ _BORDER = "labels[i] = labels[np.argmin(np.where(near[i] & core, apart[i], np.in
 _GROW = "near[queue.pop()] & core & (labels < 0)"
 
 SLIPS = slips(
-    self_not_counted=(_CORE, _CORE.replace("axis=1)", "axis=1) - 1"),
-        "A point is not counted among its own neighbours. Here, as in the paper, it is."),
-    strict_distance=("near = apart <= eps", "near = apart < eps",
-        "Points at exactly eps are left out. They are neighbours."),
-    border_left_as_noise=(_BORDER, "pass",
+    self_not_counted=(
+        _CORE,
+        _CORE.replace("axis=1)", "axis=1) - 1"),
+        "A point is not counted among its own neighbours. Here, as in the paper, it is.",
+    ),
+    strict_distance=(
+        "near = apart <= eps",
+        "near = apart < eps",
+        "Points at exactly eps are left out. They are neighbours.",
+    ),
+    border_left_as_noise=(
+        _BORDER,
+        "pass",
         "Border points stay noise. One that was noise when you met it is claimed by a cluster that "
-        "is found later."),
-    border_points_join=(_GROW, "near[queue.pop()] & (labels < 0)",
+        "is found later.",
+    ),
+    border_points_join=(
+        _GROW,
+        "near[queue.pop()] & (labels < 0)",
         "Border points hand the cluster on, so that two clusters become one over a single point. "
-        "Only core points do."),
-    all_points_core=(_CORE, "core = near.sum(axis=1) >= 1",
-        "Every point is taken for a core point: these are chains, not dense places."),
-    first_cluster_that_reaches=(_BORDER, "labels[i] = labels[near[i] & core].min()",
+        "Only core points do.",
+    ),
+    all_points_core=(
+        _CORE,
+        "core = near.sum(axis=1) >= 1",
+        "Every point is taken for a core point: these are chains, not dense places.",
+    ),
+    first_cluster_that_reaches=(
+        _BORDER,
+        "labels[i] = labels[near[i] & core].min()",
         "A border point goes to the first cluster that reaches it, so that the order of the points "
-        "decides. The nearest core point does."),
-    squared_distance=("near = apart <= eps", "near = apart**2 <= eps",
-        "The squared distance is compared with eps. Square both or none."),
-    one_ring_only=("                queue.append(j)\n", "",
-        "A cluster takes the neighbours of its first point and stops. Go on from each core point."),
-    numbered_from_one=("    return labels", "    return np.where(labels < 0, 0, labels + 1)",
-        "Noise is 0 and clusters begin at 1. Asked for are -1 and 0."),
-    numbered_by_first_point=("    return labels", "    found = list(dict.fromkeys(labels[labels "
+        "decides. The nearest core point does.",
+    ),
+    squared_distance=(
+        "near = apart <= eps",
+        "near = apart**2 <= eps",
+        "The squared distance is compared with eps. Square both or none.",
+    ),
+    one_ring_only=(
+        "                queue.append(j)\n",
+        "",
+        "A cluster takes the neighbours of its first point and stops. Go on from each core point.",
+    ),
+    numbered_from_one=(
+        "    return labels",
+        "    return np.where(labels < 0, 0, labels + 1)",
+        "Noise is 0 and clusters begin at 1. Asked for are -1 and 0.",
+    ),
+    numbered_by_first_point=(
+        "    return labels",
+        "    found = list(dict.fromkeys(labels[labels "
         ">= 0]))\n    return np.array([found.index(k) if k >= 0 else -1 for k in labels])",
         "Clusters are numbered by their first points, border points included. The first core "
-        "point decides."),
-)  # fmt: skip
+        "point decides.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-9, "labels are whole numbers"),

@@ -17,8 +17,16 @@ FASTEST = 0.05  # part of the sample rate
 def cases(rng: np.random.Generator) -> list[Case]:
     """Sums of sines, so that a late value is known exactly."""
 
-    def log(label: str, level: str = "core", *, samples: float | None = None, offset: float = 3.0,
-            noise: float = 0.01, n: int = 1500, dt: float = 2e-3) -> Case:  # fmt: skip
+    def log(
+        label: str,
+        level: str = "core",
+        *,
+        samples: float | None = None,
+        offset: float = 3.0,
+        noise: float = 0.01,
+        n: int = 1500,
+        dt: float = 2e-3,
+    ) -> Case:
         late = rng.uniform(0.2, 0.8) + rng.integers(1, 20) if samples is None else samples
         rates = 2.0 * np.pi * rng.uniform(0.2, 1.0, 12) * FASTEST
         phases, sizes = rng.uniform(0.0, 6.28, 12), rng.uniform(0.5, 1.0, 12)
@@ -37,11 +45,15 @@ def cases(rng: np.random.Generator) -> list[Case]:
         log("whole samples, no offset", "simple", samples=7.0, offset=0.0, noise=0.0),
         log("whole samples", "simple", samples=4.0, noise=0.0),
         *(log("parts of a sample, no offset", offset=0.0, noise=0.0) for _ in range(2)),
-        *(log("parts of a sample") for _ in range(4)), log("a large offset", offset=30.0),
-        log("more noise", noise=0.02), log("samples of 10 ms", dt=0.01),
-        log("no delay", "edge", samples=0.0), log("less than a sample", "edge", samples=0.4),
-        log("the longest delay", "edge", samples=25.0), log("a short log", "edge", n=600),
-    ]  # fmt: skip
+        *(log("parts of a sample") for _ in range(4)),
+        log("a large offset", offset=30.0),
+        log("more noise", noise=0.02),
+        log("samples of 10 ms", dt=0.01),
+        log("no delay", "edge", samples=0.0),
+        log("less than a sample", "edge", samples=0.4),
+        log("the longest delay", "edge", samples=25.0),
+        log("a short log", "edge", n=600),
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
@@ -64,30 +76,59 @@ _RETURN = "return float(dt * (lags[at] + part))"
 _PART = "part = 0.5 * (before - after) / (before - 2.0 * best + after)"
 
 SLIPS = slips(
-    sign_turned=(_RETURN, _RETURN.replace("(dt *", "(-dt *"),
-        "The sign is turned: a measurement that comes after its command has a positive delay."),
-    mean_not_removed=(_MEANS, "", _MATCH, "return float(a @ b)",
+    sign_turned=(
+        _RETURN,
+        _RETURN.replace("(dt *", "(-dt *"),
+        "The sign is turned: a measurement that comes after its command has a positive delay.",
+    ),
+    mean_not_removed=(
+        _MEANS,
+        "",
+        _MATCH,
+        "return float(a @ b)",
         "The means are left in: with a large offset the sum of products is nearly all mean, and "
-        "the lag with the longest or shortest overlap wins."),
-    off_by_one=("lags[at]", "at",
-        "One sample too long: the first match is that of lag -1, so index and lag differ by one."),
-    one_too_short=("lags[at]", "(lags[at] - 1)",
-        "One sample too short: an index is taken for the lag."),
-    whole_samples_only=(_PART, "part = 0.0",
+        "the lag with the longest or shortest overlap wins.",
+    ),
+    off_by_one=(
+        "lags[at]",
+        "at",
+        "One sample too long: the first match is that of lag -1, so index and lag differ by one.",
+    ),
+    one_too_short=(
+        "lags[at]",
+        "(lags[at] - 1)",
+        "One sample too short: an index is taken for the lag.",
+    ),
+    whole_samples_only=(
+        _PART,
+        "part = 0.0",
         "Only whole samples: half a sample is left in doubt, and a delay of 0.4 of one is none. "
-        "Put a parabola through the best match and its neighbours."),
-    parabola_mirrored=(_PART, _PART.replace("(before - after)", "(after - before)"),
+        "Put a parabola through the best match and its neighbours.",
+    ),
+    parabola_mirrored=(
+        _PART,
+        _PART.replace("(before - after)", "(after - before)"),
         "The part of a sample has the wrong sign: the top lies on the side of the better "
-        "neighbour."),
-    parabola_without_half=(_PART, _PART.replace("0.5 * ", ""),
-        "The part of a sample is twice too large: the vertex has a half in it."),
-    samples_for_seconds=(_RETURN, _RETURN.replace("dt * ", ""),
-        "This is in samples; the delay is asked for in seconds."),
-)  # fmt: skip
+        "neighbour.",
+    ),
+    parabola_without_half=(
+        _PART,
+        _PART.replace("0.5 * ", ""),
+        "The part of a sample is twice too large: the vertex has a half in it.",
+    ),
+    samples_for_seconds=(
+        _RETURN,
+        _RETURN.replace("dt * ", ""),
+        "This is in samples; the delay is asked for in seconds.",
+    ),
+)
 
-EXERCISE = Exercise(judge=judge_of(cases, allowed, "a parabola on a smooth top, and noise of 2 %",
-    told=told),
-    examples=("delay_from_log(np.sin(0.1 * np.arange(600)) + np.sin(0.23 * np.arange(600)), "
-    "np.sin(0.1 * np.arange(-4.5, 595)) + np.sin(0.23 * np.arange(-4.5, 595)), 0.01, 0.2)",
-    "delay_from_log(np.sin(0.1 * np.arange(600)), np.sin(0.1 * np.arange(600)), 0.01, 0.1)"),
-    slips=SLIPS + value_slips("delay_from_log", in_part=False, whole=False))  # fmt: skip
+EXERCISE = Exercise(
+    judge=judge_of(cases, allowed, "a parabola on a smooth top, and noise of 2 %", told=told),
+    examples=(
+        "delay_from_log(np.sin(0.1 * np.arange(600)) + np.sin(0.23 * np.arange(600)), "
+        "np.sin(0.1 * np.arange(-4.5, 595)) + np.sin(0.23 * np.arange(-4.5, 595)), 0.01, 0.2)",
+        "delay_from_log(np.sin(0.1 * np.arange(600)), np.sin(0.1 * np.arange(600)), 0.01, 0.1)",
+    ),
+    slips=SLIPS + value_slips("delay_from_log", in_part=False, whole=False),
+)

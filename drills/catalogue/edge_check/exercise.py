@@ -51,8 +51,15 @@ def fair(args: tuple[Any, ...], hit: bool) -> bool:
 def cases(rng: np.random.Generator) -> list[Case]:
     """One link first; then arms of up to five among posts of 1 cm and discs of 20 cm."""
 
-    def arm(label: str, n: int, hit: bool, radius: float = 0.01, level: str = "core",
-            turning: tuple[float, ...] = (), count: int = 6) -> Case:  # fmt: skip
+    def arm(
+        label: str,
+        n: int,
+        hit: bool,
+        radius: float = 0.01,
+        level: str = "core",
+        turning: tuple[float, ...] = (),
+        count: int = 6,
+    ) -> Case:
         while True:
             lengths, a = rng.uniform(0.4, 1.0, n), rng.uniform(-0.5, 0.5, n)
             a[0] = rng.uniform(-3.0, 3.0)
@@ -78,17 +85,23 @@ def cases(rng: np.random.Generator) -> list[Case]:
         arm("two links, in the way", 2, True, 0.2, "simple"),
         *(arm("posts in the way", n, True) for n in (2, 3, 5)),
         *(arm("posts, free", n, False) for n in (3,)),
-        *(arm("the first joint alone turns", n, True, turning=(1.5, *(0.0,) * (n - 1)))
-          for n in (4,)),
-        bent(2), bent(4),
+        *(
+            arm("the first joint alone turns", n, True, turning=(1.5, *(0.0,) * (n - 1)))
+            for n in (4,)
+        ),
+        bent(2),
+        bent(4),
         arm("the last joint alone turns", 3, True, turning=(0.0, 0.0, 2.0)),
         arm("more than a turn", 2, True, turning=(9.0, 3.0), count=1),
-        Case((inside[0], np.vstack((inside[1], [*swept(inside, SHARES)[0, 2], 0.1])), *inside[2:]),
-             "the start touches", "edge"),
+        Case(
+            (inside[0], np.vstack((inside[1], [*swept(inside, SHARES)[0, 2], 0.1])), *inside[2:]),
+            "the start touches",
+            "edge",
+        ),
         Case((inside[0], np.zeros((0, 3)), *inside[2:]), "no disc", "edge"),
         Case((*inside[:3], inside[2].copy()), "no motion", "edge"),
         Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
@@ -114,30 +127,57 @@ _NEAREST = "np.clip(along, 0.0, lengths[:, None])"
 _ON = "        share += gap / speed"
 
 SLIPS = slips(
-    sampled=(_ON, "        share += 0.1\n        if share > 1.0:\n            return 1.0",
-        "gap >= speed * (1.0 - share)", "speed == 0.0",
+    sampled=(
+        _ON,
+        "        share += 0.1\n        if share > 1.0:\n            return 1.0",
+        "gap >= speed * (1.0 - share)",
+        "speed == 0.0",
         "You look at some points along the motion, ten or so. What is thinner than the way between "
-        "two of them is passed."),
-    ends_only=(_ON, "        share = 1.0",
-        "Only start and end are looked at: free ends say nothing about the edge."),
-    own_link_only=(_REACH, "reach = lengths",
+        "two of them is passed.",
+    ),
+    ends_only=(
+        _ON,
+        "        share = 1.0",
+        "Only start and end are looked at: free ends say nothing about the edge.",
+    ),
+    own_link_only=(
+        _REACH,
+        "reach = lengths",
         "Your bound takes each joint to move its own link only. It carries all links from there "
-        "to the tip, so its reach is the sum of their lengths."),
-    fastest_joint_only=(_SPEED, "speed = float(np.max(np.abs(move) * reach))",
-        "Only one joint counts in your bound. All turn at once, and what they move adds up."),
-    far_enough_now=("gap >= speed * (1.0 - share)", "gap >= 0.1 * speed * (1.0 - share)",
+        "to the tip, so its reach is the sum of their lengths.",
+    ),
+    fastest_joint_only=(
+        _SPEED,
+        "speed = float(np.max(np.abs(move) * reach))",
+        "Only one joint counts in your bound. All turn at once, and what they move adds up.",
+    ),
+    far_enough_now=(
+        "gap >= speed * (1.0 - share)",
+        "gap >= 0.1 * speed * (1.0 - share)",
         "The rest of the motion is called free too early: the gap must be at least as large as "
-        "what is left of the bound, speed (1 - s)."),
-    joints_only=(_NEAREST, "(along > 0.5 * lengths[:, None]) * lengths[:, None]",
-        "Only joints and tip are looked at. The links between them touch discs too."),
-    centres_for_discs=("apart - discs[:, 2]", "apart",
-        "The gap is that to the centres: take off the radius."),
-    angles_from_the_x_axis=("angle = np.cumsum(a + share * move)", "angle = a + share * move",
-        "The angles are taken from the x axis. Each is measured from the link before it."),
-    shorter_way_round=("move = np.asarray(b, dtype=float) - a",
+        "what is left of the bound, speed (1 - s).",
+    ),
+    joints_only=(
+        _NEAREST,
+        "(along > 0.5 * lengths[:, None]) * lengths[:, None]",
+        "Only joints and tip are looked at. The links between them touch discs too.",
+    ),
+    centres_for_discs=(
+        "apart - discs[:, 2]",
+        "apart",
+        "The gap is that to the centres: take off the radius.",
+    ),
+    angles_from_the_x_axis=(
+        "angle = np.cumsum(a + share * move)",
+        "angle = a + share * move",
+        "The angles are taken from the x axis. Each is measured from the link before it.",
+    ),
+    shorter_way_round=(
+        "move = np.asarray(b, dtype=float) - a",
         "move = np.arctan2(np.sin(np.asarray(b) - a), np.cos(np.asarray(b) - a))",
-        "The motion is turned into the shorter way round. It goes from a to b as they are given."),
-)  # fmt: skip
+        "The motion is turned into the shorter way round. It goes from a to b as they are given.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-6, "a gap of 1e-9 m, closing at 0.1 m a motion", first=honest),

@@ -18,8 +18,17 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """Biases that cancel or add, noise, and two stages that act on each other."""
 
-    def runs(label: str, level: str = "core", *, k: int = 4, n: int = 20, bias: float = 5e-3,
-             noise: float = 3e-3, both: float = 0.3, opposed: bool = False) -> Case:  # fmt: skip
+    def runs(
+        label: str,
+        level: str = "core",
+        *,
+        k: int = 4,
+        n: int = 20,
+        bias: float = 5e-3,
+        noise: float = 3e-3,
+        both: float = 0.3,
+        opposed: bool = False,
+    ) -> Case:
         real = np.arange(1 << k)[:, None] >> np.arange(k) & 1
         means = bias * rng.normal(size=(k, 2))
         if opposed:
@@ -33,13 +42,17 @@ def cases(rng: np.random.Generator) -> list[Case]:
         return Case((errors + 1e-4 * rng.normal(size=(n, 2)),), label, level)
 
     return [
-        runs("one stage", "simple", k=1), runs("one run, two stages", "simple", k=2, n=1),
+        runs("one stage", "simple", k=1),
+        runs("one run, two stages", "simple", k=2, n=1),
         runs("biases alone", "simple", k=2, noise=0.0, both=0.0),
-        runs("two that cancel", k=2, opposed=True), runs("three stages", k=3),
-        *(runs("four stages") for _ in range(2)), runs("noise alone", bias=0.0),
-        runs("four, two cancel", opposed=True), runs("five stages", "edge", k=5, n=5),
+        runs("two that cancel", k=2, opposed=True),
+        runs("three stages", k=3),
+        *(runs("four stages") for _ in range(2)),
+        runs("noise alone", bias=0.0),
+        runs("four, two cancel", opposed=True),
+        runs("five stages", "edge", k=5, n=5),
         Case((rng.integers(-9, 9, (8, 4, 2)),), WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
@@ -62,38 +75,75 @@ _WEIGHT = "weight = 1.0 / (k * math.comb(k - 1, s.bit_count()))"
 _RETURN = "return parts[:, :2], parts[:, 2], np.array(mended)"
 
 SLIPS = slips(
-    parts_alone=(_WEIGHT, "weight = float(s == 0)",
+    parts_alone=(
+        _WEIGHT,
+        "weight = float(s == 0)",
         "Each stage is taken at fault alone, and squares of parts are added. They sum to the whole "
-        "only if the errors are independent and none has a mean."),
-    share_is_what_its_repair_gains=(_WEIGHT, "weight = float(s.bit_count() == k - 1)",
+        "only if the errors are independent and none has a mean.",
+    ),
+    share_is_what_its_repair_gains=(
+        _WEIGHT,
+        "weight = float(s.bit_count() == k - 1)",
         "The share is what mending this stage alone gains. Where errors cancel these don't sum to "
-        "the whole: mending one of two opposed stages makes it worse."),
-    one_order_only=(_WEIGHT, "weight = float(s == (1 << i) - 1)",
-        "The stages are put at fault in one order, and the shares depend on it. Average over all."),
-    all_sets_alike=(_WEIGHT, "weight = 0.5 ** (k - 1)",
+        "the whole: mending one of two opposed stages makes it worse.",
+    ),
+    one_order_only=(
+        _WEIGHT,
+        "weight = float(s == (1 << i) - 1)",
+        "The stages are put at fault in one order, and the shares depend on it. Average over all.",
+    ),
+    all_sets_alike=(
+        _WEIGHT,
+        "weight = 0.5 ** (k - 1)",
         "All sets count alike, as in Banzhaf's index: from three stages on this doesn't sum. "
-        "Average over the orders."),
-    bias_averaged_away=(_SQUARE, "square = np.sum(np.var(e, axis=1), axis=1)",
-        "That is the variance about the mean: a bias, which is the same in every run, is gone."),
-    noise_averaged_away=(_SQUARE, "square = np.sum(np.mean(e, axis=1) ** 2, axis=1)",
-        "The mean error is squared: what changes from run to run has been averaged away."),
-    root_mean_square=("axis=1)\n    values", "axis=1) ** 0.5\n    values",
-        "The root is taken before the parts are: what adds up is the square."),
-    signs_ignored=(_MEAN, "np.mean(np.abs(e), axis=1), square",
-        "Sizes are averaged instead of vectors: parts that point in opposite directions then add."),
-    negative_share_refused=(_RETURN, _RETURN.replace("parts[:, 2]", "np.abs(parts[:, 2])"),
-        "A share has lost its sign. A stage that cancels another's error has a negative one."),
-    forced_to_sum=(_WEIGHT, "weight = float(s == 0)", _RETURN, _RETURN.replace("parts[:, 2]",
-        "parts[:, 2] * (square[-1] - square[0]) / parts[:, 2].sum()"),
-        "The parts alone are scaled until they sum. That hides that they don't."),
-    only_it_at_fault=("square[-1 - (1 << i)]", "square[1 << i]",
-        "That is the error with this stage alone at fault. Asked is the one with it alone mended."),
-)  # fmt: skip
+        "Average over the orders.",
+    ),
+    bias_averaged_away=(
+        _SQUARE,
+        "square = np.sum(np.var(e, axis=1), axis=1)",
+        "That is the variance about the mean: a bias, which is the same in every run, is gone.",
+    ),
+    noise_averaged_away=(
+        _SQUARE,
+        "square = np.sum(np.mean(e, axis=1) ** 2, axis=1)",
+        "The mean error is squared: what changes from run to run has been averaged away.",
+    ),
+    root_mean_square=(
+        "axis=1)\n    values",
+        "axis=1) ** 0.5\n    values",
+        "The root is taken before the parts are: what adds up is the square.",
+    ),
+    signs_ignored=(
+        _MEAN,
+        "np.mean(np.abs(e), axis=1), square",
+        "Sizes are averaged instead of vectors: parts that point in opposite directions then add.",
+    ),
+    negative_share_refused=(
+        _RETURN,
+        _RETURN.replace("parts[:, 2]", "np.abs(parts[:, 2])"),
+        "A share has lost its sign. A stage that cancels another's error has a negative one.",
+    ),
+    forced_to_sum=(
+        _WEIGHT,
+        "weight = float(s == 0)",
+        _RETURN,
+        _RETURN.replace(
+            "parts[:, 2]", "parts[:, 2] * (square[-1] - square[0]) / parts[:, 2].sum()"
+        ),
+        "The parts alone are scaled until they sum. That hides that they don't.",
+    ),
+    only_it_at_fault=(
+        "square[-1 - (1 << i)]",
+        "square[1 << i]",
+        "That is the error with this stage alone at fault. Asked is the one with it alone mended.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "sums of some dozen numbers: rounding", told=coarse),
     examples=("error_budget([[[0.0, 0.0]], [[3.0, 0.0]], [[-2.0, 0.0]], [[1.0, 0.0]]])",),
     picture=bars,
-    slips=SLIPS + coarse_slips("error_budget", "A budget that closes is a check; these digits are.")
+    slips=SLIPS
+    + coarse_slips("error_budget", "A budget that closes is a check; these digits are.")
     + value_slips("error_budget"),
-)  # fmt: skip
+)

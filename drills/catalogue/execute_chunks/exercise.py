@@ -13,20 +13,32 @@ from drills.report import Shown
 def cases(rng: np.random.Generator) -> list[Case]:
     """Proposals that differ from step to step, so that each action says where it is from."""
 
-    def run(label: str, level: str = "core", *, T: int = 20, H: int = 5, m: int = 2, every: int = 3,
-            rate: float = -1.0) -> Case:  # fmt: skip
+    def run(
+        label: str,
+        level: str = "core",
+        *,
+        T: int = 20,
+        H: int = 5,
+        m: int = 2,
+        every: int = 3,
+        rate: float = -1.0,
+    ) -> Case:
         rate = rate if rate >= 0.0 else float(rng.uniform(0.1, 1.0))
         return Case((rng.normal(size=(T, H, m)), every, rate), label, level)
 
     return [
         run("chunks of one action", "simple", H=1, m=1, every=1),
-        run("a plain mean", "simple", T=6, m=1, rate=0.0), run("one chunk", "simple", T=4, every=4),
-        *(run("seams") for _ in range(3)), run("whole chunks", every=5),
-        run("two of eight", H=8, every=2), run("a long run", T=60, H=10, every=7),
-        run("asked at each step", "edge", every=1), run("one step", "edge", T=1),
+        run("a plain mean", "simple", T=6, m=1, rate=0.0),
+        run("one chunk", "simple", T=4, every=4),
+        *(run("seams") for _ in range(3)),
+        run("whole chunks", every=5),
+        run("two of eight", H=8, every=2),
+        run("a long run", T=60, H=10, every=7),
+        run("asked at each step", "edge", every=1),
+        run("one step", "edge", T=1),
         run("a large rate", "edge", rate=30.0),
         Case((np.arange(12).reshape(4, 3, 1) ** 2, 2, 1), WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def actions(figure: Any, shown: Shown) -> None:
@@ -44,27 +56,55 @@ _ASKED = "asked = np.arange(max(0, t - H + 1), t + 1)"
 _WEIGHTS = "np.exp(-rate * np.arange(asked.size))"
 
 SLIPS = slips(
-    replans_every_step=(_PLANS, "plans[:, 0]",
-        "The committed actions come from a new chunk at each step: nothing is committed to."),
-    weights_reversed=(_WEIGHTS, f"{_WEIGHTS}[::-1]",
-        "The weights are reversed: the oldest proposal has i = 0, and weighs most."),
-    seam_off_by_one=(_BEGAN, "began = np.maximum(steps - 1, 0) // every * every",
-        _PLANS, "plans[began, np.minimum(steps - began, H - 1)]",
-        "Each chunk is followed one step too long: at a seam the new one's first action is due."),
-    first_action_skipped=(_PLANS, "plans[began, np.minimum(steps - began + (began > 0), H - 1)]",
-        "The first action of each new chunk is skipped."),
-    whole_chunks=(_BEGAN, "began = steps // H * H",
-        "Chunks are carried out to their end. A new one is due every `every` steps."),
-    no_weights=(_WEIGHTS, "np.ones(asked.size)",
-        "All proposals weigh alike: the rate does nothing."),
-    weights_not_normalised=(" / weights.sum()", "",
-        "The weights do not add up to 1: divide by their sum."),
-    first_actions_averaged=("plans[asked, t - asked]", "plans[asked, 0]",
+    replans_every_step=(
+        _PLANS,
+        "plans[:, 0]",
+        "The committed actions come from a new chunk at each step: nothing is committed to.",
+    ),
+    weights_reversed=(
+        _WEIGHTS,
+        f"{_WEIGHTS}[::-1]",
+        "The weights are reversed: the oldest proposal has i = 0, and weighs most.",
+    ),
+    seam_off_by_one=(
+        _BEGAN,
+        "began = np.maximum(steps - 1, 0) // every * every",
+        _PLANS,
+        "plans[began, np.minimum(steps - began, H - 1)]",
+        "Each chunk is followed one step too long: at a seam the new one's first action is due.",
+    ),
+    first_action_skipped=(
+        _PLANS,
+        "plans[began, np.minimum(steps - began + (began > 0), H - 1)]",
+        "The first action of each new chunk is skipped.",
+    ),
+    whole_chunks=(
+        _BEGAN,
+        "began = steps // H * H",
+        "Chunks are carried out to their end. A new one is due every `every` steps.",
+    ),
+    no_weights=(
+        _WEIGHTS,
+        "np.ones(asked.size)",
+        "All proposals weigh alike: the rate does nothing.",
+    ),
+    weights_not_normalised=(
+        " / weights.sum()",
+        "",
+        "The weights do not add up to 1: divide by their sum.",
+    ),
+    first_actions_averaged=(
+        "plans[asked, t - asked]",
+        "plans[asked, 0]",
         "First actions of several chunks are averaged: each of them is for another step. The chunk "
-        "of step s proposes its action t - s for step t."),
-    oldest_left_out=(_ASKED, _ASKED.replace("t - H + 1)", "min(t, t - H + 2))"),
-        "The oldest chunk that reaches the step is left out: that of step t - H + 1 does."),
-)  # fmt: skip
+        "of step s proposes its action t - s for step t.",
+    ),
+    oldest_left_out=(
+        _ASKED,
+        _ASKED.replace("t - H + 1)", "min(t, t - H + 2))"),
+        "The oldest chunk that reaches the step is left out: that of step t - H + 1 does.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-10, "a mean of a few numbers", told=coarse),

@@ -87,50 +87,99 @@ SUM, TURNS = "np.cumsum(thetas)", "np.column_stack((np.cos(directions), np.sin(d
 POINTS = "np.vstack((np.zeros(2), np.cumsum(links, axis=0)))"
 
 SLIPS = slips(
-    degrees_for_radians=(SUM, "np.cumsum(np.deg2rad(thetas))",
+    degrees_for_radians=(
+        SUM,
+        "np.cumsum(np.deg2rad(thetas))",
         "The angles are treated as degrees. They come in radians, which is what np.cos and "
-        "np.sin take: convert nothing."),
-    absolute_angles=(SUM, "thetas",
+        "np.sin take: convert nothing.",
+    ),
+    absolute_angles=(
+        SUM,
+        "thetas",
         "Each angle is taken from the x axis. It is measured from the link before: the direction "
-        "of a link is the sum of all angles up to its joint."),
-    last_joint_forgotten=(SUM, "np.cumsum(thetas * [1.0, 1.0, 0.0])",
+        "of a link is the sum of all angles up to its joint.",
+    ),
+    last_joint_forgotten=(
+        SUM,
+        "np.cumsum(thetas * [1.0, 1.0, 0.0])",
         "The last joint does nothing: the third link follows the direction of the second. Its "
-        "direction is the sum of all three angles."),
-    turned_one_link_late=(SUM, "np.cumsum(thetas) - thetas",
+        "direction is the sum of all three angles.",
+    ),
+    turned_one_link_late=(
+        SUM,
+        "np.cumsum(thetas) - thetas",
         "Every joint turns the link after the next: the sum of the angles lags behind by one. "
-        "Add a joint's angle before you place its link."),
-    elbow_sign=(SUM, "np.cumsum(thetas * [1.0, -1.0, 1.0])",
+        "Add a joint's angle before you place its link.",
+    ),
+    elbow_sign=(
+        SUM,
+        "np.cumsum(thetas * [1.0, -1.0, 1.0])",
         "The elbow bends the wrong way: the second angle is subtracted where it is added. All "
-        "joints turn counter-clockwise."),
-    clockwise=(SUM, "-np.cumsum(thetas)",
+        "joints turn counter-clockwise.",
+    ),
+    clockwise=(
+        SUM,
+        "-np.cumsum(thetas)",
         "The arm is mirrored in the x axis: your angles count clockwise, or y points down as on "
-        "a screen. Here angles count counter-clockwise and y points up."),
-    sine_and_cosine_swapped=(TURNS, "np.column_stack((np.sin(directions), np.cos(directions)))",
+        "a screen. Here angles count counter-clockwise and y points up.",
+    ),
+    sine_and_cosine_swapped=(
+        TURNS,
+        "np.column_stack((np.sin(directions), np.cos(directions)))",
         "Sine and cosine are swapped, so that a zero angle points along y. x goes with the "
-        "cosine, y with the sine."),
-    links_not_added_up=(POINTS, "np.vstack((np.zeros(2), links))",
+        "cosine, y with the sine.",
+    ),
+    links_not_added_up=(
+        POINTS,
+        "np.vstack((np.zeros(2), links))",
         "Each row is one link as seen from its own joint. A joint's position is the sum of all "
-        "links before it."),
-    arguments_swapped=("def fk3(lengths: ArrayLike, thetas: ArrayLike)", "def fk3(thetas, lengths)",
-        "if (lengths < 0.0).any():", "if False:",
-        "Lengths and angles are taken for each other. The task's order is fk3(lengths, thetas)."),
-    lengths_summed=("lengths[:, None]", "np.cumsum(lengths)[:, None]",
+        "links before it.",
+    ),
+    arguments_swapped=(
+        "def fk3(lengths: ArrayLike, thetas: ArrayLike)",
+        "def fk3(thetas, lengths)",
+        "if (lengths < 0.0).any():",
+        "if False:",
+        "Lengths and angles are taken for each other. The task's order is fk3(lengths, thetas).",
+    ),
+    lengths_summed=(
+        "lengths[:, None]",
+        "np.cumsum(lengths)[:, None]",
         "The lengths are summed before the links are: each link is as long as all up to it. Sum "
-        "the angles, then the links, not the lengths."),
-    lengths_reversed=("lengths[:, None]", "lengths[::-1, None]",
-        "The link lengths are used from tip to base. They come from base to tip."),
-    order_reversed=(POINTS, POINTS + "[::-1]",
-        "The points are right but run from tip to base. The base comes first."),
-    tip_missing=(POINTS, POINTS + "[:-1]",
-        "The tip is missing: three links end in three points, and the base is a fourth."),
-    base_missing=(POINTS, "np.cumsum(links, axis=0)",
-        "The base is missing: the first row is the origin, where the first joint sits."),
-    tip_only=(POINTS, "np.sum(links, axis=0)",
+        "the angles, then the links, not the lengths.",
+    ),
+    lengths_reversed=(
+        "lengths[:, None]",
+        "lengths[::-1, None]",
+        "The link lengths are used from tip to base. They come from base to tip.",
+    ),
+    order_reversed=(
+        POINTS,
+        POINTS + "[::-1]",
+        "The points are right but run from tip to base. The base comes first.",
+    ),
+    tip_missing=(
+        POINTS,
+        POINTS + "[:-1]",
+        "The tip is missing: three links end in three points, and the base is a fourth.",
+    ),
+    base_missing=(
+        POINTS,
+        "np.cumsum(links, axis=0)",
+        "The base is missing: the first row is the origin, where the first joint sits.",
+    ),
+    tip_only=(
+        POINTS,
+        "np.sum(links, axis=0)",
         "Only the tip came back. Drawing an arm, or checking it for collisions, takes every "
-        "joint: base, both inner joints, tip."),
-    rows_and_columns_swapped=(POINTS, POINTS + ".T",
-        "The points are right but stand in columns. One row is one point, (x, y)."),
-)  # fmt: skip
+        "joint: base, both inner joints, tip.",
+    ),
+    rows_and_columns_swapped=(
+        POINTS,
+        POINTS + ".T",
+        "The points are right but stand in columns. One row is one point, (x, y).",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

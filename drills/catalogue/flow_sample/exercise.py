@@ -28,8 +28,16 @@ def mixture(centres: Any, width: float) -> Callable[[Any, float], Any]:
 def cases(rng: np.random.Generator) -> list[Case]:
     """Fields in one to three dimensions, and few and many steps."""
 
-    def flow(label: str, level: str = "core", *, d: int = 2, modes: int = 2, steps: int = 5,
-             n: int = 6, field: Any = None) -> Case:  # fmt: skip
+    def flow(
+        label: str,
+        level: str = "core",
+        *,
+        d: int = 2,
+        modes: int = 2,
+        steps: int = 5,
+        n: int = 6,
+        field: Any = None,
+    ) -> Case:
         field = field or mixture(2.0 * rng.normal(size=(d, modes)), float(rng.uniform(0.2, 0.5)))
         return Case((field, rng.normal(size=(d, n)), steps), label, level)
 
@@ -40,12 +48,16 @@ def cases(rng: np.random.Generator) -> list[Case]:
         return 3.0 * t**2 + 0.0 * np.asarray(x)
 
     return [
-        flow("a steady wind", "simple", field=wind), flow("a rising wind", "simple", field=rising),
+        flow("a steady wind", "simple", field=wind),
+        flow("a rising wind", "simple", field=rising),
         flow("one mode", modes=1),
-        *(flow("two modes") for _ in range(3)), flow("two modes, ten steps", steps=10),
-        flow("three modes in three dimensions", d=3, modes=3), flow("one step", "edge", steps=1),
-        flow("one sample", "edge", d=1, n=1), Case((rising, np.array([[1, -2]]), 2), WHOLE, "edge"),
-    ]  # fmt: skip
+        *(flow("two modes") for _ in range(3)),
+        flow("two modes, ten steps", steps=10),
+        flow("three modes in three dimensions", d=3, modes=3),
+        flow("one step", "edge", steps=1),
+        flow("one sample", "edge", d=1, n=1),
+        Case((rising, np.array([[1, -2]]), 2), WHOLE, "edge"),
+    ]
 
 
 def ends(figure: Any, shown: Shown) -> None:
@@ -59,26 +71,51 @@ def ends(figure: Any, shown: Shown) -> None:
 _MOVE = "x + 0.5 * h * (slope + field(x + h * slope, t + h))"
 
 SLIPS = slips(
-    time_reversed=("t = k * h", "t = 1.0 - k * h", "t + h)", "t - h)",
+    time_reversed=(
+        "t = k * h",
+        "t = 1.0 - k * h",
+        "t + h)",
+        "t - h)",
         "Time runs backwards: the noise is at 0 and the samples are at 1. Diffusion models count "
-        "the other way."),
-    one_step_too_few=("range(steps)", "range(steps - 1)",
-        "One step too few: the samples stop before time 1."),
-    noise_at_the_end=("return x", "return x + h * np.random.default_rng(0).normal(size=x.shape)",
-        "Noise is added at the end. A flow draws once, at the start; then nothing is random."),
-    time_of_the_wrong_end=("slope = field(x, t)", "slope = field(x, t + h)",
-        "The first slope is taken at the time of the step's end: it belongs to its beginning."),
-    second_slope_too_early=("slope, t + h)", "slope, t)",
-        "The second slope is taken at the time where the step began. It belongs to its end."),
-    euler=(_MOVE, "x + h * slope",
-        "These are Euler's steps: the second slope is missing."),
-    both_slopes_at_one_place=("field(x + h * slope, t + h)", "field(x, t + h)",
-        "The second slope is taken where the step began, at x. It belongs where the first leads."),
-    midpoint=(_MOVE, "x + h * field(x + 0.5 * h * slope, t + 0.5 * h)",
-        "This is the midpoint rule: of second order too, but another method."),
-    sum_for_mean=("0.5 * h *", "h *",
-        "The slopes are summed: take their mean, or each step goes twice as far."),
-)  # fmt: skip
+        "the other way.",
+    ),
+    one_step_too_few=(
+        "range(steps)",
+        "range(steps - 1)",
+        "One step too few: the samples stop before time 1.",
+    ),
+    noise_at_the_end=(
+        "return x",
+        "return x + h * np.random.default_rng(0).normal(size=x.shape)",
+        "Noise is added at the end. A flow draws once, at the start; then nothing is random.",
+    ),
+    time_of_the_wrong_end=(
+        "slope = field(x, t)",
+        "slope = field(x, t + h)",
+        "The first slope is taken at the time of the step's end: it belongs to its beginning.",
+    ),
+    second_slope_too_early=(
+        "slope, t + h)",
+        "slope, t)",
+        "The second slope is taken at the time where the step began. It belongs to its end.",
+    ),
+    euler=(_MOVE, "x + h * slope", "These are Euler's steps: the second slope is missing."),
+    both_slopes_at_one_place=(
+        "field(x + h * slope, t + h)",
+        "field(x, t + h)",
+        "The second slope is taken where the step began, at x. It belongs where the first leads.",
+    ),
+    midpoint=(
+        _MOVE,
+        "x + h * field(x + 0.5 * h * slope, t + 0.5 * h)",
+        "This is the midpoint rule: of second order too, but another method.",
+    ),
+    sum_for_mean=(
+        "0.5 * h *",
+        "h *",
+        "The slopes are summed: take their mean, or each step goes twice as far.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-10, "ten steps along a smooth field", told=coarse),

@@ -15,9 +15,18 @@ from drills.report import Shown
 def cases(rng: np.random.Generator) -> list[Case]:
     """A camera at 30 Hz, a controller at 100 Hz; a part that is moved by hand at each image."""
 
-    def day(label: str, level: str = "core", *, drift: float = 0.0, every: float = 0.01,
-            late: float = 0.0, save: float = 0.0, gap: bool = False, n: int = 20,
-            work: float = 0.02) -> Case:  # fmt: skip
+    def day(
+        label: str,
+        level: str = "core",
+        *,
+        drift: float = 0.0,
+        every: float = 0.01,
+        late: float = 0.0,
+        save: float = 0.0,
+        gap: bool = False,
+        n: int = 20,
+        work: float = 0.02,
+    ) -> Case:
         captured = np.arange(n) / 30.0 + rng.uniform(0.0, 0.01)
         if gap:
             captured[n // 2 :] += 0.4  # somebody stands in front of the camera
@@ -35,17 +44,21 @@ def cases(rng: np.random.Generator) -> list[Case]:
     whole = (np.array([[0, 1, 4], [5, 6, 9], [9, 11, 2]]), np.array([[4, 3]]), 1, np.zeros(9, int),
              2, 9000, 1, np.array([2, 3, 5, 9, 15]))  # fmt: skip
     return [
-        day("the bench", "simple"), day("the bench, shortly", "simple", n=6),
+        day("the bench", "simple"),
+        day("the bench, shortly", "simple", n=6),
         *(day("the part moves", drift=drift) for drift in (0.2, -0.3)),
         *(day("a slow drive", every=every) for every in (0.025, 0.04)),
         *(day("cycles begin late", drift=0.2, late=late) for late in (0.003, 0.006)),
         *(day("a log is saved", save=save) for save in (0.1, 0.2)),
         day("a slow callback", work=0.045, n=12),
         *(day("the camera stops", drift=drift, gap=True) for drift in (0.2, -0.1)),
-        *(day("all together", drift=drift, every=0.025, late=0.004, save=0.15, gap=True)
-          for drift in (0.1, -0.2, 0.3)),
-        day("no images", "edge", n=0), Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+        *(
+            day("all together", drift=drift, every=0.025, late=0.004, save=0.15, gap=True)
+            for drift in (0.1, -0.2, 0.3)
+        ),
+        day("no images", "edge", n=0),
+        Case(whole, WHOLE, "edge"),
+    ]
 
 
 def over_time(figure: Any, shown: Shown) -> None:
@@ -65,42 +78,79 @@ _UNIT = ("<= 1e-3 * deadline", "<= deadline")
 _DEPTH = ("depth, told, came = 1,", "depth, told, came = 10,")
 
 SLIPS = slips(
-    stamp_at_publishing=(*_STAMP,
+    stamp_at_publishing=(
+        *_STAMP,
         "The stamp is still the time of publishing: right for a part that stands. A place belongs "
-        "to the moment at which the picture was taken."),
-    deep_queue=(*_DEPTH,
+        "to the moment at which the picture was taken.",
+    ),
+    deep_queue=(
+        *_DEPTH,
         "The drive's queue is still ten deep: right while the drive is as quick as the controller. "
-        "A slower one obeys commands that are ten old."),
-    relative_sleep=(*_SLEEP,
+        "A slower one obeys commands that are ten old.",
+    ),
+    relative_sleep=(
+        *_SLEEP,
         "The loop still sleeps for a period after each cycle: right while none begins late. Every "
-        "lateness moves all cycles that follow."),
-    one_callback_group=(*_GROUP,
+        "lateness moves all cycles that follow.",
+    ),
+    one_callback_group=(
+        *_GROUP,
         "Images still wait while a log is saved: right while nobody saves one. Give the two "
-        "callbacks a group each."),
-    unit_of_the_deadline=(*_UNIT,
+        "callbacks a group each.",
+    ),
+    unit_of_the_deadline=(
+        *_UNIT,
         "The deadline comes in milliseconds and is compared with seconds: it never applies, which "
-        "is right while the camera sees something."),
-    stamp_and_deadline=(*_STAMP, *_UNIT,
+        "is right while the camera sees something.",
+    ),
+    stamp_and_deadline=(
+        *_STAMP,
+        *_UNIT,
         "Queue, sleep and groups are right. Stamp and deadline are left: with a stamp of "
-        "publishing nothing ever looks old."),
-    queue_and_sleep=(*_DEPTH, *_SLEEP,
-        "The camera's node is right. A queue and a sleep are left in how commands are sent."),
-    all_still_there=(*_STAMP, *_GROUP, *_SLEEP, *_UNIT, *_DEPTH,
-        "All five are still there: stamp, group, sleep, unit, queue."),
-    stamp_of_reception=(_STAMP[0], "(free[group], rows[number, 1],",
+        "publishing nothing ever looks old.",
+    ),
+    queue_and_sleep=(
+        *_DEPTH,
+        *_SLEEP,
+        "The camera's node is right. A queue and a sleep are left in how commands are sent.",
+    ),
+    all_still_there=(
+        *_STAMP,
+        *_GROUP,
+        *_SLEEP,
+        *_UNIT,
+        *_DEPTH,
+        "All five are still there: stamp, group, sleep, unit, queue.",
+    ),
+    stamp_of_reception=(
+        _STAMP[0],
+        "(free[group], rows[number, 1],",
         "The stamp is the time at which the image was received. The part has moved since the "
-        "capture."),
-    newest_and_then_older=("told = queue.pop(0)", "told = queue.pop()", *_DEPTH,
+        "capture.",
+    ),
+    newest_and_then_older=(
+        "told = queue.pop(0)",
+        "told = queue.pop()",
+        *_DEPTH,
         "The newest command is taken, and older ones stay in the queue: when there is no new one "
-        "the drive goes back in time."),
-    sleep_from_waking=(_SLEEP[0], "asked = asked + period + 0.5 * lateness",
-        "The grid still moves with the lateness of the cycles."),
-    every_call_a_group=(_GROUP[0], "group = kind\n        free[group] = -np.inf",
-        "No callback waits for any other: images of one group are worked on one at a time."),
-    silent_without_news=("        if queue:\n            told = queue.pop(0)\n",
+        "the drive goes back in time.",
+    ),
+    sleep_from_waking=(
+        _SLEEP[0],
+        "asked = asked + period + 0.5 * lateness",
+        "The grid still moves with the lateness of the cycles.",
+    ),
+    every_call_a_group=(
+        _GROUP[0],
+        "group = kind\n        free[group] = -np.inf",
+        "No callback waits for any other: images of one group are worked on one at a time.",
+    ),
+    silent_without_news=(
+        "        if queue:\n            told = queue.pop(0)\n",
         "        told = queue.pop(0) if queue else 0.0\n",
-        "Without a new command the drive is told 0. It stays with the last one."),
-)  # fmt: skip
+        "Without a new command the drive is told 0. It stays with the last one.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-9, "a few products: rounding", told=coarse),

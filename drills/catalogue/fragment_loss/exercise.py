@@ -19,8 +19,9 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """Sizes that fill the last fragment and that don't."""
 
-    def sent(label: str, level: str = "core", *, n: float = 600.0, p: float = -3.0,
-             full: bool = False) -> Case:  # fmt: skip
+    def sent(
+        label: str, level: str = "core", *, n: float = 600.0, p: float = -3.0, full: bool = False
+    ) -> Case:
         """n and 10^p are those of the middle of the draw."""
         payload = int(rng.choice([1344, 1472, 8192, 65000]))
         fragments = max(round(n * rng.uniform(0.7, 1.4)), 2 if n > 1.0 else 1)
@@ -29,15 +30,20 @@ def cases(rng: np.random.Generator) -> list[Case]:
         return Case((fragments * payload - short, payload, loss), label, level)
 
     return [
-        sent("one fragment", "simple", n=1.0, p=-1.0), sent("two", "simple", n=2.0, p=-0.7),
+        sent("one fragment", "simple", n=1.0, p=-1.0),
+        sent("two", "simple", n=2.0, p=-0.7),
         sent("a full last one", "simple", n=4.0, p=-1.0, full=True),
-        *(sent("a picture") for _ in range(2)), sent("a picture, a good link", p=-4.0),
-        sent("a picture, a bad link", p=-0.5), sent("a large picture", n=2000.0, p=-3.5),
-        *(sent("a few", n=10.0, p=-2.0) for _ in range(2)), sent("a few, full", n=8.0, full=True),
-        sent("a cable", "edge", p=-12.0), sent("a message on a cable", "edge", n=1.0, p=-13.0),
+        *(sent("a picture") for _ in range(2)),
+        sent("a picture, a good link", p=-4.0),
+        sent("a picture, a bad link", p=-0.5),
+        sent("a large picture", n=2000.0, p=-3.5),
+        *(sent("a few", n=10.0, p=-2.0) for _ in range(2)),
+        sent("a few, full", n=8.0, full=True),
+        sent("a cable", "edge", p=-12.0),
+        sent("a message on a cable", "edge", n=1.0, p=-13.0),
         Case((921600, 1472, 0.0), "nothing is lost", "edge"),
         Case((100, 1472, 0.9), "nine of ten are lost", "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
@@ -69,41 +75,84 @@ _WHILE = "while n * missing > 1e-18 * rounds:"
 _RETURN = "return lost, rounds, n / (1.0 - loss)"
 
 SLIPS = slips(
-    one_fragment=(_COUNT, "n = 1",
-        "The message is taken for one fragment. It is whole only if each of its fragments is."),
-    rounded_down=(_COUNT, "n = max(size // payload, 1)",
-        "The short fragment at the end is forgotten: round up."),
-    one_too_many=(_COUNT, "n = size // payload + 1",
-        "A fragment too many where the last one is full."),
-    a_part_of_a_fragment=(_COUNT, "n = size / payload",
-        "Fragments are whole: the short one at the end is lost as easily as any other."),
-    proportional=(_LOST, "lost = min(n * loss, 1.0)",
+    one_fragment=(
+        _COUNT,
+        "n = 1",
+        "The message is taken for one fragment. It is whole only if each of its fragments is.",
+    ),
+    rounded_down=(
+        _COUNT,
+        "n = max(size // payload, 1)",
+        "The short fragment at the end is forgotten: round up.",
+    ),
+    one_too_many=(
+        _COUNT,
+        "n = size // payload + 1",
+        "A fragment too many where the last one is full.",
+    ),
+    a_part_of_a_fragment=(
+        _COUNT,
+        "n = size / payload",
+        "Fragments are whole: the short one at the end is lost as easily as any other.",
+    ),
+    proportional=(
+        _LOST,
+        "lost = min(n * loss, 1.0)",
         "The probabilities of the fragments are added. That is right only while the sum is small; "
-        "multiply the probabilities that each arrives."),
-    all_must_be_lost=(_LOST, "lost = loss**n",
-        "That is the probability that every fragment is lost. One is enough."),
-    digits_cancelled=(_LOST, "lost = 1.0 - (1.0 - loss) ** n",
+        "multiply the probabilities that each arrives.",
+    ),
+    all_must_be_lost=(
+        _LOST,
+        "lost = loss**n",
+        "That is the probability that every fragment is lost. One is enough.",
+    ),
+    digits_cancelled=(
+        _LOST,
+        "lost = 1.0 - (1.0 - loss) ** n",
         "1 - (1 - p)^n loses its digits on a good link: 1 - p has sixteen, and those of p are at "
-        "their end. -expm1(n log1p(-p)) keeps them."),
-    whole_message_again=(_WHILE, "rounds = math.exp(-n * math.log1p(-loss))\n    while False:",
-        _RETURN, "return lost, rounds, n * rounds",
+        "their end. -expm1(n log1p(-p)) keeps them.",
+    ),
+    whole_message_again=(
+        _WHILE,
+        "rounds = math.exp(-n * math.log1p(-loss))\n    while False:",
+        _RETURN,
+        "return lost, rounds, n * rounds",
         "The whole message is sent again until it gets through at once. Only what is missing is "
-        "sent again."),
-    rounds_of_a_message=(_WHILE, "rounds = math.exp(-n * math.log1p(-loss))\n    while False:",
+        "sent again.",
+    ),
+    rounds_of_a_message=(
+        _WHILE,
+        "rounds = math.exp(-n * math.log1p(-loss))\n    while False:",
         "The rounds are those of sending everything again. In the second round only what is "
-        "missing is sent, so it nearly always succeeds."),
-    rounds_of_one=(_WHILE, "rounds = 1.0 / (1.0 - loss)\n    while False:",
-        "These are the rounds of one fragment. The last one to arrive counts: the largest of n."),
-    two_rounds=(_WHILE, "rounds += lost\n    while False:",
+        "missing is sent, so it nearly always succeeds.",
+    ),
+    rounds_of_one=(
+        _WHILE,
+        "rounds = 1.0 / (1.0 - loss)\n    while False:",
+        "These are the rounds of one fragment. The last one to arrive counts: the largest of n.",
+    ),
+    two_rounds=(
+        _WHILE,
+        "rounds += lost\n    while False:",
         "A second round is counted, and no third. Fragments that are sent again are lost as often "
-        "as at first."),
-    first_round_forgotten=("rounds, missing = 1.0, loss", "rounds, missing = 0.0, loss",
-        "Only the repetitions are counted. The first round is one, too."),
-    sent_each_round=(_RETURN, "return lost, rounds, n * rounds",
-        "All fragments are counted in every round. Only what is missing is sent again."),
-    sent_once_more=(_RETURN, "return lost, rounds, n * (1.0 + loss)",
-        "What is sent again may be lost again: n (1 + p + p^2 + ...)."),
-)  # fmt: skip
+        "as at first.",
+    ),
+    first_round_forgotten=(
+        "rounds, missing = 1.0, loss",
+        "rounds, missing = 0.0, loss",
+        "Only the repetitions are counted. The first round is one, too.",
+    ),
+    sent_each_round=(
+        _RETURN,
+        "return lost, rounds, n * rounds",
+        "All fragments are counted in every round. Only what is missing is sent again.",
+    ),
+    sent_once_more=(
+        _RETURN,
+        "return lost, rounds, n * (1.0 + loss)",
+        "What is sent again may be lost again: n (1 + p + p^2 + ...).",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "a sum of a few terms: rounding", told=told),

@@ -13,8 +13,17 @@ from drills.report import Shown
 def cases(rng: np.random.Generator) -> list[Case]:
     """Records in which every fourth row is the last of its episode, for either reason."""
 
-    def record(label: str, level: str = "core", *, T: int = 12, N: int = 3, every: int = 4,
-               ends: float = 0.5, gamma: float = 0.0, lam: float = 0.0) -> Case:  # fmt: skip
+    def record(
+        label: str,
+        level: str = "core",
+        *,
+        T: int = 12,
+        N: int = 3,
+        every: int = 4,
+        ends: float = 0.5,
+        gamma: float = 0.0,
+        lam: float = 0.0,
+    ) -> Case:
         last = (np.arange(T)[:, None] + np.arange(N)) % every == every - 1
         terminated = last & (rng.uniform(size=(T, N)) < ends)
         reward, value, following = rng.normal(size=(3, T, N)) + 1.0
@@ -23,17 +32,27 @@ def cases(rng: np.random.Generator) -> list[Case]:
         discounts = gamma or rng.uniform(0.8, 0.99), lam or rng.uniform(0.5, 0.97)
         return Case((reward, value, following, *flags, *discounts), label, level)
 
-    whole = (np.array([[1], [2], [0]]), np.array([[1], [3], [2]]), np.array([[3], [4], [5]]),
-             np.array([[0], [1], [0]]), np.array([[0], [0], [1]]), 0.5, 0.5)  # fmt: skip
+    whole = (
+        np.array([[1], [2], [0]]),
+        np.array([[1], [3], [2]]),
+        np.array([[3], [4], [5]]),
+        np.array([[0], [1], [0]]),
+        np.array([[0], [0], [1]]),
+        0.5,
+        0.5,
+    )
     return [
-        record("one step", "simple", T=1, N=1), record("no end", "simple", N=1, every=99),
+        record("one step", "simple", T=1, N=1),
+        record("no end", "simple", N=1, every=99),
         record("no end, three environments", "simple", every=99),
         *(record("ends of an episode", ends=1.0) for _ in range(2)),
         *(record("time limits", ends=0.0) for _ in range(2)),
         *(record("ends and time limits", T=40, N=4) for _ in range(3)),
-        record("lambda near 0", "edge", lam=1e-9), record("no discounts", "edge", gamma=1, lam=1),
-        record("every step is the last", "edge", T=4, every=1), Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+        record("lambda near 0", "edge", lam=1e-9),
+        record("no discounts", "edge", gamma=1, lam=1),
+        record("every step is the last", "edge", T=4, every=1),
+        Case(whole, WHOLE, "edge"),
+    ]
 
 
 def advantages(figure: Any, shown: Shown) -> None:
@@ -51,25 +70,49 @@ _AHEAD, _STOP = "np.where(ended, 0.0, ahead)", "stop, trace, advantage = ended |
 _TRACE, _RETURN = "gamma * lam * trace", "return advantage, advantage + v"
 
 SLIPS = slips(
-    time_limit_taken_for_an_end=(_AHEAD, "np.where(ended | cut, 0.0, ahead)",
+    time_limit_taken_for_an_end=(
+        _AHEAD,
+        "np.where(ended | cut, 0.0, ahead)",
         "A time limit is taken for an end: the state that was reached keeps its value. The critic "
-        "otherwise learns that time runs out in states from which it can't see the clock."),
-    time_limit_ignored=(_STOP, "stop, trace, advantage = ended",
-        "The trace runs on across a time limit: the advantages of another episode come in."),
-    next_episodes_value=(_AHEAD, "np.where(ended, 0.0, np.vstack((v[1:], ahead[-1:])))",
+        "otherwise learns that time runs out in states from which it can't see the clock.",
+    ),
+    time_limit_ignored=(
+        _STOP,
+        "stop, trace, advantage = ended",
+        "The trace runs on across a time limit: the advantages of another episode come in.",
+    ),
+    next_episodes_value=(
+        _AHEAD,
+        "np.where(ended, 0.0, np.vstack((v[1:], ahead[-1:])))",
         "The next row's value is taken for that of the state ahead. After a time limit the next "
-        "row begins another episode: `following` says where the step led."),
-    value_behind_an_end=(_AHEAD, "ahead",
-        "A terminal state's value is counted: nothing comes after an end."),
-    ends_ignored=(_STOP, "stop, trace, advantage = ended & cut",
-        "The trace never stops: each episode is paid for all that come after it."),
-    lambda_left_out=(_TRACE, "gamma * trace",
-        "Lambda is left out: this is the estimate for lambda 1."),
-    discount_left_out_of_the_trace=(_TRACE, "lam * trace",
-        "The trace is not discounted: an error l steps ahead weighs (gamma lambda)^l."),
-    targets_without_the_value=(_RETURN, "return advantage, advantage",
-        "The targets are advantages. The critic should learn values: add its own to them."),
-)  # fmt: skip
+        "row begins another episode: `following` says where the step led.",
+    ),
+    value_behind_an_end=(
+        _AHEAD,
+        "ahead",
+        "A terminal state's value is counted: nothing comes after an end.",
+    ),
+    ends_ignored=(
+        _STOP,
+        "stop, trace, advantage = ended & cut",
+        "The trace never stops: each episode is paid for all that come after it.",
+    ),
+    lambda_left_out=(
+        _TRACE,
+        "gamma * trace",
+        "Lambda is left out: this is the estimate for lambda 1.",
+    ),
+    discount_left_out_of_the_trace=(
+        _TRACE,
+        "lam * trace",
+        "The trace is not discounted: an error l steps ahead weighs (gamma lambda)^l.",
+    ),
+    targets_without_the_value=(
+        _RETURN,
+        "return advantage, advantage",
+        "The targets are advantages. The critic should learn values: add its own to them.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-10, "sums of some dozens of terms", told=coarse),

@@ -21,9 +21,14 @@ def cases(rng: np.random.Generator) -> list[Case]:
     """Links that stay, where the bug hides; loads and steps of the target, slow and fast."""
 
     def held(
-        label: str, level: str = "core", *, pole: float = 0.0, load: float = 0.0, far: float = 0.0,
+        label: str,
+        level: str = "core",
+        *,
+        pole: float = 0.0,
+        load: float = 0.0,
+        far: float = 0.0,
         time: float = 0.0,
-    ) -> Case:  # fmt: skip
+    ) -> Case:
         """For a time in units of 1 / pole, drawn where they are 0."""
         q, pole = float(rng.uniform(-1.2, 1.2)), pole or float(rng.uniform(2.0, 8.0))
         dt = float(rng.choice([0.001, 0.002, 0.005]))
@@ -39,7 +44,8 @@ def cases(rng: np.random.Generator) -> list[Case]:
         held(PUSHED, pole=4.0, load=3.0, time=2.0),
         held(PUSHED, load=load(), time=2.0),
         *(held("later under a load", load=load()) for _ in range(3)),
-        held("another target", far=0.5), held("another target", far=-0.8),
+        held("another target", far=0.5),
+        held("another target", far=-0.8),
         held("another target, with a load", far=0.4, load=load()),
         held("slow poles", pole=1.0, load=load()),
         held("fast poles", pole=12.0, load=load(), far=0.2),
@@ -48,7 +54,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         Case((0.3, 0.5, 4.0, 1.0, 0.01, 1), "one step", "edge"),
         Case((0.3, 0.5, 4.0, 1.0, 0.01, 2), "two steps", "edge"),
         Case((1, 0, 2, 3, 0.01, 90), WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def allowed(case: Case, truth: tuple[Any, ...]) -> float:
@@ -95,48 +101,86 @@ _TOTAL = "total = total + dt * error"
 _TORQUE = "torque = inertia * (kp * error + ki * total - kd * v) + weight * math.cos(q)"
 
 SLIPS = slips(
-    bug_still_there=(_TORQUE, _TORQUE.replace("ki * total", "ki * (total - dt * error + error)"),
+    bug_still_there=(
+        _TORQUE,
+        _TORQUE.replace("ki * total", "ki * (total - dt * error + error)"),
         "The bug is still there: the error of this instant is added to the integral as if it had "
-        "lasted a second. ki then adds to kp, and the poles are not where they were put."),
-    error_added_on_top=(_TORQUE, _TORQUE.replace("ki * total", "ki * (total + error)"),
-        "The integral is right, and the error of this instant is still added to it without dt."),
-    summed_without_dt=(_TOTAL, "total = total + error",
+        "lasted a second. ki then adds to kp, and the poles are not where they were put.",
+    ),
+    error_added_on_top=(
+        _TORQUE,
+        _TORQUE.replace("ki * total", "ki * (total + error)"),
+        "The integral is right, and the error of this instant is still added to it without dt.",
+    ),
+    summed_without_dt=(
+        _TOTAL,
+        "total = total + error",
         "The errors are summed without dt. That is not an integral: its gain depends on how often "
-        "one samples, and here it is a thousand times ki."),
-    dt_twice=(_TORQUE, _TORQUE.replace("ki * total", "ki * (total + dt * error)"),
-        "The error of this sample counts twice: it is in the integral already."),
-    one_sample_late=(_TORQUE, _TORQUE.replace("ki * total", "ki * (total - dt * error)"),
+        "one samples, and here it is a thousand times ki.",
+    ),
+    dt_twice=(
+        _TORQUE,
+        _TORQUE.replace("ki * total", "ki * (total + dt * error)"),
+        "The error of this sample counts twice: it is in the integral already.",
+    ),
+    one_sample_late=(
+        _TORQUE,
+        _TORQUE.replace("ki * total", "ki * (total - dt * error)"),
         "The dt is right, and the integral acts a sample late: the error of this sample counts in "
-        "the torque."),
-    integral_left_out=(_TORQUE, _TORQUE.replace(" + ki * total", ""),
-        "The integral is computed and not used: a load then leaves an error for ever."),
-    sign_of_the_integral=(_TORQUE, _TORQUE.replace("+ ki * total", "- ki * total"),
-        "The integral acts the wrong way round: the error grows under a load."),
-    integral_outside_the_inertia=(_TORQUE, "torque = inertia * (kp * error - kd * v) + ki * total "
-        "+ weight * math.cos(q)",
+        "the torque.",
+    ),
+    integral_left_out=(
+        _TORQUE,
+        _TORQUE.replace(" + ki * total", ""),
+        "The integral is computed and not used: a load then leaves an error for ever.",
+    ),
+    sign_of_the_integral=(
+        _TORQUE,
+        _TORQUE.replace("+ ki * total", "- ki * total"),
+        "The integral acts the wrong way round: the error grows under a load.",
+    ),
+    integral_outside_the_inertia=(
+        _TORQUE,
+        "torque = inertia * (kp * error - kd * v) + ki * total + weight * math.cos(q)",
         "The integral stands outside the inertia. ki is the gain of an acceleration, as kp and kd "
-        "are: the poles come out right only where the inertia is one."),
-    gains_outside_the_inertia=(_TORQUE, _TORQUE.replace("inertia * (", "(", 1),
+        "are: the poles come out right only where the inertia is one.",
+    ),
+    gains_outside_the_inertia=(
+        _TORQUE,
+        _TORQUE.replace("inertia * (", "(", 1),
         "The gains act as torques. They ask for an acceleration, which the inertia turns into a "
-        "torque."),
-    proportional_gain_reduced=("kp, ki, kd = 3.0 * pole**2, pole**3, 3.0 * pole",
+        "torque.",
+    ),
+    proportional_gain_reduced=(
+        "kp, ki, kd = 3.0 * pole**2, pole**3, 3.0 * pole",
         "kp, ki, kd = 3.0 * pole**2 - pole**3, pole**3, 3.0 * pole",
         "kp is made smaller by ki. That mends the program with the bug in it; with the integral "
-        "mended as well, kp is too small."),
-    trapezoid=(_TOTAL, "last = error if _ == 0 else last\n"
+        "mended as well, kp is too small.",
+    ),
+    trapezoid=(
+        _TOTAL,
+        "last = error if _ == 0 else last\n"
         "        total, last = total + 0.5 * dt * (error + last) * (1 if _ else 2), error",
         "The integral is a good one and not the task's: that sums rectangles, dt times the error "
-        "of this sample."),
-    gravity_of_the_target=(_TORQUE, _TORQUE.replace("math.cos(q)", "math.cos(target)"),
-        "The weight is cancelled for the target. It acts where the link is."),
-    load_known=(_TORQUE, f"{_TORQUE} - load",
+        "of this sample.",
+    ),
+    gravity_of_the_target=(
+        _TORQUE,
+        _TORQUE.replace("math.cos(q)", "math.cos(target)"),
+        "The weight is cancelled for the target. It acts where the link is.",
+    ),
+    load_known=(
+        _TORQUE,
+        f"{_TORQUE} - load",
         "The load is taken off in the torque. The controller does not know it; that is what the "
-        "integral is for."),
-    explicit_euler=("v = v + dt * (torque + load - weight * math.cos(q)) / inertia\n"
-        "        q = q + dt * v", "q, v = q + dt * v, v + dt * (torque + load - weight * "
-        "math.cos(q)) / inertia",
-        "The step has become an explicit one: the new rate moves the angle, in the task's scheme."),
-)  # fmt: skip
+        "integral is for.",
+    ),
+    explicit_euler=(
+        "v = v + dt * (torque + load - weight * math.cos(q)) / inertia\n        q = q + dt * v",
+        "q, v = q + dt * v, v + dt * (torque + load - weight * math.cos(q)) / inertia",
+        "The step has become an explicit one: the new rate moves the angle, in the task's scheme.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

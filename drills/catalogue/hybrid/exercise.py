@@ -24,10 +24,15 @@ def cases(rng: np.random.Generator) -> list[Case]:
         return np.asarray(frame * np.linalg.det(frame))
 
     def task(
-        label: str, level: str = "core", *, frame: Array | None = None, n: int = 3,
-        forced: tuple[int, ...] = (0, 0, 1), parts: str = "error velocity force wanted",
+        label: str,
+        level: str = "core",
+        *,
+        frame: Array | None = None,
+        n: int = 3,
+        forced: tuple[int, ...] = (0, 0, 1),
+        parts: str = "error velocity force wanted",
         gain: float = 1.5,
-    ) -> Case:  # fmt: skip
+    ) -> Case:
         """A drawn task; the parts that are not named are zero."""
         sizes = {"error": 0.02, "velocity": 0.3, "force": 8.0, "wanted": 10.0}
         vectors = [size * rng.normal(size=3) * (name in parts) for name, size in sizes.items()]
@@ -49,10 +54,13 @@ def cases(rng: np.random.Generator) -> list[Case]:
         task("a level table, the force alone", "simple", frame=level, parts="wanted"),
         Case(pressed, "a level table, as pressed as wanted", "simple"),
         task("a level table, all together", "simple", frame=level),
-        task("a ramp", frame=ramp), task("a ramp, the force alone", frame=ramp, parts="wanted"),
+        task("a ramp", frame=ramp),
+        task("a ramp, the force alone", frame=ramp, parts="wanted"),
         task("a ramp, the place alone", frame=ramp, parts="error"),
         task("a ramp, moving", frame=ramp, parts="velocity"),
-        task("a turned surface"), task("a turned surface", n=7), task("a turned surface", n=6),
+        task("a turned surface"),
+        task("a turned surface", n=7),
+        task("a turned surface", n=6),
         task("forced along its first axis", forced=(1, 0, 0)),
         task("an edge, forced along two axes", forced=(1, 1, 0)),
         task("no feedback of the force", gain=0.0),
@@ -60,7 +68,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         task("no force wanted", "edge", forced=(0, 0, 0)),
         task("fewer joints than axes", "edge", n=2),
         Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def allowed(case: Case, truth: Any) -> float:
@@ -89,55 +97,98 @@ _PRESSING = "pressing = push + gain * (push - axes.T @ np.asarray(force))"
 _RETURN = "return np.asarray(J, dtype=float).T @ command"
 
 SLIPS = slips(
-    axes_swapped=("pressing, following)", "following, pressing)",
+    axes_swapped=(
+        "pressing, following)",
+        "following, pressing)",
         "The axes have changed places: force is controlled along the surface, and the place along "
-        "the normal, where the surface doesn't let it move."),
-    selection_in_the_world=(_PRESSING,
+        "the normal, where the surface doesn't let it move.",
+    ),
+    selection_in_the_world=(
+        _PRESSING,
         "push = axes @ push\n    pressing = push + gain * (push - np.asarray(force))",
         "following = stiffness * (axes.T @ np.asarray(error))",
-        "following = stiffness * np.asarray(error)", _COMMAND, _COMMAND.replace("axes @ ", ""),
+        "following = stiffness * np.asarray(error)",
+        _COMMAND,
+        _COMMAND.replace("axes @ ", ""),
         "The selection is made along the axes of the world. On a turned surface these are neither "
-        "along its normal nor along itself: turn the vectors into its frame first."),
-    frame_ignored=("axes, push = np.asarray(frame, dtype=float)", "axes, push = np.eye(3)",
-        "The frame is not used: all is done as if the surface lay along the axes of the world."),
-    frame_transposed=("axes, push = np.asarray(frame, dtype=float)",
+        "along its normal nor along itself: turn the vectors into its frame first.",
+    ),
+    frame_ignored=(
+        "axes, push = np.asarray(frame, dtype=float)",
+        "axes, push = np.eye(3)",
+        "The frame is not used: all is done as if the surface lay along the axes of the world.",
+    ),
+    frame_transposed=(
+        "axes, push = np.asarray(frame, dtype=float)",
         "axes, push = np.asarray(frame, dtype=float).T",
         "The frame is used the wrong way round. Its columns are the surface's axes: frame.T turns "
-        "into them, frame turns back."),
-    not_turned_back=(_COMMAND, "command = along - damping * np.asarray(velocity)",
+        "into them, frame turns back.",
+    ),
+    not_turned_back=(
+        _COMMAND,
+        "command = along - damping * np.asarray(velocity)",
         "What comes out along the surface's axes is not turned back into the world before it goes "
-        "to the joints."),
-    wanted_force_in_the_world=("np.asarray(wanted, dtype=float)",
+        "to the joints.",
+    ),
+    wanted_force_in_the_world=(
+        "np.asarray(wanted, dtype=float)",
         "np.asarray(frame, dtype=float).T @ np.asarray(wanted)",
         "The wanted force is taken as a vector of the world. It comes along the axes of the "
-        "surface."),
-    force_not_turned=(_PRESSING, _PRESSING.replace("axes.T @ ", ""),
+        "surface.",
+    ),
+    force_not_turned=(
+        _PRESSING,
+        _PRESSING.replace("axes.T @ ", ""),
         "The measured force is used as it comes. It is in the world and has to be turned into the "
-        "surface's axes, as the error of the place."),
-    no_feedforward=(_PRESSING, "pressing = gain * (push - axes.T @ np.asarray(force))",
+        "surface's axes, as the error of the place.",
+    ),
+    no_feedforward=(
+        _PRESSING,
+        "pressing = gain * (push - axes.T @ np.asarray(force))",
         "The wanted force itself is missing: where it is right already, the tip would let go. The "
-        "gain only adds to it what is missing."),
-    force_not_fed_back=(_PRESSING, "pressing = push",
-        "The measured force is not fed back: friction and a wrong model then stay as an error."),
-    force_error_reversed=(_PRESSING, _PRESSING.replace("push + gain", "push - gain"),
+        "gain only adds to it what is missing.",
+    ),
+    force_not_fed_back=(
+        _PRESSING,
+        "pressing = push",
+        "The measured force is not fed back: friction and a wrong model then stay as an error.",
+    ),
+    force_error_reversed=(
+        _PRESSING,
+        _PRESSING.replace("push + gain", "push - gain"),
         "The error of the force has the wrong sign: wanted less measured. (The force is the one "
-        "that the tip exerts, not the one that the sensor feels.)"),
-    damping_along_the_surface_only=(_COMMAND, "command = axes @ (along - damping * "
+        "that the tip exerts, not the one that the sensor feels.)",
+    ),
+    damping_along_the_surface_only=(
+        _COMMAND,
+        "command = axes @ (along - damping * "
         "(1 - np.asarray(forced)) * (axes.T @ np.asarray(velocity)))",
         "Damping is missing along the forced axes. It acts along all: a force loop without it "
-        "hardly holds against a stiff wall."),
-    damping_reversed=(_COMMAND, "command = axes @ along + damping * np.asarray(velocity)",
-        "The damping drives instead of braking: it acts against the velocity."),
-    place_held_everywhere=(_SELECT,
+        "hardly holds against a stiff wall.",
+    ),
+    damping_reversed=(
+        _COMMAND,
+        "command = axes @ along + damping * np.asarray(velocity)",
+        "The damping drives instead of braking: it acts against the velocity.",
+    ),
+    place_held_everywhere=(
+        _SELECT,
         "along = np.where(np.asarray(forced) > 0.5, pressing, 0.0) + following",
         "The place is held along the forced axes too. There the surface decides where the tip is, "
-        "and the stiffness pushes with a force that nobody wanted."),
-    inverse_for_transpose=(_RETURN, "return np.linalg.pinv(np.asarray(J, dtype=float)) @ command",
+        "and the stiffness pushes with a force that nobody wanted.",
+    ),
+    inverse_for_transpose=(
+        _RETURN,
+        "return np.linalg.pinv(np.asarray(J, dtype=float)) @ command",
         "Forces go to the joints by the transpose of the Jacobian, not by its inverse: power is "
-        "the same at both ends."),
-    force_returned=(_RETURN, "return command",
-        "This is the force at the tip. The torques at the joints are J.T times it."),
-)  # fmt: skip
+        "the same at both ends.",
+    ),
+    force_returned=(
+        _RETURN,
+        "return command",
+        "This is the force at the tip. The torques at the joints are J.T times it.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "some dozen products and sums: rounding", told=coarse),

@@ -52,9 +52,11 @@ def cases(rng: np.random.Generator) -> list[Case]:
         Case((0.0 * x, x, 5.0 * x, -x, 1.0), "head on", "simple"),
         Case((0.0 * x, 2.0 * x, 3.0 * x, 0.0 * x, 0.5), "one at rest", "simple"),
         Case((0.0 * x, -x, 5.0 * x, x, 1.0), "flying apart", "simple"),
-        flight(2, "in the plane", gap=2.0, off=0.5), flight(3, "in space", gap=3.0, off=0.7),
+        flight(2, "in the plane", gap=2.0, off=0.5),
+        flight(3, "in space", gap=3.0, off=0.7),
         flight(3, "in space", gap=rng.uniform(0.5, 9.0), off=0.2),
-        flight(1, "on a line", gap=1.5, off=0.0), flight(5, "in five dimensions", gap=2.0, off=0.4),
+        flight(1, "on a line", gap=1.5, off=0.0),
+        flight(5, "in five dimensions", gap=2.0, off=0.4),
         flight(2, "passing at a distance", gap=2.0, off=rng.uniform(1.2, 2.0)),
         flight(3, "passing at a distance", gap=5.0, off=1.05),
         flight(2, "a graze that hits", gap=4.0, off=0.99),
@@ -66,9 +68,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
         flight(2, "nearly touching", gap=1e-8, off=0.0, level="edge"),
         flight(3, "a near graze", gap=50.0, off=1.0 - 1e-5, level="edge"),
         flight(2, "slow", gap=1e-3, off=0.3, speed=1e-6, level="edge"),
-        Case((np.array([0, 0]), np.array([1, 0]), np.array([6, 1]), np.array([-2, 0]), 2), WHOLE,
-             "edge"),
-    ]  # fmt: skip
+        Case(
+            (np.array([0, 0]), np.array([1, 0]), np.array([6, 1]), np.array([-2, 0]), 2),
+            WHOLE,
+            "edge",
+        ),
+    ]
 
 
 def allowed(case: Case, truth: tuple[Any, ...]) -> float:
@@ -106,45 +111,79 @@ RELATIVE = "np.asarray(other_velocity, dtype=float) - np.asarray(velocity, dtype
 TIME = "return c / (closing + math.sqrt(root))"
 
 SLIPS = slips(
-    squares_subtracted=("root = speed * (reach * reach - float(across @ across))",
+    squares_subtracted=(
+        "root = speed * (reach * reach - float(across @ across))",
         "root = closing * closing - speed * c",
         "The formula is right and its digits are gone: far away closing^2 and speed * c are two "
         "huge numbers, equal to nearly all digits. Take the part of the distance across the "
-        "motion: speed * (reach^2 - across^2) is the same number."),
-    second_root=(TIME, "return (closing + math.sqrt(root)) / speed",
+        "motion: speed * (reach^2 - across^2) is the same number.",
+    ),
+    second_root=(
+        TIME,
+        "return (closing + math.sqrt(root)) / speed",
         "That is the time at which they come apart again, the larger root. They touch at the "
-        "smaller one."),
-    flying_apart_counted=("if closing <= 0.0:", "if closing == 0.0:",
+        "smaller one.",
+    ),
+    flying_apart_counted=(
+        "if closing <= 0.0:",
+        "if closing == 0.0:",
         "Balls that fly apart get a time, a negative one or one of the past. Only balls that close "
-        "in can touch."),
-    miss_not_seen=("    if root < 0.0:\n        return -1.0\n", "    root = abs(root)\n",
+        "in can touch.",
+    ),
+    miss_not_seen=(
+        "    if root < 0.0:\n        return -1.0\n",
+        "    root = abs(root)\n",
         "Balls that pass at a distance get a time. When the number under the root is negative "
-        "they never touch."),
-    nearest_approach=(TIME, "return closing / speed",
-        "That is the time of the nearest approach. They touch before it."),
-    distance_over_speed=(TIME, "return (apart - reach) / math.sqrt(speed)",
-        "Gap over speed is right head on only. The ball that passes aside has a longer way."),
-    own_velocity_only=(RELATIVE, "-np.asarray(velocity, dtype=float)",
-        "Only the first ball moves. What counts is the velocity of one against the other."),
-    velocities_added=(RELATIVE,
+        "they never touch.",
+    ),
+    nearest_approach=(
+        TIME,
+        "return closing / speed",
+        "That is the time of the nearest approach. They touch before it.",
+    ),
+    distance_over_speed=(
+        TIME,
+        "return (apart - reach) / math.sqrt(speed)",
+        "Gap over speed is right head on only. The ball that passes aside has a longer way.",
+    ),
+    own_velocity_only=(
+        RELATIVE,
+        "-np.asarray(velocity, dtype=float)",
+        "Only the first ball moves. What counts is the velocity of one against the other.",
+    ),
+    velocities_added=(
+        RELATIVE,
         "np.asarray(other_velocity, dtype=float) + np.asarray(velocity, dtype=float)",
         "The velocities are added. What counts is the velocity of one against the other, their "
-        "difference."),
-    reach_halved=("c = (apart - reach) * (apart + reach)",
+        "difference.",
+    ),
+    reach_halved=(
+        "c = (apart - reach) * (apart + reach)",
         "reach = 0.5 * reach\n    c = (apart - reach) * (apart + reach)",
         "You take half of reach. It holds both radii already: centres touch at a distance of "
-        "reach."),
-    reach_forgotten=("c = (apart - reach) * (apart + reach)",
+        "reach.",
+    ),
+    reach_forgotten=(
+        "c = (apart - reach) * (apart + reach)",
         "reach = 0.0\n    c = (apart - reach) * (apart + reach)",
-        "The balls are taken for points: they touch when the centres are reach apart."),
-    overlap_ignored=("if c <= 0.0:", "if False:",
-        "Balls that overlap now are touching now: time 0, wherever they fly to."),
-    overlap_only_when_closing=("if c <= 0.0:", "if c <= 0.0 and d @ v < 0.0:",
-        "Balls that overlap and fly apart are overlapping all the same: time 0."),
-    clearance_of_a_second=("return c / (closing + math.sqrt(root))",
+        "The balls are taken for points: they touch when the centres are reach apart.",
+    ),
+    overlap_ignored=(
+        "if c <= 0.0:",
+        "if False:",
+        "Balls that overlap now are touching now: time 0, wherever they fly to.",
+    ),
+    overlap_only_when_closing=(
+        "if c <= 0.0:",
+        "if c <= 0.0 and d @ v < 0.0:",
+        "Balls that overlap and fly apart are overlapping all the same: time 0.",
+    ),
+    clearance_of_a_second=(
+        "return c / (closing + math.sqrt(root))",
         "time = c / (closing + math.sqrt(root))\n    return time if time <= 1.0 else -1.0",
-        "Impacts later than some limit are not reported. The task sets none."),
-)  # fmt: skip
+        "Impacts later than some limit are not reported. The task sets none.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

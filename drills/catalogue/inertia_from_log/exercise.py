@@ -20,8 +20,9 @@ SAMPLES = 1200
 NOISELESS = "no noise"
 
 
-def _swung(inertia: float, friction: float, weight: float, q: float, v: float, tau: Array,
-           dt: float) -> Array:  # fmt: skip
+def _swung(
+    inertia: float, friction: float, weight: float, q: float, v: float, tau: Array, dt: float
+) -> Array:
     """Angles at the samples under a held torque, by the classical Runge-Kutta method."""
     angles = np.zeros(len(tau))
     for i, pushed in enumerate(tau.tolist()):
@@ -46,17 +47,27 @@ def cases(rng: np.random.Generator) -> list[Case]:
     """Joints with and without friction and weight, from rest and moving, noise of 0 to 0.1 mrad."""
 
     def log(
-        label: str, level: str = "core", *, noise: float = 5e-5, friction: float = 1.0,
-        weight: float = 1.0, start: float = 0.0, dt: float = 2e-3, whole: bool = False,
+        label: str,
+        level: str = "core",
+        *,
+        noise: float = 5e-5,
+        friction: float = 1.0,
+        weight: float = 1.0,
+        start: float = 0.0,
+        dt: float = 2e-3,
+        whole: bool = False,
         samples: int = SAMPLES,
-    ) -> Case:  # fmt: skip
+    ) -> Case:
         """Sines of three frequencies as a torque; friction and weight are factors of usual ones."""
         inertia = float(rng.uniform(0.1, 1.0))
         b, w = friction * rng.uniform(1.0, 3.0) * inertia, weight * rng.uniform(4.0, 10.0) * inertia
         t, q = dt * np.arange(samples), float(rng.uniform(-0.5, 0.5))
-        sines = [a * np.sin(f * t + p) for a, f, p in zip(
-            rng.uniform(8.0, 16.0, 3), (2.5, 6.0, 13.0), rng.uniform(0.0, 6.0, 3), strict=True
-        )]  # fmt: skip
+        sines = [
+            a * np.sin(f * t + p)
+            for a, f, p in zip(
+                rng.uniform(8.0, 16.0, 3), (2.5, 6.0, 13.0), rng.uniform(0.0, 6.0, 3), strict=True
+            )
+        ]
         tau = inertia * np.sum(sines, axis=0) + 0.7 * w
         if whole:
             tau = np.round(tau).astype(int)
@@ -72,11 +83,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
         log("inertia alone, moving at the start", friction=0.0, weight=0.0, start=-2.0),
         *(log("from rest", noise=level) for level in (2e-5, 5e-5, 1e-4)),
         *(log("moving at the start", start=start) for start in (1.5, -2.5)),
-        log("much friction", friction=3.0), log("a heavy link", weight=2.0),
+        log("much friction", friction=3.0),
+        log("a heavy link", weight=2.0),
         log("samples of 1 ms", "edge", dt=1e-3, samples=2400),
         log("samples of 5 ms", "edge", dt=5e-3),
         log("a torque of whole numbers, no noise", "edge", whole=True, noise=0.0, weight=3.0),
-    ]  # fmt: skip
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
@@ -122,37 +134,72 @@ _PUSHED = "pushed = np.concatenate(([0.0], np.cumsum(dt * tau[:-1])))"
 _RETURN = "return float(found[0])"
 
 SLIPS = slips(
-    differentiated=(_COLUMNS, "rate = np.gradient(q, dt)\n"
-        "    columns = (np.gradient(rate, dt), rate, np.cos(q))", _FOUND,
+    differentiated=(
+        _COLUMNS,
+        "rate = np.gradient(q, dt)\n    columns = (np.gradient(rate, dt), rate, np.cos(q))",
+        _FOUND,
         _FOUND.replace("integral(pushed)", "tau"),
         "The log is differentiated twice. Without noise that is nearly right; with it the "
-        "acceleration is noise, and a fit finds far too little inertia for it."),
-    friction_left_out=(_COLUMNS, _COLUMNS.replace("integral(q), ", "", 1),
-        "Friction is left out: where there is some, the fit puts it into the inertia."),
-    weight_left_out=(_COLUMNS, _COLUMNS.replace("integral(integral(np.cos(q))), ", ""),
-        "The weight is left out: where there is one, the fit puts it into the inertia."),
-    start_rate_forgotten=(_COLUMNS, _COLUMNS.replace(", t, np", ", np"),
+        "acceleration is noise, and a fit finds far too little inertia for it.",
+    ),
+    friction_left_out=(
+        _COLUMNS,
+        _COLUMNS.replace("integral(q), ", "", 1),
+        "Friction is left out: where there is some, the fit puts it into the inertia.",
+    ),
+    weight_left_out=(
+        _COLUMNS,
+        _COLUMNS.replace("integral(integral(np.cos(q))), ", ""),
+        "The weight is left out: where there is one, the fit puts it into the inertia.",
+    ),
+    start_rate_forgotten=(
+        _COLUMNS,
+        _COLUMNS.replace(", t, np", ", np"),
         "The rate at the start is taken to be zero. Integrating twice leaves v0 t, of which v0 is "
-        "not known: give it a column. (Friction makes one of its own, too.)"),
-    start_angle_forgotten=(_COLUMNS, _COLUMNS.replace(", np.ones(q.size)", ""),
-        "The angle at the start is missing: what moves is q - q0. Give the constant a column."),
-    both_constants_forgotten=(_COLUMNS, _COLUMNS.replace(", t, np.ones(q.size)", ""),
-        "Both constants of the double integral are missing: the angle and the rate at the start."),
-    sine_for_cosine=(_COLUMNS, _COLUMNS.replace("np.cos", "np.sin"),
-        "The weight acts with the cosine: the angle is measured from the horizontal."),
-    integrated_once=(_FOUND, _FOUND.replace("integral(pushed)", "pushed"),
-        "The torque is integrated once and the motion twice: both sides need the same."),
-    sample_time_forgotten=(_PUSHED, _PUSHED.replace("dt * tau", "tau"),
-        "A sum of the torques stands for their integral: each is to be multiplied by dt."),
-    torque_late=(_PUSHED, "pushed = np.concatenate(([0.0, 0.0], np.cumsum(dt * tau[:-2])))",
-        "The torque enters a sample late: tau[i] acts from sample i on, not from the next one."),
-    inverse_returned=(_RETURN, "return float(1.0 / found[0])",
-        "This is one over the inertia."),
-    friction_returned=(_RETURN, "return float(found[1])",
-        "This is the viscous friction, or what a fit takes for it. The inertia is asked for."),
-    weight_returned=(_RETURN, "return float(found[2])",
-        "This is the weight. The inertia is asked for."),
-)  # fmt: skip
+        "not known: give it a column. (Friction makes one of its own, too.)",
+    ),
+    start_angle_forgotten=(
+        _COLUMNS,
+        _COLUMNS.replace(", np.ones(q.size)", ""),
+        "The angle at the start is missing: what moves is q - q0. Give the constant a column.",
+    ),
+    both_constants_forgotten=(
+        _COLUMNS,
+        _COLUMNS.replace(", t, np.ones(q.size)", ""),
+        "Both constants of the double integral are missing: the angle and the rate at the start.",
+    ),
+    sine_for_cosine=(
+        _COLUMNS,
+        _COLUMNS.replace("np.cos", "np.sin"),
+        "The weight acts with the cosine: the angle is measured from the horizontal.",
+    ),
+    integrated_once=(
+        _FOUND,
+        _FOUND.replace("integral(pushed)", "pushed"),
+        "The torque is integrated once and the motion twice: both sides need the same.",
+    ),
+    sample_time_forgotten=(
+        _PUSHED,
+        _PUSHED.replace("dt * tau", "tau"),
+        "A sum of the torques stands for their integral: each is to be multiplied by dt.",
+    ),
+    torque_late=(
+        _PUSHED,
+        "pushed = np.concatenate(([0.0, 0.0], np.cumsum(dt * tau[:-2])))",
+        "The torque enters a sample late: tau[i] acts from sample i on, not from the next one.",
+    ),
+    inverse_returned=(_RETURN, "return float(1.0 / found[0])", "This is one over the inertia."),
+    friction_returned=(
+        _RETURN,
+        "return float(found[1])",
+        "This is the viscous friction, or what a fit takes for it. The inertia is asked for.",
+    ),
+    weight_returned=(
+        _RETURN,
+        "return float(found[2])",
+        "This is the weight. The inertia is asked for.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

@@ -103,68 +103,124 @@ _LINEAR, _STACK = (
 _ANGLES = "for placement, angle in zip(placements, q, strict=True):"
 
 SLIPS = slips(
-    angular_rows_in_the_body=(_STACK, "np.vstack((linear.T, frame[:3, :3].T @ np.array(axes).T))",
+    angular_rows_in_the_body=(
+        _STACK,
+        "np.vstack((linear.T, frame[:3, :3].T @ np.array(axes).T))",
         "The angular rows are in the axes of the last frame, the linear ones in those of the "
         "world. Libraries offer both, and a mixture steers nowhere: leave the axes z as they are "
-        "in the world."),
-    all_rows_in_the_body=(_STACK,
+        "in the world.",
+    ),
+    all_rows_in_the_body=(
+        _STACK,
         "np.vstack((frame[:3, :3].T @ linear.T, frame[:3, :3].T @ np.array(axes).T))",
         "All rows are in the axes of the last frame (the body Jacobian). The task asks for the "
         "axes of the world: multiply by the rotation of the last frame, or do not multiply by "
-        "its transpose."),
-    millimetres=(_STACK, "np.vstack((1000.0 * linear.T, np.array(axes).T))",
+        "its transpose.",
+    ),
+    millimetres=(
+        _STACK,
+        "np.vstack((1000.0 * linear.T, np.array(axes).T))",
         "The linear rows are in millimetres. That also changes the condition number a "
-        "hundredfold, so say the unit whenever you quote one."),
-    absolute_angles=(_ANGLES, "for placement, angle in zip(placements, "
-        "np.diff(q, prepend=0.0), strict=True):",
+        "hundredfold, so say the unit whenever you quote one.",
+    ),
+    absolute_angles=(
+        _ANGLES,
+        "for placement, angle in zip(placements, np.diff(q, prepend=0.0), strict=True):",
         "The angles are treated as measured from a fixed direction. Each is measured in the frame "
-        "of the joint before it: every joint turns all that comes after."),
-    tool_forgotten=(_TIP, "tip = frame[:3, 3]",
+        "of the joint before it: every joint turns all that comes after.",
+    ),
+    tool_forgotten=(
+        _TIP,
+        "tip = frame[:3, 3]",
         "The Jacobian is that of the last joint's origin: the tool's offset is missing. The "
-        "angular rows do not see it, the linear ones do."),
-    tool_not_turned=(_TIP, "tip = frame[:3, 3] + tool",
+        "angular rows do not see it, the linear ones do.",
+    ),
+    tool_not_turned=(
+        _TIP,
+        "tip = frame[:3, 3] + tool",
         "The tool's offset is added in the axes of the world. It is given in the last frame and "
-        "turns with it."),
-    tool_turned_back=(_TIP, "tip = frame[:3, 3] + frame[:3, :3].T @ tool",
+        "turns with it.",
+    ),
+    tool_turned_back=(
+        _TIP,
+        "tip = frame[:3, 3] + frame[:3, :3].T @ tool",
         "The tool's offset is turned the wrong way: the rotation of the last frame takes what is "
-        "given in it to the world, its transpose takes it back."),
-    axis_of_another_letter=("axes.append(frame[:3, 2])", "axes.append(frame[:3, 0])",
-        "The joints turn about x. The axis is z, the third column of the rotation."),
-    axis_from_a_row=("axes.append(frame[:3, 2])", "axes.append(frame[2, :3])",
+        "given in it to the world, its transpose takes it back.",
+    ),
+    axis_of_another_letter=(
+        "axes.append(frame[:3, 2])",
+        "axes.append(frame[:3, 0])",
+        "The joints turn about x. The axis is z, the third column of the rotation.",
+    ),
+    axis_from_a_row=(
+        "axes.append(frame[:3, 2])",
+        "axes.append(frame[2, :3])",
         "The axis is read from a row. The columns of a rotation are the frame's axes in the world; "
-        "its rows are the world's in the frame."),
-    arm_from_the_base=(_LINEAR, "np.cross(axes, np.tile(tip, (len(axes), 1)))",
+        "its rows are the world's in the frame.",
+    ),
+    arm_from_the_base=(
+        _LINEAR,
+        "np.cross(axes, np.tile(tip, (len(axes), 1)))",
         "Every joint swings the tool point about the origin. It swings it about itself: the arm "
-        "is x - p_i, from the joint to the point."),
-    cross_product_reversed=(_LINEAR, "np.cross(tip - np.array(points), axes)",
-        "The linear rows have the wrong sign: it is axis cross arm, not arm cross axis."),
-    angular_rows_first=(_STACK, "np.vstack((np.array(axes).T, linear.T))",
+        "is x - p_i, from the joint to the point.",
+    ),
+    cross_product_reversed=(
+        _LINEAR,
+        "np.cross(tip - np.array(points), axes)",
+        "The linear rows have the wrong sign: it is axis cross arm, not arm cross axis.",
+    ),
+    angular_rows_first=(
+        _STACK,
+        "np.vstack((np.array(axes).T, linear.T))",
         "The angular rows stand above the linear ones. Textbooks differ on this; here the linear "
-        "rows come first."),
-    axis_of_the_frame_before=("        " + _FRAME + "\n        axes.append(frame[:3, 2])\n",
+        "rows come first.",
+    ),
+    axis_of_the_frame_before=(
+        "        " + _FRAME + "\n        axes.append(frame[:3, 2])\n",
         "        axes.append(frame[:3, 2])\n        " + _FRAME + "\n",
         "Joint i turns about the z axis of the frame before it. That is the convention of the "
         "classic DH table; here every joint turns about its own z, so read the axis after its "
-        "placement."),
-    point_of_the_frame_before=("        " + _FRAME + "\n", "        points.append(frame[:3, 3])\n"
-        "        " + _FRAME + "\n", "        points.append(frame[:3, 3])\n    tip", "    tip",
+        "placement.",
+    ),
+    point_of_the_frame_before=(
+        "        " + _FRAME + "\n",
+        "        points.append(frame[:3, 3])\n        " + _FRAME + "\n",
+        "        points.append(frame[:3, 3])\n    tip",
+        "    tip",
         "The points lag behind by one joint: a joint stands at the origin of its own frame, not "
-        "of the one before it."),
-    turned_before_placed=(_FRAME, "frame = frame @ turn @ placement",
+        "of the one before it.",
+    ),
+    turned_before_placed=(
+        _FRAME,
+        "frame = frame @ turn @ placement",
         "The turn is applied before the placement, so that each joint turns about the z axis of "
-        "the frame before it. The order is placement, then turn."),
-    multiplied_from_the_left=(_FRAME, "frame = placement @ turn @ frame",
+        "the frame before it. The order is placement, then turn.",
+    ),
+    multiplied_from_the_left=(
+        _FRAME,
+        "frame = placement @ turn @ frame",
         "The transforms are multiplied in the wrong order. A frame seen from the one before it "
-        "goes to the right: frame @ placement @ turn."),
-    clockwise=("[s, c, 0, 0]", "[-s, c, 0, 0]", "[[c, -s, 0, 0]", "[[c, s, 0, 0]",
-        "The joints turn clockwise: the minus belongs to the sine in the first row."),
-    degrees_for_radians=("math.cos(angle), math.sin(angle)",
+        "goes to the right: frame @ placement @ turn.",
+    ),
+    clockwise=(
+        "[s, c, 0, 0]",
+        "[-s, c, 0, 0]",
+        "[[c, -s, 0, 0]",
+        "[[c, s, 0, 0]",
+        "The joints turn clockwise: the minus belongs to the sine in the first row.",
+    ),
+    degrees_for_radians=(
+        "math.cos(angle), math.sin(angle)",
         "math.cos(math.radians(angle)), math.sin(math.radians(angle))",
-        "The angles are treated as degrees. They come in radians: convert nothing."),
-    axes_not_turned=("axes.append(frame[:3, 2])", "axes.append(placement[:3, 2])",
+        "The angles are treated as degrees. They come in radians: convert nothing.",
+    ),
+    axes_not_turned=(
+        "axes.append(frame[:3, 2])",
+        "axes.append(placement[:3, 2])",
         "Each axis is taken from its own placement, as seen from the frame before it. Carry the "
-        "frames along and read the axis in the world."),
-)  # fmt: skip
+        "frames along and read the axis in the world.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

@@ -21,19 +21,30 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """A handful of points first, then roadmaps of forty among discs of all sizes."""
 
-    def roadmap(label: str, discs: int, radius: float, level: str = "core", near: int = 6,
-                count: int = 40, spread: float = 1.0) -> Case:  # fmt: skip
+    def roadmap(
+        label: str,
+        discs: int,
+        radius: float,
+        level: str = "core",
+        near: int = 6,
+        count: int = 40,
+        spread: float = 1.0,
+    ) -> Case:
         """Points, free of all discs, each joined to its nearest ones; corner to corner."""
         found = np.column_stack((rng.uniform(0.0, 10.0, (discs, 2)), np.full(discs, radius)))
         points = np.vstack(([0.5, 0.5], rng.uniform(0.0, 10.0, (4 * count, 2)), [9.5, 9.5]))
         apart = np.linalg.norm(points[:, None] - found[:, :2], axis=2)
         free = np.flatnonzero((apart > radius + 0.05).all(axis=1))
         kept = points[np.unique([0, *free[:count], len(points) - 1])]
-        found = found[(np.linalg.norm(kept[[0, -1], None] - found[:, :2], axis=2)
-                       > radius + 0.05).all(axis=0)]  # fmt: skip
+        found = found[
+            (np.linalg.norm(kept[[0, -1], None] - found[:, :2], axis=2) > radius + 0.05).all(axis=0)
+        ]
         far = np.linalg.norm(kept[:, None] - kept, axis=2) + np.diag(np.full(len(kept), np.inf))
-        pairs = {(min(i, int(j)), max(i, int(j)))
-                 for i in range(len(kept)) for j in np.argsort(far[i])[:near]}  # fmt: skip
+        pairs = {
+            (min(i, int(j)), max(i, int(j)))
+            for i in range(len(kept))
+            for j in np.argsort(far[i])[:near]
+        }
         edges = rng.permuted(rng.permutation(np.array(sorted(pairs))), axis=1)
         return Case((kept, edges, found, 0, len(kept) - 1), label, level)
 
@@ -92,33 +103,57 @@ _KNOWN = "if edge not in free:"
 _EDGE = "free.get((min(i, j), max(i, j)), True)"
 
 SLIPS = slips(
-    all_checked_first=("    checks = 0\n", "    checks = len(edges)\n    for i, j in edges:\n"
+    all_checked_first=(
+        "    checks = 0\n",
+        "    checks = len(edges)\n    for i, j in edges:\n"
         "        free[min(i, j), max(i, j)] = edge_is_free(points[i], points[j], discs)\n",
         "All edges are checked before the search. That is PRM as it was; lazily one checks what a "
-        "route uses, which is a small part."),
-    checked_twice=(_KNOWN, "if True:",
-        "Edges are checked again on every route. Keep what was found out."),
-    goes_on_after_a_hit=("            if not free[edge]:\n                break\n        else:",
+        "route uses, which is a small part.",
+    ),
+    checked_twice=(
+        _KNOWN,
+        "if True:",
+        "Edges are checked again on every route. Keep what was found out.",
+    ),
+    goes_on_after_a_hit=(
+        "            if not free[edge]:\n                break\n        else:",
         "        if all(free[min(e), max(e)] for e in itertools.pairwise(route)):",
         "A route is checked to its end although an edge has hit. Stop there: what lies behind may "
-        "never be needed."),
-    gives_up=("                break\n        else:", "                return np.zeros(0), checks\n"
-        "        else:",
-        "The first route that hits ends it all. Drop the edge and search again."),
-    not_checked=(_TEST, "free[edge] = True",
+        "never be needed.",
+    ),
+    gives_up=(
+        "                break\n        else:",
+        "                return np.zeros(0), checks\n        else:",
+        "The first route that hits ends it all. Drop the edge and search again.",
+    ),
+    not_checked=(
+        _TEST,
+        "free[edge] = True",
         "Nothing is checked, or only the points, which are free anyway. Lazy means later, not "
-        "never."),
-    points_dropped=(_EDGE, f"{_EDGE} and j not in {{max(e) for e, f in free.items() if not f}} - "
-        "{start, goal}",
-        "With an edge that hits you drop one of its points, and with it all other edges there."),
-    fewest_edges=("length = math.dist(points[i], points[j])", "length = 1.0",
-        "The route has the fewest edges. The shortest one in metres is asked for."),
-    first_found=("cost + length < best.get(j, np.inf)", "j not in best",
+        "never.",
+    ),
+    points_dropped=(
+        _EDGE,
+        f"{_EDGE} and j not in {{max(e) for e, f in free.items() if not f}} - {{start, goal}}",
+        "With an edge that hits you drop one of its points, and with it all other edges there.",
+    ),
+    fewest_edges=(
+        "length = math.dist(points[i], points[j])",
+        "length = 1.0",
+        "The route has the fewest edges. The shortest one in metres is asked for.",
+    ),
+    first_found=(
+        "cost + length < best.get(j, np.inf)",
+        "j not in best",
         "A point keeps the first way by which it was seen. A longer row of short edges may reach "
-        "it on a shorter way: replace it while it is in the queue."),
-    one_way=("        neighbours[j].append((i, length))\n", "",
-        "Edges are used one way only, from the first index to the second."),
-)  # fmt: skip
+        "it on a shorter way: replace it while it is in the queue.",
+    ),
+    one_way=(
+        "        neighbours[j].append((i, length))\n",
+        "",
+        "Edges are used one way only, from the first index to the second.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-9, "indices and counts: whole numbers", first=honest),

@@ -15,8 +15,14 @@ from drills.report import Shown
 def cases(rng: np.random.Generator) -> list[Case]:
     """Logs of a camera; what perception takes is constant, then spread beyond the period."""
 
-    def log(label: str, spread: float, level: str = "core", n: int = 12, shuffle: bool = False,
-            early: float = 0.1) -> Case:  # fmt: skip
+    def log(
+        label: str,
+        spread: float,
+        level: str = "core",
+        n: int = 12,
+        shuffle: bool = False,
+        early: float = 0.1,
+    ) -> Case:
         captured = 0.033 * np.arange(n) + rng.uniform(0, 0.02)
         published = captured + 0.06 + spread * rng.random(n)
         order = rng.permutation(n) if shuffle else np.arange(n)
@@ -29,14 +35,23 @@ def cases(rng: np.random.Generator) -> list[Case]:
         *(log("some jitter", 0.03) for _ in range(2)),
         *(log("messages overtake one another", 0.2) for _ in range(4)),
         *(log("in any order", 0.1, shuffle=True) for _ in range(3)),
-        Case((np.array([0.0, 0.1]), np.array([0.05, 0.15]), np.array([0.05, 0.15, 0.1])),
-             "at the moment of arrival", "edge"),
-        Case((np.array([0.0, 0.1]), np.array([0.05, 0.15]), np.array([0.01, -1.0])), "too early",
-             "edge"),
+        Case(
+            (np.array([0.0, 0.1]), np.array([0.05, 0.15]), np.array([0.05, 0.15, 0.1])),
+            "at the moment of arrival",
+            "edge",
+        ),
+        Case(
+            (np.array([0.0, 0.1]), np.array([0.05, 0.15]), np.array([0.01, -1.0])),
+            "too early",
+            "edge",
+        ),
         Case((np.zeros(0), np.zeros(0), np.array([1.0])), "an empty log", "edge"),
-        Case((np.array([0, 2, 5]), np.array([4, 7, 6]), np.array([3, 5, 6, 8])), "whole seconds",
-             "edge"),
-    ]  # fmt: skip
+        Case(
+            (np.array([0, 2, 5]), np.array([4, 7, 6]), np.array([3, 5, 6, 8])),
+            "whole seconds",
+            "edge",
+        ),
+    ]
 
 
 def over_time(figure: Any, shown: Shown) -> None:
@@ -52,27 +67,54 @@ _HERE = "here = published <= now"
 _LAST = "captured[here][np.argmax(published[here])]"
 
 SLIPS = slips(
-    from_publishing=(_AGE, "now - published[here].max()",
+    from_publishing=(
+        _AGE,
+        "now - published[here].max()",
         "The age is counted from the time of publishing. A message is as old as the measurement in "
-        "it: what perception took belongs to the age."),
-    last_arrived=(_AGE, f"now - {_LAST}",
+        "it: what perception took belongs to the age.",
+    ),
+    last_arrived=(
+        _AGE,
+        f"now - {_LAST}",
         "The message that arrived last is taken for the newest. One that was overtaken arrives "
-        "late and holds older information."),
-    last_in_the_list=(_AGE, "now - captured[here][-1]",
-        "The last entry of the list is taken for the newest; the log is in no order."),
-    from_the_future=(_HERE, "here = captured <= now",
-        "Measurements count from their capture on. Nobody has them before they arrive."),
-    strictly_before=(_HERE, "here = published < now",
-        "A message that arrives at the moment of reading is left out."),
-    oldest=(_AGE, "now - captured[here].min()",
-        "The oldest message is taken, as from a queue that nobody empties."),
-    zero_before=("np.full(len(times), -1.0)", "np.zeros(len(times))",
-        "Before the first message the age is given as 0, as fresh as can be. It is -1."),
-    delay_of_the_message=(_AGE, f"published[here].max() - {_LAST}",
-        "That is how long the message took. It goes on getting older until it is read."),
-    sign=(_AGE, "captured[here].max() - now",
-        "The ages are negative: time of reading minus time of capture."),
-)  # fmt: skip
+        "late and holds older information.",
+    ),
+    last_in_the_list=(
+        _AGE,
+        "now - captured[here][-1]",
+        "The last entry of the list is taken for the newest; the log is in no order.",
+    ),
+    from_the_future=(
+        _HERE,
+        "here = captured <= now",
+        "Measurements count from their capture on. Nobody has them before they arrive.",
+    ),
+    strictly_before=(
+        _HERE,
+        "here = published < now",
+        "A message that arrives at the moment of reading is left out.",
+    ),
+    oldest=(
+        _AGE,
+        "now - captured[here].min()",
+        "The oldest message is taken, as from a queue that nobody empties.",
+    ),
+    zero_before=(
+        "np.full(len(times), -1.0)",
+        "np.zeros(len(times))",
+        "Before the first message the age is given as 0, as fresh as can be. It is -1.",
+    ),
+    delay_of_the_message=(
+        _AGE,
+        f"published[here].max() - {_LAST}",
+        "That is how long the message took. It goes on getting older until it is read.",
+    ),
+    sign=(
+        _AGE,
+        "captured[here].max() - now",
+        "The ages are negative: time of reading minus time of capture.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-9, "one difference: rounding", told=coarse),

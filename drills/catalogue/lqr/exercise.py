@@ -42,8 +42,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
     turn = rng.uniform(0.5, 1.0)
     spin = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]])
     blind = np.array([[1.2, 0.5, 0.0], [0.0, 0.9, 0.4], [0.0, 0.0, 0.5]])  # the last lives alone
-    whole = (np.array([[1, 1], [0, 1]]), np.array([[0], [1]]), np.array([[2, 0], [0, 1]]),
-             np.array([[3]]))  # fmt: skip
+    whole = (
+        np.array([[1, 1], [0, 1]]),
+        np.array([[0], [1]]),
+        np.array([[2, 0], [0, 1]]),
+        np.array([[3]]),
+    )
     a, b, q, r = rng.uniform([1.1, 0.5, 0.5, 0.5], 2.0)
     return [
         Case((one, one, one, one), "one state, all ones", "simple"),
@@ -118,44 +122,84 @@ def responses(figure: Any, shown: Shown) -> None:
 _RETURN = "return np.linalg.solve(R + B.T @ P @ B, B.T @ P @ A)"
 
 SLIPS = slips(
-    continuous_for_discrete=(_RETURN, "return np.linalg.solve(R, B.T @ P)",
+    continuous_for_discrete=(
+        _RETURN,
+        "return np.linalg.solve(R, B.T @ P)",
         "R^-1 B'P is the gain of the continuous problem. Here a command acts through a whole "
-        "sample: K = (R + B'PB)^-1 B'PA."),
-    sign_of_the_gain=(_RETURN, _RETURN.replace("return ", "return -"),
-        "The gain has the wrong sign: it is asked for with u = -K x."),
-    not_converged=("range(60)", "range(6)",
+        "sample: K = (R + B'PB)^-1 B'PA.",
+    ),
+    sign_of_the_gain=(
+        _RETURN,
+        _RETURN.replace("return ", "return -"),
+        "The gain has the wrong sign: it is asked for with u = -K x.",
+    ),
+    not_converged=(
+        "range(60)",
+        "range(6)",
         "It is right for fast loops and not for slow ones: the recursion was stopped before P had "
         "settled. A fixed number of rounds, or a change that is small beside 1, is no proof; go "
-        "on until P stays as it is."),
-    command_not_charged=(_RETURN, "return np.linalg.solve(R, B.T @ P @ A)",
-        "B'PB is missing beside R: a command is charged for itself and not for where it leads."),
-    state_one_sample_late=(_RETURN, "return np.linalg.solve(R + B.T @ P @ B, B.T @ P)",
+        "on until P stays as it is.",
+    ),
+    command_not_charged=(
+        _RETURN,
+        "return np.linalg.solve(R, B.T @ P @ A)",
+        "B'PB is missing beside R: a command is charged for itself and not for where it leads.",
+    ),
+    state_one_sample_late=(
+        _RETURN,
+        "return np.linalg.solve(R + B.T @ P @ B, B.T @ P)",
         "A is missing at the end: what the command has to answer is where the state goes by "
-        "itself, A x, not x."),
-    one_sample_only=("range(60)", "range(0)",
+        "itself, A x, not x.",
+    ),
+    one_sample_only=(
+        "range(60)",
+        "range(0)",
         "Only the next sample counts: P is Q. The cost of all samples to come solves the Riccati "
-        "equation."),
-    transposed_system=("B.T @ P @ A)", "B.T @ P @ A.T)", "step, G, P = A, B", "step, G, P = A.T, B",
-        "A is transposed throughout. That is the dual problem, an estimator's gain, in disguise."),
-    weights_of_commands_ignored=("R = np.asarray(Q, dtype=float), np.asarray(R, dtype=float)",
+        "equation.",
+    ),
+    transposed_system=(
+        "B.T @ P @ A)",
+        "B.T @ P @ A.T)",
+        "step, G, P = A, B",
+        "step, G, P = A.T, B",
+        "A is transposed throughout. That is the dual problem, an estimator's gain, in disguise.",
+    ),
+    weights_of_commands_ignored=(
+        "R = np.asarray(Q, dtype=float), np.asarray(R, dtype=float)",
         "R = np.asarray(Q, dtype=float), np.eye(len(R))",
-        "R is taken to be the identity."),
-    diagonal_of_the_weights=("R = np.asarray(Q, dtype=float), np.asarray(R, dtype=float)",
+        "R is taken to be the identity.",
+    ),
+    diagonal_of_the_weights=(
+        "R = np.asarray(Q, dtype=float), np.asarray(R, dtype=float)",
         "R = np.diag(np.diag(Q)) * 1.0, np.diag(np.diag(R)) * 1.0",
-        "Only the diagonals of Q and R are used. Commands and states may be weighted together."),
-    half_of_the_weights=("B @ np.linalg.solve(R, B.T), Q\n",
+        "Only the diagonals of Q and R are used. Commands and states may be weighted together.",
+    ),
+    half_of_the_weights=(
+        "B @ np.linalg.solve(R, B.T), Q\n",
         "B @ np.linalg.solve(R, B.T), 0.5 * Q\n",
-        "The states are charged half."),
-    value_returned=(_RETURN, "return P",
-        "This is P, the cost to go. K follows from it: (R + B'PB)^-1 B'PA."),
-    gain_transposed=(_RETURN, f"{_RETURN}.T",
-        "The gain is transposed: it has a row for each command and a column for each state."),
-    loop_returned=(_RETURN, _RETURN.replace("return ", "return A - B @ "),
-        "This is the loop's matrix, A - B K. The gain itself is asked for."),
-    cost_of_the_command_only=("step, G, P = A, B @ np.linalg.solve(R, B.T), Q",
+        "The states are charged half.",
+    ),
+    value_returned=(
+        _RETURN,
+        "return P",
+        "This is P, the cost to go. K follows from it: (R + B'PB)^-1 B'PA.",
+    ),
+    gain_transposed=(
+        _RETURN,
+        f"{_RETURN}.T",
+        "The gain is transposed: it has a row for each command and a column for each state.",
+    ),
+    loop_returned=(
+        _RETURN,
+        _RETURN.replace("return ", "return A - B @ "),
+        "This is the loop's matrix, A - B K. The gain itself is asked for.",
+    ),
+    cost_of_the_command_only=(
+        "step, G, P = A, B @ np.linalg.solve(R, B.T), Q",
         "step, G, P = A, B @ B.T, Q",
-        "The recursion for P leaves R out, though the gain has it."),
-)  # fmt: skip
+        "The recursion for P leaves R out, though the gain has it.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

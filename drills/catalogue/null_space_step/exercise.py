@@ -114,46 +114,84 @@ _SCALE = "scale = np.sqrt(np.asarray(weights, dtype=float))"
 _PLAIN = "np.linalg.pinv(J)"
 
 SLIPS = slips(
-    projector_transposed=(_RETURN,
+    projector_transposed=(
+        _RETURN,
         "return inverse @ dx + secondary - J.T @ (inverse.T @ secondary)",
         "The projector is transposed: I - J^T A^T. That one takes joint torques to those that do "
-        "not push at the tip; with equal weights it is the same. For velocities it is I - A J."),
-    not_projected=(_RETURN, "return inverse @ dx + secondary",
+        "not push at the tip; with equal weights it is the same. For velocities it is I - A J.",
+    ),
+    not_projected=(
+        _RETURN,
+        "return inverse @ dx + secondary",
         "The second wish is added as it is, and moves the tip by J @ secondary. Project it first: "
-        "subtract A J secondary."),
-    weights_ignored=(_SCALE, "scale = np.ones(J.shape[1])",
-        "The weights do nothing: this is the plain pseudo-inverse, where all joints count alike."),
-    weights_upside_down=(_SCALE, "scale = 1.0 / np.sqrt(np.asarray(weights, dtype=float))",
+        "subtract A J secondary.",
+    ),
+    weights_ignored=(
+        _SCALE,
+        "scale = np.ones(J.shape[1])",
+        "The weights do nothing: this is the plain pseudo-inverse, where all joints count alike.",
+    ),
+    weights_upside_down=(
+        _SCALE,
+        "scale = 1.0 / np.sqrt(np.asarray(weights, dtype=float))",
         "The weights are used upside down: a joint of large weight shall keep nearer to the wish. "
-        "A = W^-1 J^T (J W^-1 J^T)^-1 has the inverse of W."),
-    weights_for_their_roots=(_SCALE, "scale = np.asarray(weights, dtype=float)",
+        "A = W^-1 J^T (J W^-1 J^T)^-1 has the inverse of W.",
+    ),
+    weights_for_their_roots=(
+        _SCALE,
+        "scale = np.asarray(weights, dtype=float)",
         "The weights count squared: in units in which all joints weigh the same each is scaled by "
-        "the root of its weight."),
-    roots_for_the_weights=(_SCALE, "scale = np.asarray(weights, dtype=float) ** 0.25",
-        "The weights count with their roots only."),
-    task_dropped=(_RETURN, "return secondary - inverse @ (J @ secondary)",
-        "The task is missing: the elbow moves, and the tip stays although dx is not zero."),
-    wish_dropped=(_RETURN, "return inverse @ np.asarray(dx, dtype=float)",
-        "The second wish is missing: this is the smallest step that does the task."),
-    wrong_space=(_RETURN, "return inverse @ (dx + J @ secondary)",
-        "The wish is projected onto what moves the tip, A J, not onto what leaves it, I - A J."),
-    projector_added=(_RETURN, "return secondary + inverse @ (dx + J @ secondary)",
-        "The projector is I - A J, with a minus: take out of the wish what would move the tip."),
-    wish_reversed=(_RETURN, "return inverse @ (dx + J @ secondary) - secondary",
+        "the root of its weight.",
+    ),
+    roots_for_the_weights=(
+        _SCALE,
+        "scale = np.asarray(weights, dtype=float) ** 0.25",
+        "The weights count with their roots only.",
+    ),
+    task_dropped=(
+        _RETURN,
+        "return secondary - inverse @ (J @ secondary)",
+        "The task is missing: the elbow moves, and the tip stays although dx is not zero.",
+    ),
+    wish_dropped=(
+        _RETURN,
+        "return inverse @ np.asarray(dx, dtype=float)",
+        "The second wish is missing: this is the smallest step that does the task.",
+    ),
+    wrong_space=(
+        _RETURN,
+        "return inverse @ (dx + J @ secondary)",
+        "The wish is projected onto what moves the tip, A J, not onto what leaves it, I - A J.",
+    ),
+    projector_added=(
+        _RETURN,
+        "return secondary + inverse @ (dx + J @ secondary)",
+        "The projector is I - A J, with a minus: take out of the wish what would move the tip.",
+    ),
+    wish_reversed=(
+        _RETURN,
+        "return inverse @ (dx + J @ secondary) - secondary",
         "The wish has the wrong sign: the elbow goes down where it should go up. The tip does not "
-        "see it."),
-    two_inverses=(_RETURN,
+        "see it.",
+    ),
+    two_inverses=(
+        _RETURN,
         f"return inverse @ dx + secondary - {_PLAIN} @ (J @ secondary)",
         "The task uses the weights and the projector does not. Each alone is right for the tip; "
-        "the step nearest to the wish takes the same A twice."),
-    weights_in_the_projector_only=(_RETURN,
+        "the step nearest to the wish takes the same A twice.",
+    ),
+    weights_in_the_projector_only=(
+        _RETURN,
         f"return {_PLAIN} @ dx + secondary - inverse @ (J @ secondary)",
-        "The projector uses the weights and the task does not: take the same A twice."),
-    transpose_for_the_inverse=("np.linalg.pinv(J / scale) / scale[:, None]",
+        "The projector uses the weights and the task does not: take the same A twice.",
+    ),
+    transpose_for_the_inverse=(
+        "np.linalg.pinv(J / scale) / scale[:, None]",
         "(J / scale).T / scale[:, None]",
         "J^T stands where the pseudo-inverse belongs. J^T J is a projector only for a Jacobian "
-        "with orthonormal rows."),
-)  # fmt: skip
+        "with orthonormal rows.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

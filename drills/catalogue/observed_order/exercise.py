@@ -153,55 +153,99 @@ _LIMIT = "fine + (fine - medium) / (growth - 1.0)"
 _CHECK = "    if not 0.0 < second < first < math.inf:\n"
 
 SLIPS = slips(
-    fine_taken_for_the_truth=("first = np.linalg.norm(medium - coarse)",
+    fine_taken_for_the_truth=(
+        "first = np.linalg.norm(medium - coarse)",
         "first = np.linalg.norm(fine - coarse)",
         "The finest run is treated as the truth. Its own error is in both differences then: at "
-        "order 1 you get 1.58, at order 2 you get 2.32."),
-    ratio_not_used=(_ORDER, "order = math.log2(growth)",
-        "The logarithm is to the base 2 whatever the ratio of the steps was."),
-    natural_logarithm=(_ORDER, "order = math.log(growth)",
-        "The natural logarithm of the ratio of the differences is p log(r): divide by log(r)."),
-    order_rounded=(_ORDER, "order = round(math.log(growth) / math.log(ratio))",
+        "order 1 you get 1.58, at order 2 you get 2.32.",
+    ),
+    ratio_not_used=(
+        _ORDER,
+        "order = math.log2(growth)",
+        "The logarithm is to the base 2 whatever the ratio of the steps was.",
+    ),
+    natural_logarithm=(
+        _ORDER,
+        "order = math.log(growth)",
+        "The natural logarithm of the ratio of the differences is p log(r): divide by log(r).",
+    ),
+    order_rounded=(
+        _ORDER,
+        "order = round(math.log(growth) / math.log(ratio))",
         "The order is rounded to a whole number. The runs show one near it: return what they show, "
-        "and extrapolate with it."),
-    norm_squared=(_ORDER, "order = 2.0 * math.log(growth) / math.log(ratio)",
+        "and extrapolate with it.",
+    ),
+    norm_squared=(
+        _ORDER,
+        "order = 2.0 * math.log(growth) / math.log(ratio)",
         "The order is twice what it should be: the differences are measured by the squares of "
-        "their norms."),
-    order_negative=(_ORDER, "order = -math.log(growth) / math.log(ratio)",
+        "their norms.",
+    ),
+    order_negative=(
+        _ORDER,
+        "order = -math.log(growth) / math.log(ratio)",
         "The order has the wrong sign: the ratio of the differences is upside down. It is the "
-        "first, larger, over the second."),
-    another_norm=("np.linalg.norm(medium - coarse)", "np.sum(np.abs(medium - coarse))",
-        "np.linalg.norm(fine - medium)", "np.sum(np.abs(fine - medium))",
+        "first, larger, over the second.",
+    ),
+    another_norm=(
+        "np.linalg.norm(medium - coarse)",
+        "np.sum(np.abs(medium - coarse))",
+        "np.linalg.norm(fine - medium)",
+        "np.sum(np.abs(fine - medium))",
         "The differences are measured by the sum or the mean of their sizes. The task asks for the "
-        "2-norm; where the runs are not yet in the range of one power of h the two differ."),
-    ratios_averaged=("growth = first / second",
+        "2-norm; where the runs are not yet in the range of one power of h the two differ.",
+    ),
+    ratios_averaged=(
+        "growth = first / second",
         "growth = np.mean(np.abs((medium - coarse) / (fine - medium)))",
         "The ratio is taken component by component and averaged. One in which the runs hardly "
-        "differ then counts as much as all others: take the ratio of the two 2-norms."),
-    logarithms_averaged=("growth = first / second",
+        "differ then counts as much as all others: take the ratio of the two 2-norms.",
+    ),
+    logarithms_averaged=(
+        "growth = first / second",
         "growth = np.exp(np.mean(np.log(np.abs((medium - coarse) / (fine - medium)))))",
         "The order is found component by component and averaged. One in which the runs hardly "
-        "differ then counts as much as all others: take one order, of the ratio of the 2-norms."),
-    second_order_assumed=(_LIMIT, "fine + (fine - medium) / 3.0",
+        "differ then counts as much as all others: take one order, of the ratio of the 2-norms.",
+    ),
+    second_order_assumed=(
+        _LIMIT,
+        "fine + (fine - medium) / 3.0",
         "The extrapolation divides by 3, which is 2^2 - 1: right for order 2 and halved steps "
-        "only. Divide by r^p - 1 with the order that you have found."),
-    largest_component=("np.linalg.norm(medium - coarse)", "np.max(np.abs(medium - coarse))",
-        "np.linalg.norm(fine - medium)", "np.max(np.abs(fine - medium))",
+        "only. Divide by r^p - 1 with the order that you have found.",
+    ),
+    largest_component=(
+        "np.linalg.norm(medium - coarse)",
+        "np.max(np.abs(medium - coarse))",
+        "np.linalg.norm(fine - medium)",
+        "np.max(np.abs(fine - medium))",
         "The differences are measured by their largest component. That is a norm too, but the "
         "task asks for the 2-norm; where the runs are not yet in the range of one power of h, "
-        "the two give different orders."),
-    minus_one_missing=(_LIMIT, "fine + (fine - medium) / growth",
+        "the two give different orders.",
+    ),
+    minus_one_missing=(
+        _LIMIT,
+        "fine + (fine - medium) / growth",
         "The last difference is r^p - 1 times the error that is left, not r^p times: it is the "
-        "error of `medium` minus that of `fine`."),
-    extrapolated_backwards=(_LIMIT, "fine - (fine - medium) / (growth - 1.0)",
+        "error of `medium` minus that of `fine`.",
+    ),
+    extrapolated_backwards=(
+        _LIMIT,
+        "fine - (fine - medium) / (growth - 1.0)",
         "The correction has the wrong sign: the result goes on in the direction in which the "
-        "runs were going, from medium to fine and beyond."),
-    not_extrapolated=(_LIMIT, "fine",
-        "The second value is the finest run itself, not what the three runs are heading for."),
-    no_order_not_refused=(_CHECK, "    if not second > -1.0:\n",
+        "runs were going, from medium to fine and beyond.",
+    ),
+    not_extrapolated=(
+        _LIMIT,
+        "fine",
+        "The second value is the finest run itself, not what the three runs are heading for.",
+    ),
+    no_order_not_refused=(
+        _CHECK,
+        "    if not second > -1.0:\n",
         "Runs that do not converge get a number all the same. Check that the second difference "
-        "is smaller than the first and not zero, else raise ValueError."),
-)  # fmt: skip
+        "is smaller than the first and not zero, else raise ValueError.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

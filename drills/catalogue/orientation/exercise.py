@@ -172,51 +172,88 @@ def update_orientation(q, omega, dt):
 """
 
 SLIPS = slips(
-    multiplied_on_the_left=("w * i + x * c + y * k - z * j", "w * i + x * c - y * k + z * j",
-        "w * j - x * k + y * c + z * i", "w * j + x * k + y * c - z * i",
-        "w * k + x * j - y * i + z * c", "w * k - x * j + y * i + z * c",
+    multiplied_on_the_left=(
+        "w * i + x * c + y * k - z * j",
+        "w * i + x * c - y * k + z * j",
+        "w * j - x * k + y * c + z * i",
+        "w * j + x * k + y * c - z * i",
+        "w * k + x * j - y * i + z * c",
+        "w * k - x * j + y * i + z * c",
         "The turn is multiplied on the left of q, which is right for a rate in the world frame; "
         "or the cross product in your product has its sign turned, which comes to the same. This "
-        "rate is the body's: q times turn. From the identity one does not see it."),
-    scalar_last=("    w, x, y, z = np.asarray", "    x, y, z, w = np.asarray", _RETURN,
+        "rate is the body's: q times turn. From the identity one does not see it.",
+    ),
+    scalar_last=(
+        "    w, x, y, z = np.asarray",
+        "    x, y, z, w = np.asarray",
+        _RETURN,
         "    return np.roll(turned, -1) / np.linalg.norm(turned)\n",
         "Your quaternions have the scalar last, (x, y, z, w). Here it comes first. Libraries "
-        "differ on this (MuJoCo: first; ROS and SciPy: last), so it is worth a test."),
-    half_angle_missing=("half_turn = 0.5 * dt", "half_turn = dt",
+        "differ on this (MuJoCo: first; ROS and SciPy: last), so it is worth a test.",
+    ),
+    half_angle_missing=(
+        "half_turn = 0.5 * dt",
+        "half_turn = dt",
         "The body turns twice as far as it should: a quaternion holds cosine and sine of *half* "
-        "the angle."),
-    added=(_ADDED.format(result="new"),
+        "the angle.",
+    ),
+    added=(
+        _ADDED.format(result="new"),
         "The rate of the quaternion is added. That is right to first order only, and q gets "
-        "longer at every step: its length is multiplied by sqrt(1 + (|omega| dt / 2)^2)."),
-    added_and_rescaled=(_ADDED.format(result="new / np.linalg.norm(new)"),
+        "longer at every step: its length is multiplied by sqrt(1 + (|omega| dt / 2)^2).",
+    ),
+    added_and_rescaled=(
+        _ADDED.format(result="new / np.linalg.norm(new)"),
         "The rate is added and the result scaled back to length one. That repairs the length, "
-        "not the angle, which is atan(|omega| dt / 2) where it should be |omega| dt / 2."),
-    euler_angles_added=(_EULER,
+        "not the angle, which is atan(|omega| dt / 2) where it should be |omega| dt / 2.",
+    ),
+    euler_angles_added=(
+        _EULER,
         "Roll, pitch and yaw are changed by omega dt each. Angular velocity is not the rate of "
-        "those angles: that holds about one axis only. Multiply q by the quaternion of the turn."),
-    absolute_step=("half_turn = 0.5 * dt", "half_turn = 0.5 * abs(dt)",
+        "those angles: that holds about one axis only. Multiply q by the quaternion of the turn.",
+    ),
+    absolute_step=(
+        "half_turn = 0.5 * dt",
+        "half_turn = 0.5 * abs(dt)",
         "A negative dt turns the body forwards: somewhere its sign is lost, as in a norm or in "
-        "abs(). Backwards in time the body turns the other way."),
-    degrees_for_radians=("half_turn = 0.5 * dt", "half_turn = np.pi / 360.0 * dt",
-        "The rate is treated as degrees a second. It comes in rad/s: convert nothing."),
-    dt_missing=("half_turn = 0.5 * dt *", "half_turn = 0.5 *",
-        "The turn does not depend on dt: the angle is the rate times the time."),
-    conjugate_of_the_start=("w, x, y, z = np.asarray(q, dtype=float)",
+        "abs(). Backwards in time the body turns the other way.",
+    ),
+    degrees_for_radians=(
+        "half_turn = 0.5 * dt",
+        "half_turn = np.pi / 360.0 * dt",
+        "The rate is treated as degrees a second. It comes in rad/s: convert nothing.",
+    ),
+    dt_missing=(
+        "half_turn = 0.5 * dt *",
+        "half_turn = 0.5 *",
+        "The turn does not depend on dt: the angle is the rate times the time.",
+    ),
+    conjugate_of_the_start=(
+        "w, x, y, z = np.asarray(q, dtype=float)",
         "w, x, y, z = np.asarray(q, dtype=float) * [1.0, -1.0, -1.0, -1.0]",
         "The start is turned round: its conjugate takes the world into the body. Here q turns body "
-        "coordinates into world ones, and is used as it comes."),
-    turned_backwards=("half_turn = 0.5 * dt", "half_turn = -0.5 * dt",
+        "coordinates into world ones, and is used as it comes.",
+    ),
+    turned_backwards=(
+        "half_turn = 0.5 * dt",
+        "half_turn = -0.5 * dt",
         "The body turns the wrong way: the sign of the rate (or the conjugate of the turn) is "
-        "that of the world seen from the body."),
-    small_turns_dropped=("    c = np.cos(half_angle)\n",
+        "that of the world seen from the body.",
+    ),
+    small_turns_dropped=(
+        "    c = np.cos(half_angle)\n",
         "    if half_angle < 1e-6:\n        return np.array(q, dtype=float)\n"
         "    c = np.cos(half_angle)\n",
         "Small angles are treated as no turn at all. At a gyroscope's rate of 10 kHz the Earth's "
-        "rotation is 7e-9 rad a step, and it adds up to a full turn a day."),
-    zero_over_zero=("np.sinc(half_angle / np.pi)", "np.sin(half_angle) / half_angle",
+        "rotation is 7e-9 rad a step, and it adds up to a full turn a day.",
+    ),
+    zero_over_zero=(
+        "np.sinc(half_angle / np.pi)",
+        "np.sin(half_angle) / half_angle",
         "A body that does not turn has no axis: dividing by its angle gives 0 / 0. Divide "
-        "nothing: sin(x) / x is np.sinc(x / pi), which is 1 at zero."),
-)  # fmt: skip
+        "nothing: sin(x) / x is np.sinc(x / pi), which is 1 at zero.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

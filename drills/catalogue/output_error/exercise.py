@@ -27,13 +27,22 @@ def _moved(inertia: float, damping: float, tau: Array, dt: float, q: float, v: f
 def cases(rng: np.random.Generator) -> list[Case]:
     """Joints under two sines of torque, from rest and moving."""
 
-    def log(label: str, level: str = "core", *, noise: float = 1e-3, rate: float = 0.0,
-            dt: float = 0.01, n: int = 200) -> Case:  # fmt: skip
+    def log(
+        label: str,
+        level: str = "core",
+        *,
+        noise: float = 1e-3,
+        rate: float = 0.0,
+        dt: float = 0.01,
+        n: int = 200,
+    ) -> Case:
         inertia = float(rng.uniform(0.1, 0.4))
         damping = inertia * float(rng.uniform(1.0, 4.0))
         t = dt * np.arange(n)
-        tau = inertia * sum(float(rng.uniform(10.0, 20.0)) * np.sin(w * t + rng.uniform(0.0, 6.0))
-            for w in (3.0, 9.0))  # fmt: skip
+        tau = inertia * sum(
+            float(rng.uniform(10.0, 20.0)) * np.sin(w * t + rng.uniform(0.0, 6.0))
+            for w in (3.0, 9.0)
+        )
         q = float(rng.uniform(-1.0, 1.0))
         angles = _moved(inertia, damping, tau, dt, q, rate) + noise * rng.normal(size=n)
         factor = np.exp(rng.uniform(-0.6, 0.6, 2))
@@ -45,8 +54,9 @@ def cases(rng: np.random.Generator) -> list[Case]:
         log("moving at the start, no noise", "simple", noise=0.0, rate=0.8),
         *(log("from rest") for _ in range(2)),
         *(log("moving at the start", rate=v) for v in (0.6, -1.0)),
-        log("samples of 20 ms", "edge", dt=0.02), log("samples of 5 ms", "edge", dt=5e-3, n=400),
-    ]  # fmt: skip
+        log("samples of 20 ms", "edge", dt=0.02),
+        log("samples of 5 ms", "edge", dt=5e-3, n=400),
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
@@ -58,30 +68,57 @@ _RETURN = "first + np.concatenate(([0.0], np.cumsum(moved[:-1])))"
 _MOVED = "moved = final * dt + (rate - final) * time * (1.0 - decay)"
 
 SLIPS = slips(
-    sensor_one_step_late=(_RETURN, "first + np.cumsum(moved)",
+    sensor_one_step_late=(
+        _RETURN,
+        "first + np.cumsum(moved)",
         "The simulated angle is recorded after the torque of its sample has acted: one step late. "
-        "It fits nearly as well, with wrong parameters."),
-    residual_sign=("residual = measured - angles", "residual = angles - measured",
-        "The residual has the wrong sign for this step: each one leads away from the fit."),
-    difference_too_coarse=("small = np.log(np.asarray(guess, dtype=float)), 1e-6",
+        "It fits nearly as well, with wrong parameters.",
+    ),
+    residual_sign=(
+        "residual = measured - angles",
+        "residual = angles - measured",
+        "The residual has the wrong sign for this step: each one leads away from the fit.",
+    ),
+    difference_too_coarse=(
+        "small = np.log(np.asarray(guess, dtype=float)), 1e-6",
         "small = np.log(np.asarray(guess, dtype=float)), 1.0",
         "The parameters are changed by so much for the differences that these are no derivatives: "
-        "with noise the fit stops beside the smallest sum."),
-    start_not_at_rest=("rate = speed * powers", "rate = 0.0 * powers",
-        "The simulation starts at rest. The joint was moving when the log began."),
-    start_at_zero=(_RETURN, _RETURN.replace("first", "0.0"),
-        "The simulation starts at angle 0, the joint did not."),
-    one_step_only=("range(15)", "range(1)",
-        "One step of Gauss-Newton is not enough: go on until the parameters stay."),
-    damping_forgotten=("changes = small * np.eye(2)", "changes = np.diag([small, 0.0])",
-        "The damping is never changed, so it stays the guess."),
-    logarithms_returned=("return np.exp(logs)", "return logs",
-        "These are the logarithms of the parameters."),
-    euler_steps=("decay = np.exp(-dt / time)", "decay = 1.0 - dt / time",
-        _MOVED, "moved = rate * dt",
+        "with noise the fit stops beside the smallest sum.",
+    ),
+    start_not_at_rest=(
+        "rate = speed * powers",
+        "rate = 0.0 * powers",
+        "The simulation starts at rest. The joint was moving when the log began.",
+    ),
+    start_at_zero=(
+        _RETURN,
+        _RETURN.replace("first", "0.0"),
+        "The simulation starts at angle 0, the joint did not.",
+    ),
+    one_step_only=(
+        "range(15)",
+        "range(1)",
+        "One step of Gauss-Newton is not enough: go on until the parameters stay.",
+    ),
+    damping_forgotten=(
+        "changes = small * np.eye(2)",
+        "changes = np.diag([small, 0.0])",
+        "The damping is never changed, so it stays the guess.",
+    ),
+    logarithms_returned=(
+        "return np.exp(logs)",
+        "return logs",
+        "These are the logarithms of the parameters.",
+    ),
+    euler_steps=(
+        "decay = np.exp(-dt / time)",
+        "decay = 1.0 - dt / time",
+        _MOVED,
+        "moved = rate * dt",
         "The simulation takes explicit Euler steps of a whole sample: at 10 ms that is an error "
-        "of its own, and the parameters make up for it."),
-)  # fmt: skip
+        "of its own, and the parameters make up for it.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "a smallest sum is found to better than this"),

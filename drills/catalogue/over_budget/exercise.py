@@ -11,11 +11,21 @@ from drills.judge import Case, coarse, judge_of
 def cases(rng: np.random.Generator) -> list[Case]:
     """Chains, two ways, then graphs with side branches and dead ends, in any order."""
 
-    def graph(label: str, boxes: int, share: float, level: str = "core", over: float = 0.5,
-              exact: bool = False) -> Case:  # fmt: skip
+    def graph(
+        label: str,
+        boxes: int,
+        share: float,
+        level: str = "core",
+        over: float = 0.5,
+        exact: bool = False,
+    ) -> Case:
         """Edges go up in a hidden order; a chain of all boxes, and a share of all others."""
-        pairs = [(i, j) for i in range(boxes) for j in range(i + 1, boxes)
-                 if j == i + 1 or rng.random() < share]  # fmt: skip
+        pairs = [
+            (i, j)
+            for i in range(boxes)
+            for j in range(i + 1, boxes)
+            if j == i + 1 or rng.random() < share
+        ]
         pairs = [pairs[k] for k in rng.permutation(len(pairs))]
         names = rng.permutation(boxes)
         # A jump over many boxes is often the longer way.
@@ -28,10 +38,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
         budgets = latencies.copy() if exact else budgets
         return Case((edges, latencies, budgets, int(names[0]), int(goal)), label, level)
 
-    def line(label: str, edges: list[list[int]], taken: list[float], allowed: list[float],
-             level: str) -> Case:  # fmt: skip
-        return Case((np.array(edges), np.array(taken), np.array(allowed), 0, len(edges)), label,
-                    level)  # fmt: skip
+    def line(
+        label: str, edges: list[list[int]], taken: list[float], allowed: list[float], level: str
+    ) -> Case:
+        return Case(
+            (np.array(edges), np.array(taken), np.array(allowed), 0, len(edges)), label, level
+        )
 
     return [
         line("three edges", [[1, 2], [0, 1], [2, 3]], [0.2, 0.1, 0.3], [0.1, 0.05, 0.1], "simple"),
@@ -53,35 +65,68 @@ _NONE = "best: tuple[float, list[int]] = (-np.inf, [])"
 _FIRST = "over[0] if over else -1"
 
 SLIPS = slips(
-    any_edge=(_OVER, "over = [k for k in range(len(boxes)) if taken[k] > allowed[k]]",
+    any_edge=(
+        _OVER,
+        "over = [k for k in range(len(boxes)) if taken[k] > allowed[k]]",
         "The first edge over its budget in the list is returned. It may not be on the critical "
-        "path, where alone time matters."),
-    in_order_of_the_list=(_OVER, "over = sorted(k for k in path if taken[k] > allowed[k])",
-        "The edges of the path are gone through in the order of the list, not along the path."),
-    shortest_way=(_NONE, "best: tuple[float, list[int]] = (np.inf, [])",
-        _BEST, _BEST.replace("max(", "min("),
-        "That is the shortest way. The command waits for the longest."),
-    most_edges=(_BEST, "best = max(best, (taken[k] + rest, [k, *way]), "
+        "path, where alone time matters.",
+    ),
+    in_order_of_the_list=(
+        _OVER,
+        "over = sorted(k for k in path if taken[k] > allowed[k])",
+        "The edges of the path are gone through in the order of the list, not along the path.",
+    ),
+    shortest_way=(
+        _NONE,
+        "best: tuple[float, list[int]] = (np.inf, [])",
+        _BEST,
+        _BEST.replace("max(", "min("),
+        "That is the shortest way. The command waits for the longest.",
+    ),
+    most_edges=(
+        _BEST,
+        "best = max(best, (taken[k] + rest, [k, *way]), "
         "key=lambda w: (np.isfinite(w[0]), len(w[1])))",
-        "The way of the most edges is taken. It is the sum of their times that counts."),
-    greedy=(_BEST, "best = max(best, (taken[k] + rest, [k, *way]), "
+        "The way of the most edges is taken. It is the sum of their times that counts.",
+    ),
+    greedy=(
+        _BEST,
+        "best = max(best, (taken[k] + rest, [k, *way]), "
         "key=lambda w: taken[w[1][0]] if np.isfinite(w[0]) else -np.inf)",
-        "From each box the slowest next edge is taken. A short edge may lead to a long way."),
-    at_the_budget=(_OVER, _OVER.replace("> allowed", ">= allowed"),
-        "An edge that takes exactly what it may is said to be over its budget."),
-    last_one=(_FIRST, "over[-1] if over else -1",
-        "The last edge over its budget is returned, or the path is followed from the goal."),
-    worst_one=(_FIRST, "max(over, key=lambda k: taken[k] - allowed[k]) if over else -1",
-        "The edge furthest over its budget is returned. Asked for is the first."),
-    place_in_the_path=(_FIRST, "path.index(over[0]) if over else -1",
-        "That is the place of the edge in the path, not its number in the list."),
-    sum_of_all=("return (over[0] if over else -1), total",
+        "From each box the slowest next edge is taken. A short edge may lead to a long way.",
+    ),
+    at_the_budget=(
+        _OVER,
+        _OVER.replace("> allowed", ">= allowed"),
+        "An edge that takes exactly what it may is said to be over its budget.",
+    ),
+    last_one=(
+        _FIRST,
+        "over[-1] if over else -1",
+        "The last edge over its budget is returned, or the path is followed from the goal.",
+    ),
+    worst_one=(
+        _FIRST,
+        "max(over, key=lambda k: taken[k] - allowed[k]) if over else -1",
+        "The edge furthest over its budget is returned. Asked for is the first.",
+    ),
+    place_in_the_path=(
+        _FIRST,
+        "path.index(over[0]) if over else -1",
+        "That is the place of the edge in the path, not its number in the list.",
+    ),
+    sum_of_all=(
+        "return (over[0] if over else -1), total",
         "return (over[0] if over else -1), float(np.sum(latencies))",
-        "The latency is that of all edges together. Branches run side by side."),
-    total_against_total=(_OVER, "over = [k for i, k in enumerate(path) "
+        "The latency is that of all edges together. Branches run side by side.",
+    ),
+    total_against_total=(
+        _OVER,
+        "over = [k for i, k in enumerate(path) "
         "if sum(taken[j] for j in path[: i + 1]) > sum(allowed[j] for j in path[: i + 1])]",
-        "Sums along the path are compared. Each edge has a budget of its own."),
-)  # fmt: skip
+        "Sums along the path are compared. Each edge has a budget of its own.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-9, "sums of a few numbers: rounding", told=coarse),

@@ -55,56 +55,98 @@ def cases(rng: np.random.Generator) -> list[Case]:
 CONE = "on_cone, *(mu * on_cone / slip * np.array(tangent))"
 
 SLIPS = slips(
-    friction_scaled_back=("on_cone = (normal + mu * slip) / (1.0 + mu * mu)",
+    friction_scaled_back=(
+        "on_cone = (normal + mu * slip) / (1.0 + mu * mu)",
         "on_cone = max(normal, 0.0)",
         "The normal impulse is kept and friction is scaled back to mu times it. That point is on "
         "the cone and not the nearest one: the projection moves both, and other impulses are left "
-        "at rest by it than by yours."),
-    tangents_one_by_one=("            g[i] = " + CONE,
+        "at rest by it than by yours.",
+    ),
+    tangents_one_by_one=(
+        "            g[i] = " + CONE,
         "            normal = max(normal, 0.0)\n"
         "            g[i] = normal, *np.clip(tangent, -mu * normal, mu * normal)",
         "Each tangent is clamped by itself: that is a box, not a cone. In a diagonal direction it "
-        "lets through up to sqrt(2) times as much friction. The length of both together counts."),
-    old_impulses=("velocity = A[rows] @ g.ravel()",
+        "lets through up to sqrt(2) times as much friction. The length of both together counts.",
+    ),
+    old_impulses=(
+        "velocity = A[rows] @ g.ravel()",
         "velocity = A[rows] @ np.asarray(impulses, dtype=float).ravel()",
         "All contacts use the impulses from before the sweep. That is Jacobi; Gauss-Seidel uses "
-        "what the contacts before it have just become."),
-    against_the_sign=("g[i] - step * velocity", "g[i] + step * velocity",
-        "The impulses move along the velocity. They must act against it."),
-    apex_forgotten=("elif mu * slip <= -normal:", "elif False:",
+        "what the contacts before it have just become.",
+    ),
+    against_the_sign=(
+        "g[i] - step * velocity",
+        "g[i] + step * velocity",
+        "The impulses move along the velocity. They must act against it.",
+    ),
+    apex_forgotten=(
+        "elif mu * slip <= -normal:",
+        "elif False:",
         "Contacts that come apart get the wrong impulse: behind the apex, where mu |t| <= -n, the "
-        "nearest point of the cone is the apex, zero."),
-    zero_when_negative=("elif mu * slip <= -normal:", "elif normal <= 0.0:",
+        "nearest point of the cone is the apex, zero.",
+    ),
+    zero_when_negative=(
+        "elif mu * slip <= -normal:",
+        "elif normal <= 0.0:",
         "Every step with a negative normal impulse is set to zero. Where the tangents are long the "
-        "nearest point of the cone is on its side."),
-    not_projected=("if slip <= mu * normal:", "if True:",
-        "The impulses are moved and not projected: contacts pull, and friction has no bound."),
-    diagonal_for_eigenvalue=("np.linalg.eigvalsh(A[rows, rows])[-1]", "A[3 * i, 3 * i]",
+        "nearest point of the cone is on its side.",
+    ),
+    not_projected=(
+        "if slip <= mu * normal:",
+        "if True:",
+        "The impulses are moved and not projected: contacts pull, and friction has no bound.",
+    ),
+    diagonal_for_eigenvalue=(
+        "np.linalg.eigvalsh(A[rows, rows])[-1]",
+        "A[3 * i, 3 * i]",
         "The step is one over the normal entry of A. The task divides by the largest eigenvalue of "
-        "the whole block."),
-    trace_for_eigenvalue=("np.linalg.eigvalsh(A[rows, rows])[-1]", "np.trace(A[rows, rows])",
+        "the whole block.",
+    ),
+    trace_for_eigenvalue=(
+        "np.linalg.eigvalsh(A[rows, rows])[-1]",
+        "np.trace(A[rows, rows])",
         "The step is one over the trace of the block: safe and shorter than the task's, which "
-        "divides by the largest eigenvalue."),
-    smallest_eigenvalue=("np.linalg.eigvalsh(A[rows, rows])[-1]",
+        "divides by the largest eigenvalue.",
+    ),
+    smallest_eigenvalue=(
+        "np.linalg.eigvalsh(A[rows, rows])[-1]",
         "np.linalg.eigvalsh(A[rows, rows])[0]",
         "You divide by the smallest eigenvalue. Steps that are too long for the stiff direction do "
-        "not converge: the largest is due."),
-    block_alone=("velocity = A[rows] @ g.ravel()", "velocity = A[rows, rows] @ g[i]",
+        "not converge: the largest is due.",
+    ),
+    block_alone=(
+        "velocity = A[rows] @ g.ravel()",
+        "velocity = A[rows, rows] @ g[i]",
         "Only the contact's own block is used: the impulses of the others move it too. Take all "
-        "columns of its rows."),
-    free_velocity_forgotten=(" + np.asarray(b, dtype=float)[rows]", "",
-        "b is missing: the velocity that the contacts have without any impulse."),
-    impulse_forgotten=("*tangent = g[i] - step * velocity", "*tangent = -step * velocity",
-        "The new impulse is the old one less a step, not the step alone."),
-    cone_turned=("(normal + mu * slip) / (1.0 + mu * mu)",
+        "columns of its rows.",
+    ),
+    free_velocity_forgotten=(
+        " + np.asarray(b, dtype=float)[rows]",
+        "",
+        "b is missing: the velocity that the contacts have without any impulse.",
+    ),
+    impulse_forgotten=(
+        "*tangent = g[i] - step * velocity",
+        "*tangent = -step * velocity",
+        "The new impulse is the old one less a step, not the step alone.",
+    ),
+    cone_turned=(
+        "(normal + mu * slip) / (1.0 + mu * mu)",
         "(mu * normal + slip) / (1.0 + mu * mu)",
         "Normal and tangent have changed places in the projection: the cone's side is the line "
-        "t = mu n, so n becomes (n + mu |t|) / (1 + mu^2)."),
-    normal_last=("normal, *tangent = g[i]", "*tangent, normal = g[i]",
-        "g[i] = normal, *tangent", "g[i] = *tangent, normal", "g[i] = " + CONE,
+        "t = mu n, so n becomes (n + mu |t|) / (1 + mu^2).",
+    ),
+    normal_last=(
+        "normal, *tangent = g[i]",
+        "*tangent, normal = g[i]",
+        "g[i] = normal, *tangent",
+        "g[i] = *tangent, normal",
+        "g[i] = " + CONE,
         "g[i] = *(mu * on_cone / slip * np.array(tangent)), on_cone",
-        "The last of a contact's three impulses is taken for the normal one. It is the first."),
-)  # fmt: skip
+        "The last of a contact's three impulses is taken for the normal one. It is the first.",
+    ),
+)
 
 
 def allowed(case: Case, truth: tuple[Any, ...]) -> float:

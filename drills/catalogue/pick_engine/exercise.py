@@ -18,8 +18,16 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """Six engines by rising cost: two fail, of one something is not known, the last three do."""
 
-    def job(label: str, level: str = "core", *, smaller: int = 2, gap: bool = False,
-            near: float = 0.5, met: bool = True, free: bool = False) -> Case:  # fmt: skip
+    def job(
+        label: str,
+        level: str = "core",
+        *,
+        smaller: int = 2,
+        gap: bool = False,
+        near: float = 0.5,
+        met: bool = True,
+        free: bool = False,
+    ) -> Case:
         n = 4
         larger = np.ones(n, dtype=int)
         larger[rng.permutation(n)[:smaller]] = 0
@@ -50,17 +58,20 @@ def cases(rng: np.random.Generator) -> list[Case]:
     two_of_all = np.array([[1.0, 1.0], [1.5, 1.0]]), np.array([2.0, 2.0]), np.array([1, 1])
     whole = np.array([[3, 9], [7, 5], [8, 20]]), np.array([2, 10]), np.array([1, 0])
     return [
-        job("larger is better", "simple", smaller=0), job("all meet their needs", "simple"),
-        job("smaller is better", smaller=4), *(job("both kinds") for _ in range(2)),
+        job("larger is better", "simple", smaller=0),
+        job("all meet their needs", "simple"),
+        job("smaller is better", smaller=4),
+        *(job("both kinds") for _ in range(2)),
         *(job("a cheaper one is nearly in", near=0.08) for _ in range(2)),
         *(job("not all is known", gap=True, near=near) for near in (0.08, 0.5, 0.5)),
-        job("a cost is not known", free=True), job("none will do", met=False),
+        job("a cost is not known", free=True),
+        job("none will do", met=False),
         job("none is known to do", met=False, gap=True),
         Case((*at_limit, np.array([1.0, 2.0])), "at its limit", "edge"),
         Case((*two_of_all, np.array([1.0, 2.0])), "no single limit is enough", "edge"),
         Case((np.full((1, 1), np.nan), *np.ones((3, 1))), "nothing is known", "edge"),
         Case((*whole, np.array([1, 3, 2])), WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
@@ -78,8 +89,11 @@ def margins(figure: Any, shown: Shown) -> None:
     for (pick, *_), style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         row = int(np.clip(float(pick), -1, len(cost) - 1))
         axes.axvline(cost[row] if row >= 0 else np.nanmin(cost) / 3.0, **style)
-    axes.set_title("need {:g}, factor {:.4g}; right is {:g}, {:.4g}".format(
-        *(float(v) for v in (*shown.got[1:], *shown.expected[1:]))))  # fmt: skip
+    axes.set_title(
+        "need {:g}, factor {:.4g}; right is {:g}, {:.4g}".format(
+            *(float(v) for v in (*shown.got[1:], *shown.expected[1:]))
+        )
+    )
     axes.legend()
 
 
@@ -90,46 +104,79 @@ _WAYS = "[] if pick < 0 else [(float(one), need) for need, one in enumerate(marg
 _IN = "if len(failed) == 1 and margins[i, failed[0]] > 0.0:"
 
 SLIPS = slips(
-    unknown_passes=(_UNKNOWN, "margins = np.where(np.isnan(margins), np.inf, margins)",
+    unknown_passes=(
+        _UNKNOWN,
+        "margins = np.where(np.isnan(margins), np.inf, margins)",
         "A fact that nobody measured counts as met: the engine of which least is known does best. "
-        "Unknown is not a pass."),
-    unknown_as_enough=(_UNKNOWN, "margins = np.where(np.isnan(margins), 1.0, margins)",
-        "A fact that nobody measured counts as exactly enough, so its engine is let in."),
-    unknown_cost_is_low=("np.where(np.isnan(price), np.inf, price)",
+        "Unknown is not a pass.",
+    ),
+    unknown_as_enough=(
+        _UNKNOWN,
+        "margins = np.where(np.isnan(margins), 1.0, margins)",
+        "A fact that nobody measured counts as exactly enough, so its engine is let in.",
+    ),
+    unknown_cost_is_low=(
+        "np.where(np.isnan(price), np.inf, price)",
         "np.where(np.isnan(price), 1e-9, price)",
-        "A cost that nobody measured counts as none at all."),
-    smaller_is_better_mixed_up=(_MARGINS, "table / limit",
+        "A cost that nobody measured counts as none at all.",
+    ),
+    smaller_is_better_mixed_up=(
+        _MARGINS,
+        "table / limit",
         "Larger counts as better everywhere: an engine with a large error gets in. Where smaller "
-        "is better the margin is limit / fact."),
-    kinds_swapped=(_MARGINS, "np.where(np.asarray(larger) != 0, limit / table, table / limit)",
-        "The two kinds are swapped: 1 in `larger` says that a larger fact is better."),
-    sum_of_ratings=(_PICK, "np.argmax(margins.sum(axis=1))",
-        "The most points win: speed pays for a need that is not met, and for the cost."),
-    points_among_the_able=(_PICK, "np.argmax(np.where(able, margins.sum(axis=1), -1.0))",
+        "is better the margin is limit / fact.",
+    ),
+    kinds_swapped=(
+        _MARGINS,
+        "np.where(np.asarray(larger) != 0, limit / table, table / limit)",
+        "The two kinds are swapped: 1 in `larger` says that a larger fact is better.",
+    ),
+    sum_of_ratings=(
+        _PICK,
+        "np.argmax(margins.sum(axis=1))",
+        "The most points win: speed pays for a need that is not met, and for the cost.",
+    ),
+    points_among_the_able=(
+        _PICK,
+        "np.argmax(np.where(able, margins.sum(axis=1), -1.0))",
         "Of the engines that meet all needs the one with the most points is picked. What is beyond "
-        "a need is not needed: the cheapest will do."),
-    cheapest_although_not_met=("able = met.all(axis=1) & np.isfinite(price)",
+        "a need is not needed: the cheapest will do.",
+    ),
+    cheapest_although_not_met=(
+        "able = met.all(axis=1) & np.isfinite(price)",
         "able = np.isfinite(price)",
-        "The cheapest is picked whether it meets the needs or not."),
-    most_needs_met=("able = met.all(axis=1) & np.isfinite(price)",
+        "The cheapest is picked whether it meets the needs or not.",
+    ),
+    most_needs_met=(
+        "able = met.all(axis=1) & np.isfinite(price)",
         "able = (met.sum(axis=1) >= met.sum(axis=1).max()) & np.isfinite(price)",
         "Where none meets all needs the one that meets most of them is picked. The best of none is "
-        "none."),
-    limit_itself_refused=("met = margins >= 1.0", "met = margins > 1.0",
-        "A need that is met exactly is refused."),
-    dearest=(_PICK, "np.argmax(np.where(able, price, -1.0))",
-        "The dearest engine is picked."),
-    only_tighter=(_IN, "if False:",
-        "Only tighter limits are tried. A looser one can let in an engine that is cheaper."),
-    only_looser=(_WAYS, "[]",
-        "Only looser limits are tried. A tighter one throws the pick out."),
-    two_limits_at_once=(_IN, "if margins[i, failed].min(initial=1.0) > 0.0 and len(failed):",
-        "An engine that fails two needs is let in by changing one of them."),
-    factor_inverted=("ways.append((1.0 / float(margins[i, failed[0]]),",
+        "none.",
+    ),
+    limit_itself_refused=(
+        "met = margins >= 1.0",
+        "met = margins > 1.0",
+        "A need that is met exactly is refused.",
+    ),
+    dearest=(_PICK, "np.argmax(np.where(able, price, -1.0))", "The dearest engine is picked."),
+    only_tighter=(
+        _IN,
+        "if False:",
+        "Only tighter limits are tried. A looser one can let in an engine that is cheaper.",
+    ),
+    only_looser=(_WAYS, "[]", "Only looser limits are tried. A tighter one throws the pick out."),
+    two_limits_at_once=(
+        _IN,
+        "if margins[i, failed].min(initial=1.0) > 0.0 and len(failed):",
+        "An engine that fails two needs is let in by changing one of them.",
+    ),
+    factor_inverted=(
+        "ways.append((1.0 / float(margins[i, failed[0]]),",
         "ways.append((float(margins[i, failed[0]]),",
         "Where a looser limit does it the factor is below 1: it is the ratio of the larger limit "
-        "to the smaller one, in either direction."),
-)  # fmt: skip
+        "to the smaller one, in either direction.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "quotients: rounding", told=coarse),

@@ -35,9 +35,17 @@ def clear(points: Array, triples: Array) -> bool:
 def cases(rng: np.random.Generator) -> list[Case]:
     """A cloud of a table and of what else there is, in any pose before the camera."""
 
-    def cloud(label: str, table: int = 40, stray: int = 0, noise: float = 0.0, drawn: int = 25,
-              level: str = "core", sure: float = 0.99, second: int = 0, broken: int = 0
-              ) -> Case:  # fmt: skip
+    def cloud(
+        label: str,
+        table: int = 40,
+        stray: int = 0,
+        noise: float = 0.0,
+        drawn: int = 25,
+        level: str = "core",
+        sure: float = 0.99,
+        second: int = 0,
+        broken: int = 0,
+    ) -> Case:
         while True:
             flat = rng.uniform(-0.5, 0.5, (3, table + second + stray))
             flat[2, :table] = noise * rng.normal(size=table)
@@ -54,19 +62,21 @@ def cases(rng: np.random.Generator) -> list[Case]:
     whole = (np.array([[0, 4, 0, 4, 2, 1, 3], [0, 0, 4, 4, 1, 2, 3], [0, 0, 0, 0, 0, 0, 5]]),
              np.array([[0, 6, 1], [0, 1, 0], [0, 1, 2], [3, 4, 5]]), 1, 0)  # fmt: skip
     return [
-        cloud("only a table", level="simple"), cloud("a table and strays", 40, 10, level="simple"),
+        cloud("only a table", level="simple"),
+        cloud("a table and strays", 40, 10, level="simple"),
         cloud("one triple", drawn=1, level="simple"),
         *(cloud("few strays", 50, 10, 0.003) for _ in range(2)),
         *(cloud("as many strays", 40, 40, 0.003, 40) for _ in range(3)),
         *(cloud("noise as large as the tolerance", 50, 10, 0.008, 40) for _ in range(3)),
         *(cloud("two planes", 40, 5, 0.003, 30, second=30) for _ in range(2)),
-        cloud("mostly strays", 20, 60, 0.003, 40), cloud("sure", 50, 20, 0.003, 60, sure=1 - 1e-9),
+        cloud("mostly strays", 20, 60, 0.003, 40),
+        cloud("sure", 50, 20, 0.003, 60, sure=1 - 1e-9),
         cloud("an index twice", 40, 10, 0.003, broken=3),
         cloud("an index twice, never sure", 40, 10, 0.003, 9, sure=1 - 1e-12, broken=3),
         cloud("no confidence asked for", 40, 10, 0.003, sure=0.0, level="edge"),
         cloud("three points", 3, drawn=1, level="edge"),
         Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 _FOUND = "near = np.flatnonzero(np.abs(distance) <= tolerance)"
@@ -74,35 +84,66 @@ _REFIT = "middle = points[:, best].mean(axis=1)"
 _NEAR = "np.flatnonzero(np.abs(plane[:3] @ points + plane[3]) <= tolerance)"
 
 SLIPS = slips(
-    signed_distance=(_FOUND, "near = np.flatnonzero(distance <= tolerance)",
+    signed_distance=(
+        _FOUND,
+        "near = np.flatnonzero(distance <= tolerance)",
         "The distance has a sign: all points on one side of the plane count as near. Take its "
-        "absolute value."),
-    normal_not_unit=("normal @ (points - a[:, None]) / area", "normal @ (points - a[:, None])",
+        "absolute value.",
+    ),
+    normal_not_unit=(
+        "normal @ (points - a[:, None]) / area",
+        "normal @ (points - a[:, None])",
         "The normal of a triple is not of unit length, so that what is compared with the tolerance "
-        "is no distance: small triples count everything."),
-    last_instead_of_best=("if len(near) > len(best):", "if len(near):",
-        "The last plane is kept instead of the best one."),
-    no_refit=("near = np.flatnonzero(np.abs(distance) <= tolerance)\n", "near = np.flatnonzero("
-        "np.abs(distance) <= tolerance)\n            here = normal / area\n", "best = near",
+        "is no distance: small triples count everything.",
+    ),
+    last_instead_of_best=(
+        "if len(near) > len(best):",
+        "if len(near):",
+        "The last plane is kept instead of the best one.",
+    ),
+    no_refit=(
+        "near = np.flatnonzero(np.abs(distance) <= tolerance)\n",
+        "near = np.flatnonzero(np.abs(distance) <= tolerance)\n            here = normal / area\n",
+        "best = near",
         "best, kept = near, np.append(here, -here @ a)",
-        "plane = np.append(normal, -normal @ middle)", "plane = kept",
-        "The plane is the one through three noisy points. Fit it to all points near it."),
-    refit_to_all=(_REFIT, "best = np.arange(points.shape[1])\n    " + _REFIT,
-        "The last fit takes all points, strays too. Only the points near the best plane may."),
-    near_before_the_refit=(_NEAR, "best",
-        "The plane is the refitted one, and the points are those near the plane before it."),
-    outlier_share=("share = len(best) / points.shape[1]", "share = 1.0 - len(best) / "
-        "points.shape[1]",
+        "plane = np.append(normal, -normal @ middle)",
+        "plane = kept",
+        "The plane is the one through three noisy points. Fit it to all points near it.",
+    ),
+    refit_to_all=(
+        _REFIT,
+        "best = np.arange(points.shape[1])\n    " + _REFIT,
+        "The last fit takes all points, strays too. Only the points near the best plane may.",
+    ),
+    near_before_the_refit=(
+        _NEAR,
+        "best",
+        "The plane is the refitted one, and the points are those near the plane before it.",
+    ),
+    outlier_share=(
+        "share = len(best) / points.shape[1]",
+        "share = 1.0 - len(best) / points.shape[1]",
         "The formula has the share of strays where that of near points belongs: it stops early "
-        "exactly when most is rubbish."),
-    share_of_one_point=("share**3", "share",
-        "The chance of a good triple is w^3, as all three must be near. w is that of one point."),
-    never_stops_early=("            break\n", "            pass\n",
-        "All triples are tried, however sure it is. Stop when enough were."),
-    broken_triples_not_counted=("        tried += 1\n", "", "        if area > 0.0:\n",
+        "exactly when most is rubbish.",
+    ),
+    share_of_one_point=(
+        "share**3",
+        "share",
+        "The chance of a good triple is w^3, as all three must be near. w is that of one point.",
+    ),
+    never_stops_early=(
+        "            break\n",
+        "            pass\n",
+        "All triples are tried, however sure it is. Stop when enough were.",
+    ),
+    broken_triples_not_counted=(
+        "        tried += 1\n",
+        "",
+        "        if area > 0.0:\n",
         "        tried += area > 0.0\n        if area > 0.0:\n",
-        "Triples that give no plane are not counted. They were drawn, so they count as tried."),
-)  # fmt: skip
+        "Triples that give no plane are not counted. They were drawn, so they count as tried.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

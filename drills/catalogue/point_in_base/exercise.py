@@ -19,13 +19,26 @@ CAMERA = np.array([600.0, 590.0, 319.5, 239.5])
 def cases(rng: np.random.Generator) -> list[Case]:
     """Where each mistake shows by itself, then all together."""
 
-    def shot(label: str, level: str = "core", *, n: int = 8, speed: float = 0.0, turn: float = 0.0,
-             mounted: float = 0.0, yaw: float | None = None, middle: bool = False,
-             stamp: float = 0.43) -> Case:  # fmt: skip
+    def shot(
+        label: str,
+        level: str = "core",
+        *,
+        n: int = 8,
+        speed: float = 0.0,
+        turn: float = 0.0,
+        mounted: float = 0.0,
+        yaw: float | None = None,
+        middle: bool = False,
+        stamp: float = 0.43,
+    ) -> Case:
         """A picture of an arm at a speed [m/s, rad/s], with a camera mounted at an angle."""
         wide = 0.0 if middle else 300.0
-        pixels = np.vstack((CAMERA[2:, None] + rng.uniform(-wide, wide, (2, n)) * [[1.0], [0.7]],
-                            rng.uniform(0.4, 1.2, n)))  # fmt: skip
+        pixels = np.vstack(
+            (
+                CAMERA[2:, None] + rng.uniform(-wide, wide, (2, n)) * [[1.0], [0.7]],
+                rng.uniform(0.4, 1.2, n),
+            )
+        )
         times = np.arange(0.0, 1.05, 0.1)
         way = rng.normal(size=3)
         log = np.column_stack(
@@ -44,18 +57,24 @@ def cases(rng: np.random.Generator) -> list[Case]:
              np.array([[0, 0, 0, 5, 0], [2, 3, 1, 5, 1], [4, 2, 2, 5, 0]]))  # fmt: skip
     return [
         shot("a target on the axis, at rest", "simple", n=1, middle=True, yaw=0.0),
-        shot("at rest, nothing turned", "simple", yaw=0.0), shot("at rest, turned", "simple"),
+        shot("at rest, nothing turned", "simple", yaw=0.0),
+        shot("at rest, turned", "simple"),
         *(shot("mounted at an angle, at rest", mounted=angle) for angle in (0.5, -1.5, 2.5)),
         *(shot("moving straight", speed=0.5) for _ in range(2)),
         *(shot("turning", turn=rate, stamp=0.67) for rate in (1.0, -2.0)),
         shot("turning above a target", n=1, middle=True, turn=1.5),
-        *(shot("mounted at an angle, in motion", speed=0.5, turn=rate, mounted=rate)
-          for rate in (0.8, -1.6)),
-        *(shot("turning past pi", turn=rate, yaw=yaw, mounted=0.3, stamp=0.55)
-          for rate, yaw in ((1.0, 2.6), (-1.0, -2.6))),
+        *(
+            shot("mounted at an angle, in motion", speed=0.5, turn=rate, mounted=rate)
+            for rate in (0.8, -1.6)
+        ),
+        *(
+            shot("turning past pi", turn=rate, yaw=yaw, mounted=0.3, stamp=0.55)
+            for rate, yaw in ((1.0, 2.6), (-1.0, -2.6))
+        ),
         shot("at a row of the log", speed=0.5, turn=1.0, stamp=0.5, level="edge"),
-        shot("nothing seen", n=0, speed=0.5, level="edge"), Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+        shot("nothing seen", n=0, speed=0.5, level="edge"),
+        Case(whole, WHOLE, "edge"),
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
@@ -79,31 +98,55 @@ _TIME = ("np.interp(stamp,", "np.interp(stamp + 0.1,")
 _MOUNT = ("np.asarray(mount, dtype=float)", "np.asarray(mount, dtype=float) * [1, 1, 1, -1]")
 
 SLIPS = slips(
-    all_still_there=(*_PIXEL, *_TIME, *_MOUNT,
-        "All three are still there: a pixel, a time, a turn."),
-    turn_inverted=(*_MOUNT,
+    all_still_there=(
+        *_PIXEL,
+        *_TIME,
+        *_MOUNT,
+        "All three are still there: a pixel, a time, a turn.",
+    ),
+    turn_inverted=(
+        *_MOUNT,
         "The camera's mount turns the wrong way: right in the middle of the picture, wrong at its "
-        "edge. It leads from the camera's frame to the flange's."),
-    half_a_pixel=(*_PIXEL,
+        "edge. It leads from the camera's frame to the flange's.",
+    ),
+    half_a_pixel=(
+        *_PIXEL,
         "Half a pixel is left: everything is off by half of z / f. Here a pixel's centre is at the "
-        "whole number."),
-    stamp_of_arrival=(*_TIME,
+        "whole number.",
+    ),
+    stamp_of_arrival=(
+        *_TIME,
         "The arm's pose is that of when the picture arrived. At rest nobody sees it; in motion "
-        "take the pose of when it was exposed."),
-    turn_and_pixel=(*_MOUNT, *_PIXEL,
-        "The time is right now. A turn and a fraction of a pixel are left."),
-    turn_and_time=(*_MOUNT, *_TIME,
-        "The pixels are right now. A turn and a time are left."),
-    pixel_and_time=(*_PIXEL, *_TIME,
-        "The turn is right now. A fraction of a pixel and a time are left."),
-    both_turns_inverted=("[[c, -s, 0.0], [s, c, 0.0]", "[[c, s, 0.0], [-s, c, 0.0]",
-        "Now both turns go backwards. That of the flange was right: mend the mount's alone."),
-    earlier_by_the_delay=("np.interp(stamp,", "np.interp(stamp - 0.1,",
-        "The delay is taken off the stamp. It is the stamp of the exposure already."),
-    the_long_way_round=("np.unwrap(rows[4])", "rows[4]",
+        "take the pose of when it was exposed.",
+    ),
+    turn_and_pixel=(
+        *_MOUNT,
+        *_PIXEL,
+        "The time is right now. A turn and a fraction of a pixel are left.",
+    ),
+    turn_and_time=(*_MOUNT, *_TIME, "The pixels are right now. A turn and a time are left."),
+    pixel_and_time=(
+        *_PIXEL,
+        *_TIME,
+        "The turn is right now. A fraction of a pixel and a time are left.",
+    ),
+    both_turns_inverted=(
+        "[[c, -s, 0.0], [s, c, 0.0]",
+        "[[c, s, 0.0], [-s, c, 0.0]",
+        "Now both turns go backwards. That of the flange was right: mend the mount's alone.",
+    ),
+    earlier_by_the_delay=(
+        "np.interp(stamp,",
+        "np.interp(stamp - 0.1,",
+        "The delay is taken off the stamp. It is the stamp of the exposure already.",
+    ),
+    the_long_way_round=(
+        "np.unwrap(rows[4])",
+        "rows[4]",
         "The turn is interpolated across the jump from pi to -pi: half way it points backwards. "
-        "That was right before."),
-)  # fmt: skip
+        "That was right before.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "two turns and shifts: rounding", told=coarse),

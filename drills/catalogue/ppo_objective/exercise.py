@@ -24,19 +24,26 @@ def cases(rng: np.random.Generator) -> list[Case]:
         return np.exp(size * rng.normal(size=n))
 
     one = [
-        actions(f"A {'> 0' if sign > 0 else '< 0'}, ratio {name}", rng.uniform(*ends, 1),
-                [sign * float(rng.uniform(0.5, 2.0))], "simple")
-        for sign in (1.0, -1.0) for name, ends in WHERE.items()
-    ]  # fmt: skip
+        actions(
+            f"A {'> 0' if sign > 0 else '< 0'}, ratio {name}",
+            rng.uniform(*ends, 1),
+            [sign * float(rng.uniform(0.5, 2.0))],
+            "simple",
+        )
+        for sign in (1.0, -1.0)
+        for name, ends in WHERE.items()
+    ]
     whole = np.array([0, -1, -2, 0]), np.array([-1, 0, 0, 0]), np.array([1, -2, 3, 1]), 0.5
     return [
-        *one, *(actions("a batch", spread(20, 0.4), rng.normal(size=20)) for _ in range(3)),
+        *one,
+        *(actions("a batch", spread(20, 0.4), rng.normal(size=20)) for _ in range(3)),
         actions("advantages with a mean", spread(20, 0.4), rng.normal(size=20) + 2.0),
         actions("a large batch", spread(400, 0.2), rng.normal(size=400)),
         actions("all ratios are 1", np.ones(8), rng.normal(size=8), "edge"),
         actions("far ratios", spread(12, 2.0), rng.normal(size=12), "edge"),
-        actions("no advantage", spread(6, 0.4), np.zeros(6), "edge"), Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+        actions("no advantage", spread(6, 0.4), np.zeros(6), "edge"),
+        Case(whole, WHOLE, "edge"),
+    ]
 
 
 def gradients(figure: Any, shown: Shown) -> None:
@@ -57,30 +64,69 @@ _CLIPPED, _MEAN = (
 _GRADIENT = "np.where(plain <= clipped, plain, 0.0) / A.size"
 
 SLIPS = slips(
-    max_for_min=(_MEAN, _MEAN.replace("minimum", "maximum"), "plain <= c", "plain >= c",
-        "The larger term counts. It has to be the smaller: the objective is a bound from below."),
-    clip_on_one_side=(_CLIPPED, "np.clip(ratio, None, 1.0 + clip) * A",
-        "The ratio is clipped from above only. With A < 0 it is the low side that has to stop."),
-    ratio_inverted=(_RATIO, "np.exp(np.asarray(old, dtype=float) - np.asarray(new, dtype=float))",
-        "The ratio is inverted: it is new over old, exp(new - old)."),
-    sum_for_mean=(_MEAN, _MEAN.replace("np.mean", "np.sum"), " / A.size", "",
-        "This is the sum. A mean leaves the step alone when the batch grows."),
-    gradient_gone_outside=("plain <= clipped", "np.abs(ratio - 1.0) <= clip",
+    max_for_min=(
+        _MEAN,
+        _MEAN.replace("minimum", "maximum"),
+        "plain <= c",
+        "plain >= c",
+        "The larger term counts. It has to be the smaller: the objective is a bound from below.",
+    ),
+    clip_on_one_side=(
+        _CLIPPED,
+        "np.clip(ratio, None, 1.0 + clip) * A",
+        "The ratio is clipped from above only. With A < 0 it is the low side that has to stop.",
+    ),
+    ratio_inverted=(
+        _RATIO,
+        "np.exp(np.asarray(old, dtype=float) - np.asarray(new, dtype=float))",
+        "The ratio is inverted: it is new over old, exp(new - old).",
+    ),
+    sum_for_mean=(
+        _MEAN,
+        _MEAN.replace("np.mean", "np.sum"),
+        " / A.size",
+        "",
+        "This is the sum. A mean leaves the step alone when the batch grows.",
+    ),
+    gradient_gone_outside=(
+        "plain <= clipped",
+        "np.abs(ratio - 1.0) <= clip",
         "The gradient is gone wherever the ratio is outside. Where it has gone the wrong way the "
-        "unclipped term is the smaller one, and its gradient pulls it back."),
-    gradient_of_the_unclipped=(_GRADIENT, "plain / A.size",
-        "The gradient is that of the unclipped term everywhere: nothing stops."),
-    gradient_by_the_ratio=(_GRADIENT, _GRADIENT.replace(" plain,", " A,"),
-        "This is the gradient by the ratio. By the log-probability it has the ratio as a factor."),
-    equal_terms_left_out=("plain <= clipped", "plain < clipped",
-        "Near 1 both terms are equal, and the gradient is not 0 there."),
-    logs_for_ratio=(_RATIO, "1.0 + (np.asarray(new, dtype=float) - np.asarray(old, dtype=float))",
-        "1 + new - old is the ratio to first order only: take the exponential."),
-    loss_for_objective=(_MEAN, f"-{_MEAN}", _GRADIENT, f"-{_GRADIENT}",
-        "This is the loss. The objective is asked for, which is to be raised."),
-    product_clipped=(_CLIPPED, "np.clip(plain, 1.0 - clip, 1.0 + clip)",
-        "The product is clipped. Clip the ratio, then multiply by the advantage."),
-)  # fmt: skip
+        "unclipped term is the smaller one, and its gradient pulls it back.",
+    ),
+    gradient_of_the_unclipped=(
+        _GRADIENT,
+        "plain / A.size",
+        "The gradient is that of the unclipped term everywhere: nothing stops.",
+    ),
+    gradient_by_the_ratio=(
+        _GRADIENT,
+        _GRADIENT.replace(" plain,", " A,"),
+        "This is the gradient by the ratio. By the log-probability it has the ratio as a factor.",
+    ),
+    equal_terms_left_out=(
+        "plain <= clipped",
+        "plain < clipped",
+        "Near 1 both terms are equal, and the gradient is not 0 there.",
+    ),
+    logs_for_ratio=(
+        _RATIO,
+        "1.0 + (np.asarray(new, dtype=float) - np.asarray(old, dtype=float))",
+        "1 + new - old is the ratio to first order only: take the exponential.",
+    ),
+    loss_for_objective=(
+        _MEAN,
+        f"-{_MEAN}",
+        _GRADIENT,
+        f"-{_GRADIENT}",
+        "This is the loss. The objective is asked for, which is to be raised.",
+    ),
+    product_clipped=(
+        _CLIPPED,
+        "np.clip(plain, 1.0 - clip, 1.0 + clip)",
+        "The product is clipped. Clip the ratio, then multiply by the advantage.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-10, "some hundred products", told=coarse),

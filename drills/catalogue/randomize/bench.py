@@ -19,8 +19,14 @@ ENTRY = "DomainRandomizer"
 DRAWS = 400
 # A right answer is outside once in 1e9 draws of a distribution: 2 exp(-2 n d^2) = 1e-9.
 FAR = float(np.sqrt(np.log(2e9) / (2 * DRAWS)))
-CONSTANTS = ("actuator_acc0", "body_invweight0", "body_subtreemass", "dof_M0", "dof_invweight0",
-    "tendon_invweight0")  # fmt: skip
+CONSTANTS = (
+    "actuator_acc0",
+    "body_invweight0",
+    "body_subtreemass",
+    "dof_M0",
+    "dof_invweight0",
+    "tendon_invweight0",
+)
 PRIMARY = ("geom_friction", "pair_friction", "body_mass", "body_inertia", "dof_damping")
 ALLOWED = {*PRIMARY, *CONSTANTS, "geom_priority"}
 ROUNDING = "a product and a sum: rounding, and nothing else"
@@ -53,11 +59,16 @@ def draw_setting(rng: np.random.Generator) -> Setting:
     low = float(rng.uniform(0.2, 0.5))
     high = low + float(rng.uniform(0.6, 1.0))
     # The floor is rougher than any draw, so that a draw for the other geom alone never shows.
-    return Setting(xml=_scene(rng, floor=high + float(rng.uniform(0.1, 0.5))),
-        tuned=float(rng.uniform(1.1, 1.4)), friction=(low, high), mass=(float(rng.uniform(0.4,
-        0.7)), float(rng.uniform(1.3, 2.0))), damping=(float(rng.uniform(0.05, 0.1)),
-        float(rng.uniform(0.4, 0.6))), delay=(1, 4), noise=float(rng.uniform(0.02, 0.3)),
-        idle=float(rng.uniform(-9.0, -5.0)))  # fmt: skip
+    return Setting(
+        xml=_scene(rng, floor=high + float(rng.uniform(0.1, 0.5))),
+        tuned=float(rng.uniform(1.1, 1.4)),
+        friction=(low, high),
+        mass=(float(rng.uniform(0.4, 0.7)), float(rng.uniform(1.3, 2.0))),
+        damping=(float(rng.uniform(0.05, 0.1)), float(rng.uniform(0.4, 0.6))),
+        delay=(1, 4),
+        noise=float(rng.uniform(0.02, 0.3)),
+        idle=float(rng.uniform(-9.0, -5.0)),
+    )
 
 
 def _scene(rng: np.random.Generator, floor: float) -> str:
@@ -222,8 +233,16 @@ def same_arrays(
     slip: Callable[[list[str]], str] = lambda changed: "",
     sentence: str = "Changed, and should be as before: ",
 ) -> bool:
-    changed = [key for key in before if key not in allowed
-        and after[key].tobytes() != before[key].tobytes()]  # fmt: skip
-    return attempt.require(name, not changed, sentence=sentence + ", ".join(changed[:5]) + ".",
-        got=f"{len(changed)} arrays differ", expected="none", slip=slip(changed) if changed
-        else "")  # fmt: skip
+    changed = [
+        key
+        for key in before
+        if key not in allowed and after[key].tobytes() != before[key].tobytes()
+    ]
+    return attempt.require(
+        name,
+        not changed,
+        sentence=sentence + ", ".join(changed[:5]) + ".",
+        got=f"{len(changed)} arrays differ",
+        expected="none",
+        slip=slip(changed) if changed else "",
+    )

@@ -175,13 +175,21 @@ def chart(attempt: Attempt, worked: Place) -> WorkPrecision:
     slip = next(slip for slip in SLIPS if slip.name == "constants_not_recomputed")
     stale = InProcess(slip.text(attempt.card.solution_text()), GIVEN)
     check = {parameter: constants_of(parameter) for parameter in sizes}
-    return measure([randomized("yours", "yours", attempt.learner.child,
-        attempt.learner.child.given), randomized("reference", "ours", attempt.reference,
-        attempt.reference.given), randomized("without mj_setConst", "ours", stale, stale.given),
-        Method("MjSpec compiled anew", compiled, list(sizes), "oracle", "bodies drawn")], 0.0,
-        reference_check=0.0, tolerance=1e-9, failed_above=1e3, repeats=3,
+    return measure(
+        [
+            randomized("yours", "yours", attempt.learner.child, attempt.learner.child.given),
+            randomized("reference", "ours", attempt.reference, attempt.reference.given),
+            randomized("without mj_setConst", "ours", stale, stale.given),
+            Method("MjSpec compiled anew", compiled, list(sizes), "oracle", "bodies drawn"),
+        ],
+        0.0,
+        reference_check=0.0,
+        tolerance=1e-9,
+        failed_above=1e3,
+        repeats=3,
         question="50 randomisations of a chain of 2 to 32 bodies",
-        error_unit="relative, worst constant")  # fmt: skip
+        error_unit="relative, worst constant",
+    )
 
 
 def _chain(bodies: int) -> str:
@@ -194,12 +202,21 @@ def _chain(bodies: int) -> str:
             f'damping="{damping}"/><geom type="capsule" fromto="0 0 0 0 0 -0.2" size="0.03"/>'
             f"{inside}</body>"
         )
-    return ('<mujoco><worldbody><geom type="plane" size="5 5 0.1"/>'
-        f'{inside}</worldbody><actuator><motor joint="j1"/></actuator></mujoco>')  # fmt: skip
+    return (
+        '<mujoco><worldbody><geom type="plane" size="5 5 0.1"/>'
+        f'{inside}</worldbody><actuator><motor joint="j1"/></actuator></mujoco>'
+    )
 
 
-EXERCISE = Exercise(judge=judge, given=GIVEN, limits=Limits(call=8.0, total=90.0),
-    examples=("given.drawn(DomainRandomizer, mass=(2, 2), damping=(0.2, 0.2), friction=(0.5, 0.5))",
-    "given.delayed(DomainRandomizer, [1, 2, 3, 4, 5], delay=(2, 2), idle=-1.0)",
-    "given.delayed(DomainRandomizer, [1, 2, 3], delay=(0, 0))"), chart=chart,
-    slips=SLIPS)  # fmt: skip
+EXERCISE = Exercise(
+    judge=judge,
+    given=GIVEN,
+    limits=Limits(call=8.0, total=90.0),
+    examples=(
+        "given.drawn(DomainRandomizer, mass=(2, 2), damping=(0.2, 0.2), friction=(0.5, 0.5))",
+        "given.delayed(DomainRandomizer, [1, 2, 3, 4, 5], delay=(2, 2), idle=-1.0)",
+        "given.delayed(DomainRandomizer, [1, 2, 3], delay=(0, 0))",
+    ),
+    chart=chart,
+    slips=SLIPS,
+)

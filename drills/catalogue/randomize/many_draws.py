@@ -44,8 +44,10 @@ def repeated(bench: Bench, first: Arrays, seeds: list[int]) -> None:
     restored = bench.arrays()
     now = bench.state()
 
-    gaps = [float(np.max(np.abs(again[k] - first[k]) / np.maximum(np.abs(first[k]), 1e-9)))
-        for k in PRIMARY]  # fmt: skip
+    gaps = [
+        float(np.max(np.abs(again[k] - first[k]) / np.maximum(np.abs(first[k]), 1e-9)))
+        for k in PRIMARY
+    ]
     gap = max(gaps) if np.isfinite(gaps).all() else np.inf
     back = _equal(restored, bench.before, ("body_mass", "body_inertia", "dof_damping"))
     drifted = bool(
@@ -55,10 +57,17 @@ def repeated(bench: Bench, first: Arrays, seeds: list[int]) -> None:
     )
     views = drifted and not back
     slip = "defaults_are_views" if views else "compounding" if drifted else ""
-    attempt.require("the same seed after 40 draws", gap <= 1e-9,
-        sentence="The same seed gives another model than at first" + (": the values drift away."
-        if drifted else ". What else does a draw depend on?"), error=gap, tolerance=1e-9, unit="1",
-        why=ROUNDING, slip=slip)  # fmt: skip
+    attempt.require(
+        "the same seed after 40 draws",
+        gap <= 1e-9,
+        sentence="The same seed gives another model than at first"
+        + (": the values drift away." if drifted else ". What else does a draw depend on?"),
+        error=gap,
+        tolerance=1e-9,
+        unit="1",
+        why=ROUNDING,
+        slip=slip,
+    )
 
     def named(changed: list[str]) -> str:
         if views:
@@ -67,8 +76,14 @@ def repeated(bench: Bench, first: Arrays, seeds: list[int]) -> None:
             return "restored_by_recomputing"
         return "" if back else "not_restored"
 
-    same_arrays(attempt, "restored bit for bit", bench.before, restored, slip=named,
-        sentence="After restore these arrays differ from what they were: ")  # fmt: skip
+    same_arrays(
+        attempt,
+        "restored bit for bit",
+        bench.before,
+        restored,
+        slip=named,
+        sentence="After restore these arrays differ from what they were: ",
+    )
     if not attempt.failed:
         check_state(bench, bench.before, state, now, "restore", computed)
         undelayed(bench, "after restore")
@@ -89,8 +104,15 @@ def undelayed(bench: Bench, when: str) -> None:
     """Actions come back at once."""
     actions = [np.full(bench.default.nu, float(k)) for k in range(1, 4)]
     due = [bench.learner.method(bench.randomizer, "delay", action) for action in actions]
-    bench.attempt.compare(f"no delay {when}", due, np.array(actions), tolerance=0.0, unit="1",
-        why="an action is handed on as it is", call="delay(action)")  # fmt: skip
+    bench.attempt.compare(
+        f"no delay {when}",
+        due,
+        np.array(actions),
+        tolerance=0.0,
+        unit="1",
+        why="an action is handed on as it is",
+        call="delay(action)",
+    )
 
 
 def defaults(bench: Bench, seed: int) -> None:
@@ -109,9 +131,15 @@ def defaults(bench: Bench, seed: int) -> None:
     if noise is None:
         return
     ratio, allowed = float((noise - truth).std() / other.setting.noise), 6.0 / np.sqrt(4000.0)
-    attempt.require("noise with the defaults of the signature", bool(abs(ratio - 1.0) <= allowed),
+    attempt.require(
+        "noise with the defaults of the signature",
+        bool(abs(ratio - 1.0) <= allowed),
         sentence=f"The noise has {ratio:.3g} times the standard deviation of the signature.",
-        error=abs(ratio - 1.0), tolerance=allowed, unit="1", why=CHANCE)  # fmt: skip
+        error=abs(ratio - 1.0),
+        tolerance=allowed,
+        unit="1",
+        why=CHANCE,
+    )
 
 
 def distributions(bench: Bench, first: Arrays, seed: int, how: str = "") -> None:
@@ -194,10 +222,19 @@ def _lags(bench: Bench, delayed: Any, actions: list[Array]) -> None:
     expected = DRAWS / (high - low + 1)
     # Chance of one count to be this far off, by Hoeffding: as for the other distributions.
     off = float(np.max(np.abs(counts[low : high + 1] - expected))) / DRAWS
-    attempt.require("delays that were drawn", bool(not strange
-        and counts[low : high + 1].sum() == DRAWS and off <= FAR), sentence=said,
-        got=f"{_listed(counts)} calls", expected=f"{low} to {high} calls, equally often", error=off,
-        tolerance=FAR, unit="1", why=CHANCE, slip=slip, call="delay(action)")  # fmt: skip
+    attempt.require(
+        "delays that were drawn",
+        bool(not strange and counts[low : high + 1].sum() == DRAWS and off <= FAR),
+        sentence=said,
+        got=f"{_listed(counts)} calls",
+        expected=f"{low} to {high} calls, equally often",
+        error=off,
+        tolerance=FAR,
+        unit="1",
+        why=CHANCE,
+        slip=slip,
+        call="delay(action)",
+    )
 
 
 def _effective_frictions(bench: Bench, drawn: dict[str, Any], first: Arrays) -> Array | None:
@@ -212,9 +249,12 @@ def _effective_frictions(bench: Bench, drawn: dict[str, Any], first: Arrays) -> 
         values = np.array([*contacts.values()])
         if not np.ptp(values) <= 1e-12:
             text = ", ".join(f"{name}: {mu:.4g}" for name, mu in contacts.items())
-            bench.attempt.require("friction of all contacts in many draws", False,
+            bench.attempt.require(
+                "friction of all contacts in many draws",
+                False,
                 sentence="In one of many draws the contacts do not all have the draw: " + text,
-                slip=friction_slip(bench, arrays))  # fmt: skip
+                slip=friction_slip(bench, arrays),
+            )
             return None
         found[number] = values[0]
     return found
@@ -235,11 +275,13 @@ def _same(got: Any, expected: Array) -> bool:
 def _shifted(got: Array, sent: Array, idle: float) -> NDArray[np.bool_]:
     """Whether each draw's actions (draws, calls, n) come so many calls late, (calls, draws)."""
     calls = sent.shape[1]
-    return np.array([
-        (got[:, :lag] == idle).all(axis=(1, 2))
-        & (got[:, lag:] == sent[:, : calls - lag]).all(axis=(1, 2))
-        for lag in range(calls)
-    ])  # fmt: skip
+    return np.array(
+        [
+            (got[:, :lag] == idle).all(axis=(1, 2))
+            & (got[:, lag:] == sent[:, : calls - lag]).all(axis=(1, 2))
+            for lag in range(calls)
+        ]
+    )
 
 
 def _listed(counts: NDArray[Any]) -> str:
@@ -258,26 +300,41 @@ def reused_actions(bench: Bench, seed: int) -> None:
     bench.randomize(seed)
     plain = [bench.learner.method(bench.randomizer, "delay", action) for action in actions]
     lags = [k for k in range(low, high + 1) if _same(plain, expected[k])]
-    found = attempt.require("a delay", bool(lags),
-        sentence=f"What delay returned is no delay of {low} to {high} calls.", got=describe(plain),
-        call="delay(action)")  # fmt: skip
+    found = attempt.require(
+        "a delay",
+        bool(lags),
+        sentence=f"What delay returned is no delay of {low} to {high} calls.",
+        got=describe(plain),
+        call="delay(action)",
+    )
     if not found:
         return
     bench.randomize(seed)
     again = [bench.learner.method(bench.randomizer, "delay", action) for action in actions]
-    due = attempt.require("the same seed, the same delay", _same(again, expected[lags[0]]),
+    due = attempt.require(
+        "the same seed, the same delay",
+        _same(again, expected[lags[0]]),
         sentence="The same seed gave another delay. Every random number must come from rng.",
-        got=describe(again), expected=describe(plain), call="delay(action)")  # fmt: skip
+        got=describe(again),
+        expected=describe(plain),
+        call="delay(action)",
+    )
     if not due:
         return
     bench.randomize(seed)
     reused = bench.learner.given("delay_reused", bench.randomizer, [*actions])
     # An array that was kept itself gives back what its caller wrote last.
     aliased = np.where(np.arange(9)[:, None] < lags[0], expected[lags[0]], actions)
-    attempt.compare("actions handed over in one array", reused, expected[lags[0]], tolerance=0.0,
-        unit="1", why="the same actions, in an array that the caller writes again",
-        call="delay(action)", slip="action_not_copied" if _same(reused, aliased)
-        else "")  # fmt: skip
+    attempt.compare(
+        "actions handed over in one array",
+        reused,
+        expected[lags[0]],
+        tolerance=0.0,
+        unit="1",
+        why="the same actions, in an array that the caller writes again",
+        call="delay(action)",
+        slip="action_not_copied" if _same(reused, aliased) else "",
+    )
 
 
 def noise_added(bench: Bench, seed: int) -> None:
@@ -306,11 +363,15 @@ def noise_added(bench: Bench, seed: int) -> None:
     )
     like = {"handed": truth, "shared": False}
     one = bench.read("observe", bench.randomizer, truth, rng, like=like)
-    attempt.require("observe leaves its argument", bool(np.array_equal(one["handed"], truth))
-        and not one["shared"],
+    attempt.require(
+        "observe leaves its argument",
+        bool(np.array_equal(one["handed"], truth)) and not one["shared"],
         sentence="The array that was handed to observe holds the noise as well.",
-        got=describe(one["handed"]), expected=describe(truth), slip="noise_in_place",
-        call="observe(observation, rng)")  # fmt: skip
+        got=describe(one["handed"]),
+        expected=describe(truth),
+        slip="noise_in_place",
+        call="observe(observation, rng)",
+    )
     if attempt.failed:
         return
     seen = learner.given("observe_often", bench.randomizer, truth, rng, DRAWS)
@@ -320,36 +381,65 @@ def noise_added(bench: Bench, seed: int) -> None:
         _mismatch(attempt, "what observe returns", wrong, "observe(observation, rng)")
         return
     frozen = bool(np.all(np.ptp(noise, axis=0) < 1e-12))
-    moving = attempt.require("noise is new in each call", not frozen,
-        sentence=f"{DRAWS} calls had the same noise.", slip="same_noise",
-        call="observe(observation, rng)")  # fmt: skip
+    moving = attempt.require(
+        "noise is new in each call",
+        not frozen,
+        sentence=f"{DRAWS} calls had the same noise.",
+        slip="same_noise",
+        call="observe(observation, rng)",
+    )
     single = bool(np.all(np.ptp(noise, axis=1) < 1e-12))
-    moving &= attempt.require("noise is new in each component", not single,
-        sentence="All components of an observation got the same noise.", slip="one_noise_for_all",
-        call="observe(observation, rng)")  # fmt: skip
+    moving &= attempt.require(
+        "noise is new in each component",
+        not single,
+        sentence="All components of an observation got the same noise.",
+        slip="one_noise_for_all",
+        call="observe(observation, rng)",
+    )
     if not moving:
         return
     # The standard deviation of n normal numbers is known to 1 / sqrt(2 n); six times that.
     allowed = 6.0 / np.sqrt(2.0 * noise.size)
     ratio = float(noise.std() / sigma)
-    attempt.require("standard deviation of the noise", abs(ratio - 1.0) <= allowed,
+    attempt.require(
+        "standard deviation of the noise",
+        abs(ratio - 1.0) <= allowed,
         sentence=f"The noise has {ratio:.3g} times the standard deviation asked for.",
-        got=f"{noise.std():.4g}", expected=f"{sigma:.4g}", error=abs(ratio - 1.0),
-        tolerance=allowed, unit="1", why=CHANCE, slip="variance_for_deviation"
-        if abs(ratio / sigma - 1.0) < 0.15 else "noise_uniform"
+        got=f"{noise.std():.4g}",
+        expected=f"{sigma:.4g}",
+        error=abs(ratio - 1.0),
+        tolerance=allowed,
+        unit="1",
+        why=CHANCE,
+        slip="variance_for_deviation"
+        if abs(ratio / sigma - 1.0) < 0.15
+        else "noise_uniform"
         if abs(ratio * np.sqrt(3.0) - 1.0) < 0.1 and np.abs(noise).max() <= sigma
-        else "")  # fmt: skip
+        else "",
+    )
     mean = float(np.max(np.abs(noise.mean(axis=0)))) / sigma
-    attempt.require("mean of the noise", mean <= 6.0 / np.sqrt(DRAWS),
+    attempt.require(
+        "mean of the noise",
+        mean <= 6.0 / np.sqrt(DRAWS),
         sentence=f"The noise of a component has a mean of {mean:.3g} standard deviations.",
-        error=mean, tolerance=6.0 / np.sqrt(DRAWS), unit="1", why=CHANCE)  # fmt: skip
+        error=mean,
+        tolerance=6.0 / np.sqrt(DRAWS),
+        unit="1",
+        why=CHANCE,
+    )
     beyond = float(np.mean(np.abs(noise) > 2.0 * sigma))
     share = erfc(np.sqrt(2.0))  # of normal numbers, beyond two standard deviations
     allowed = 7.0 * np.sqrt(share * (1.0 - share) / noise.size)
-    attempt.require("normal distribution of the noise", abs(beyond - share) <= allowed,
+    attempt.require(
+        "normal distribution of the noise",
+        abs(beyond - share) <= allowed,
         sentence=f"Of the noise {beyond:.3%} is beyond two standard deviations. Of normal noise "
-        f"it is {share:.3%}.", error=abs(beyond - share), tolerance=allowed, unit="1",
-        why=CHANCE)  # fmt: skip
+        f"it is {share:.3%}.",
+        error=abs(beyond - share),
+        tolerance=allowed,
+        unit="1",
+        why=CHANCE,
+    )
 
 
 def equal_ends(bench: Bench, seed: int) -> None:
@@ -373,14 +463,26 @@ def equal_ends(bench: Bench, seed: int) -> None:
             f"{name} of a range with equal ends", got, want, tolerance=1e-9, unit=unit, why=ROUNDING
         )
     found = contact_frictions(other.here(arrays))
-    attempt.compare("friction of a range with equal ends", [*found.values()], np.full(len(found),
-        0.6), tolerance=1e-9, unit="1", why=ROUNDING)  # fmt: skip
+    attempt.compare(
+        "friction of a range with equal ends",
+        [*found.values()],
+        np.full(len(found), 0.6),
+        tolerance=1e-9,
+        unit="1",
+        why=ROUNDING,
+    )
     check_constants(other, arrays)
     actions = [np.full(other.default.nu, float(k)) for k in range(1, 7)]
     due = [attempt.learner.method(other.randomizer, "delay", action) for action in actions]
-    attempt.compare(f"a delay of {lag} calls", due,
-        np.array([np.zeros(other.default.nu)] * lag + actions[: len(actions) - lag]), tolerance=0.0,
-        unit="1", why="an action is handed on as it is", call="delay(action)")  # fmt: skip
+    attempt.compare(
+        f"a delay of {lag} calls",
+        due,
+        np.array([np.zeros(other.default.nu)] * lag + actions[: len(actions) - lag]),
+        tolerance=0.0,
+        unit="1",
+        why="an action is handed on as it is",
+        call="delay(action)",
+    )
     truth_seen = attempt.rng.normal(size=3)
     seen = attempt.learner.method(other.randomizer, "observe", truth_seen, other.generator(seed))
     attempt.compare(
@@ -405,5 +507,9 @@ def refusals(bench: Bench) -> None:
         def request(ranges: list[Any] = ranges) -> Any:
             return bench.learner.new(ENTRY, bench.model, *ranges)
 
-        bench.attempt.require_error(what, request, sentence=f"The constructor must refuse {what}.",
-            call=f"DomainRandomizer(model, {', '.join(map(describe, ranges))})")  # fmt: skip
+        bench.attempt.require_error(
+            what,
+            request,
+            sentence=f"The constructor must refuse {what}.",
+            call=f"DomainRandomizer(model, {', '.join(map(describe, ranges))})",
+        )

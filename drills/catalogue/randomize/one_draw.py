@@ -45,20 +45,35 @@ def _mass(bench: Bench, arrays: Arrays) -> bool:
     excess = float(max(low - factors.min(), factors.max() - high, 0.0))
     world = arrays["body_mass"][0] == 0.0 and not arrays["body_inertia"][0].any()
     attempt.require("mass of the world", bool(world), sentence="Body 0, the world, got a mass.")
-    inside = attempt.require("mass factors", bool(excess <= 1e-9),
+    inside = attempt.require(
+        "mass factors",
+        bool(excess <= 1e-9),
         sentence=f"A body's mass is {factors[_worst(factors, low, high)]:.4g} times its default.",
-        got=describe(factors), expected=f"between {low:.4g} and {high:.4g}", error=excess,
-        tolerance=1e-9, unit="1", why=ROUNDING)  # fmt: skip
+        got=describe(factors),
+        expected=f"between {low:.4g} and {high:.4g}",
+        error=excess,
+        tolerance=1e-9,
+        unit="1",
+        why=ROUNDING,
+    )
     if not inside:
         return False
     ratios = arrays["body_inertia"][1:] / bench.default.body_inertia[1:]
     gap = float(np.max(np.abs(ratios - factors[:, None])))
     kept = np.array_equal(arrays["body_inertia"], bench.default.body_inertia)
-    return attempt.require("inertia follows mass", gap <= 1e-9,
+    return attempt.require(
+        "inertia follows mass",
+        gap <= 1e-9,
         sentence="A body's inertia is not multiplied by the factor of its mass: off by "
-        f"{gap:.3g} times the default.", got=describe(ratios[:, 0]), expected=describe(factors),
-        error=gap, tolerance=1e-9, unit="1", why=ROUNDING, slip="inertia_not_scaled" if kept
-        else "")  # fmt: skip
+        f"{gap:.3g} times the default.",
+        got=describe(ratios[:, 0]),
+        expected=describe(factors),
+        error=gap,
+        tolerance=1e-9,
+        unit="1",
+        why=ROUNDING,
+        slip="inertia_not_scaled" if kept else "",
+    )
 
 
 def _worst(values: Array, low: float, high: float) -> Any:
@@ -75,14 +90,27 @@ def _damping(bench: Bench, arrays: Arrays) -> bool:
     drew = not np.array_equal(arrays["body_mass"], bench.default.body_mass)
     slip = "no_joint_damped" if drew and not np.any(added) else ""
     slip = "zero_damping_stays" if touched else slip
-    fine = attempt.require("damping that is zero by default", not dead,
-        sentence="The joints whose default damping is zero still have none.", got="0",
-        expected=f"between {low:.4g} and {high:.4g}", unit="N m s/rad", slip=slip)  # fmt: skip
+    fine = attempt.require(
+        "damping that is zero by default",
+        not dead,
+        sentence="The joints whose default damping is zero still have none.",
+        got="0",
+        expected=f"between {low:.4g} and {high:.4g}",
+        unit="N m s/rad",
+        slip=slip,
+    )
     excess = float(max(low - added[damped].min(), added[damped].max() - high, 0.0))
-    fine &= attempt.require("damping of hinges and slides", bool(excess <= 1e-9),
+    fine &= attempt.require(
+        "damping of hinges and slides",
+        bool(excess <= 1e-9),
         sentence=f"What was added to a joint is outside of the range by {excess:.3g} N m s/rad.",
-        got=describe(added[damped]), expected=f"between {low:.4g} and {high:.4g}", error=excess,
-        tolerance=1e-9, unit="N m s/rad", why=ROUNDING)  # fmt: skip
+        got=describe(added[damped]),
+        expected=f"between {low:.4g} and {high:.4g}",
+        error=excess,
+        tolerance=1e-9,
+        unit="N m s/rad",
+        why=ROUNDING,
+    )
     other = float(np.max(np.abs(added[~damped])))
     fine &= attempt.require(
         "damping of free and ball joints",
@@ -111,11 +139,18 @@ def check_constants(bench: Bench, arrays: Arrays) -> None:
         if gap.max() > worst:
             worst, where = float(gap.max()), name
     stale = all(np.array_equal(arrays[name], bench.before[name]) for name in CONSTANTS)
-    bench.attempt.require("derived constants", worst <= 1e-9,
+    bench.attempt.require(
+        "derived constants",
+        worst <= 1e-9,
         sentence=f"{where} is off by {worst:.3g} of its value: it is not that of the new masses.",
-        got=f"{worst:.3g}", expected="0", error=worst, tolerance=1e-9, unit="1",
+        got=f"{worst:.3g}",
+        expected="0",
+        error=worst,
+        tolerance=1e-9,
+        unit="1",
         why="mj_setConst in another process differs by rounding at most",
-        slip="constants_not_recomputed" if stale else "")  # fmt: skip
+        slip="constants_not_recomputed" if stale else "",
+    )
 
 
 def _friction(bench: Bench, arrays: Arrays) -> None:
@@ -128,22 +163,38 @@ def _friction(bench: Bench, arrays: Arrays) -> None:
     values = np.array(list(found.values()))
     spread, excess = float(np.ptp(values)), max(low - values.min(), values.max() - high, 0.0)
     text = ", ".join(f"{name}: {mu:.4g}" for name, mu in found.items())
-    fine = attempt.require("friction of all contacts", bool(spread <= 1e-12 and excess <= 1e-9),
+    fine = attempt.require(
+        "friction of all contacts",
+        bool(spread <= 1e-12 and excess <= 1e-9),
         sentence="The coefficients that MuJoCo gives to the contacts are not one draw: " + text,
-        got=text, expected=f"one value between {low:.4g} and {high:.4g}", error=float(max(spread,
-        excess)), tolerance=1e-9, unit="1", why=ROUNDING, slip=friction_slip(bench,
-        arrays))  # fmt: skip
+        got=text,
+        expected=f"one value between {low:.4g} and {high:.4g}",
+        error=float(max(spread, excess)),
+        tolerance=1e-9,
+        unit="1",
+        why=ROUNDING,
+        slip=friction_slip(bench, arrays),
+    )
     others = np.array_equal(
         arrays["geom_friction"][:, 1:], bench.default.geom_friction[:, 1:]
     ) and np.array_equal(arrays["pair_friction"][:, 2:], bench.default.pair_friction[:, 2:])
-    attempt.require("torsional and rolling friction", others,
+    attempt.require(
+        "torsional and rolling friction",
+        others,
         sentence="Torsional or rolling friction changed: the second and third column of "
-        "geom_friction, the third to fifth of pair_friction.")  # fmt: skip
+        "geom_friction, the third to fifth of pair_friction.",
+    )
     if not fine:
         return
     felt = sliding_friction(model, speed=9.0, steps=100)
-    attempt.compare("friction of a sled that slides", felt, values[0], tolerance=1e-6, unit="1",
-        why="momentum taken over momentum given, which is exact but for rounding")  # fmt: skip
+    attempt.compare(
+        "friction of a sled that slides",
+        felt,
+        values[0],
+        tolerance=1e-6,
+        unit="1",
+        why="momentum taken over momentum given, which is exact but for rounding",
+    )
 
 
 def friction_slip(bench: Bench, arrays: Arrays) -> str:
@@ -185,10 +236,14 @@ def check_state(
     attempt = bench.attempt
     kept = state.keys() == now.keys() and all(np.array_equal(state[k], now[k]) for k in state)
     reference = np.array_equal(now["qpos"], bench.default.qpos_spring)
-    attempt.require(f"{method} keeps the state", kept,
+    attempt.require(
+        f"{method} keeps the state",
+        kept,
         sentence=f"{method} changed time, qpos, qvel or ctrl of the data.",
-        got=describe(now["qpos"]), expected=describe(state["qpos"]), slip="reference_pose"
-        if reference else "")  # fmt: skip
+        got=describe(now["qpos"]),
+        expected=describe(state["qpos"]),
+        slip="reference_pose" if reference else "",
+    )
     if not kept:
         return
     data = mujoco.MjData(bench.here(arrays))
@@ -200,8 +255,13 @@ def check_state(
         gap = float(np.max(np.abs(got - want)))
         scale = max(1.0, float(np.max(np.abs(want))))
         stale = all(np.array_equal(computed[key], before[key]) for key in computed)
-        attempt.require(f"{name} after {method}", gap <= 1e-9 * scale,
+        attempt.require(
+            f"{name} after {method}",
+            gap <= 1e-9 * scale,
             sentence=f"data.{name} is not that of the model as it is now: mj_forward is missing, "
-            "or comes before the last change.", error=gap, tolerance=1e-9 * scale,
-            why="the same function of the same numbers", slip="data_not_refreshed" if stale
-            else "")  # fmt: skip
+            "or comes before the last change.",
+            error=gap,
+            tolerance=1e-9 * scale,
+            why="the same function of the same numbers",
+            slip="data_not_refreshed" if stale else "",
+        )

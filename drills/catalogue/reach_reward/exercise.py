@@ -22,16 +22,19 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
     whole = np.array([[4, 3, 1, 0, 0], [0, 0, 1, 1, 0]]), np.array([0, 0]), 1, 0.5
     return [
-        run("one step on the way", [5, 4], "simple"), run("one step to it", [2, 0.4], "simple"),
+        run("one step on the way", [5, 4], "simple"),
+        run("one step to it", [2, 0.4], "simple"),
         run("a time limit", [6, 5, 4, 5, 3], "simple"),
         *(run("reached at the end", [7, 5, 3, 0.6]) for _ in range(2)),
         *(run("stays inside", [4, 2, 0.7, 0.3, 0.1, 0.2]) for _ in range(2)),
         *(run("flies through", [5, 2, 0.5, 2, 4]) for _ in range(2)),
-        run("comes back", [3, 0.8, 2, 3, 0.5, 2]), run("a time limit near the disc", [4, 2, 1.3]),
+        run("comes back", [3, 0.8, 2, 3, 0.5, 2]),
+        run("a time limit near the disc", [4, 2, 1.3]),
         run("begins inside and leaves", [0.5, 2, 3], "edge"),
         run("begins inside and stays", [0.5, 0.4, 0.3], "edge"),
-        run("stands still", [3, 3, 3], "edge"), Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+        run("stands still", [3, 3, 3], "edge"),
+        Case(whole, WHOLE, "edge"),
+    ]
 
 
 def rewards(figure: Any, shown: Shown) -> None:
@@ -46,27 +49,48 @@ _PHI, _AHEAD = "phi = -np.hypot(away[0], away[1])", "np.where(inside, 0.0, phi[1
 _SUM, _BEHIND = "inside + gamma * ahead - phi[:-1]", "reward[steps:] = 0.0"
 
 SLIPS = slips(
-    paid_every_step=(_BEHIND, "reward[steps:] = inside[steps:]",
+    paid_every_step=(
+        _BEHIND,
+        "reward[steps:] = inside[steps:]",
         "The bonus is paid for each step inside: then hovering there pays better than arriving. "
-        "It is paid once, and ends the episode."),
-    goes_on=(_BEHIND, "pass",
-        "Rewards go on after the end: the episode is over with the first step into the disc."),
-    sign_turned=(_SUM, "inside - gamma * ahead + phi[:-1]",
-        "The sign is turned: going away is paid. The potential is minus the distance."),
-    potential_at_the_end=(_AHEAD, "phi[1:]",
+        "It is paid once, and ends the episode.",
+    ),
+    goes_on=(
+        _BEHIND,
+        "pass",
+        "Rewards go on after the end: the episode is over with the first step into the disc.",
+    ),
+    sign_turned=(
+        _SUM,
+        "inside - gamma * ahead + phi[:-1]",
+        "The sign is turned: going away is paid. The potential is minus the distance.",
+    ),
+    potential_at_the_end=(
+        _AHEAD,
+        "phi[1:]",
         "The potential of the place in the disc is kept. The episode ended there, so it counts as "
-        "0; else where one enters is paid for."),
-    time_limit_taken_for_an_end=(_AHEAD, "np.where(np.arange(steps_of) == steps - 1, 0.0, phi[1:])",
-        "steps = int", "steps_of = inside.size\n    steps = int",
-        "A time limit is taken for an end: the potential stays where a log merely stops."),
-    minus_distance=(_SUM, "inside + phi[1:]",
+        "0; else where one enters is paid for.",
+    ),
+    time_limit_taken_for_an_end=(
+        _AHEAD,
+        "np.where(np.arange(steps_of) == steps - 1, 0.0, phi[1:])",
+        "steps = int",
+        "steps_of = inside.size\n    steps = int",
+        "A time limit is taken for an end: the potential stays where a log merely stops.",
+    ),
+    minus_distance=(
+        _SUM,
+        "inside + phi[1:]",
         "Minus the distance is the reward itself. Then the best policy depends on how the way is "
-        "paid; the difference of a potential changes none."),
-    gamma_forgotten=(_SUM, "inside + ahead - phi[:-1]",
-        "The potential ahead is not discounted: what is added does not telescope."),
-    bonus_forgotten=(_SUM, "gamma * ahead - phi[:-1]",
-        "The bonus for reaching is missing."),
-)  # fmt: skip
+        "paid; the difference of a potential changes none.",
+    ),
+    gamma_forgotten=(
+        _SUM,
+        "inside + ahead - phi[:-1]",
+        "The potential ahead is not discounted: what is added does not telescope.",
+    ),
+    bonus_forgotten=(_SUM, "gamma * ahead - phi[:-1]", "The bonus for reaching is missing."),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-10, "a root and two products", told=coarse),

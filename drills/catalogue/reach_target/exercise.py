@@ -18,8 +18,16 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """A part on a belt: standing or moving, left alone or pushed, the camera straight or turned."""
 
-    def scene(label: str, level: str = "core", *, turn: float = 0.0, speed: float = 0.0,
-              push: float = 0.0, n: int = 20, noise: float = 1.0) -> Case:  # fmt: skip
+    def scene(
+        label: str,
+        level: str = "core",
+        *,
+        turn: float = 0.0,
+        speed: float = 0.0,
+        push: float = 0.0,
+        n: int = 20,
+        noise: float = 1.0,
+    ) -> Case:
         c, s = np.cos(turn), np.sin(turn)
         R, t = np.array([[c, -s], [s, c]]), rng.uniform(-0.3, 0.3, 2)
         belt = speed * rng.normal(size=2)
@@ -36,7 +44,8 @@ def cases(rng: np.random.Generator) -> list[Case]:
     whole = (np.array([[0, 1, 2, 1], [2, 3, 2, 1], [3, 4, 5, 1]]), 2, np.array([[0, -1, 1],
              [1, 0, 2]]), np.array([1, 0]), np.array([0, 0]), np.arange(7))  # fmt: skip
     return [
-        scene("a quiet day", "simple"), scene("one frame", "simple", n=1),
+        scene("a quiet day", "simple"),
+        scene("one frame", "simple", n=1),
         *(scene("a turned camera", turn=turn) for turn in (0.5, -1.6, 2.5)),
         *(scene("a moving belt", speed=0.2) for _ in range(2)),
         *(scene("pushed", push=push) for push in (0.04, 0.1, -0.2)),
@@ -46,7 +55,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         *(scene("all together", turn=turn, speed=0.1, push=0.1) for turn in (0.8, -2.0)),
         scene("no frames", "edge", n=0),
         Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def paths(figure: Any, shown: Shown) -> None:
@@ -68,37 +77,64 @@ _STALE = (
 )
 
 SLIPS = slips(
-    calibration_transposed=(*_TURN,
+    calibration_transposed=(
+        *_TURN,
         "The calibration is transposed: right below a camera that is mounted straight. Points are "
-        "rows here, so it is the transpose of R that stands behind them."),
-    stamp_of_arrival=(*_STAMP,
+        "rows here, so it is the transpose of R that stands behind them.",
+    ),
+    stamp_of_arrival=(
+        *_STAMP,
         "A frame's age is counted from its arrival: right while the belt stands. It shows the part "
-        "where it was when it was captured."),
-    unit_of_noise=(*_UNIT,
+        "where it was when it was captured.",
+    ),
+    unit_of_noise=(
+        *_UNIT,
         "The noise comes in millimetres and is compared with metres: it never plans anew, which is "
-        "right while nobody touches the part."),
-    stale_reference=(*_STALE,
+        "right while nobody touches the part.",
+    ),
+    stale_reference=(
+        *_STALE,
         "A new plan goes on from the old one's start and clock: the reference jumps. It starts "
-        "from where the tip is told to be, now."),
-    stale_and_unit=(*_STALE, *_UNIT,
+        "from where the tip is told to be, now.",
+    ),
+    stale_and_unit=(
+        *_STALE,
+        *_UNIT,
         "Frames and stamps are right. Unit and reference are left: the one hides the other, as no "
-        "second plan is ever made."),
+        "second plan is ever made.",
+    ),
     turn_and_stamp=(*_TURN, *_STAMP, "Planning is right. Perception is left: a turn, and a stamp."),
-    all_still_there=(*_TURN, *_STAMP, *_UNIT, *_STALE,
-        "All four are still there: a turn, a stamp, a unit, a reference."),
-    stale_clock=("origin, began = told, now",
+    all_still_there=(
+        *_TURN,
+        *_STAMP,
+        *_UNIT,
+        *_STALE,
+        "All four are still there: a turn, a stamp, a unit, a reference.",
+    ),
+    stale_clock=(
+        "origin, began = told, now",
         "origin, began = told, now if began == -math.inf else began",
-        "goal = target + seconds * belt", "goal = target + (began + seconds - now) * belt",
+        "goal = target + seconds * belt",
+        "goal = target + (began + seconds - now) * belt",
         "A new plan starts from the right place, with the old one's clock: it is half done when it "
-        "begins."),
-    stale_start=("origin, began = told, now",
+        "begins.",
+    ),
+    stale_start=(
+        "origin, began = told, now",
         "origin, began = (told if began == -math.inf else origin), now",
-        "A new plan starts at the right time from the old one's start: the reference jumps back."),
-    age_twice=(_STAMP[0], "ages = 2.0 * (now - seen[:, :1])",
-        "The age is counted twice: ahead by as much as it was behind."),
-    at_every_tick=(_UNIT[0], "-1.0",
-        "A new plan at every tick: it is always at its slow beginning, and the arm waits."),
-)  # fmt: skip
+        "A new plan starts at the right time from the old one's start: the reference jumps back.",
+    ),
+    age_twice=(
+        _STAMP[0],
+        "ages = 2.0 * (now - seen[:, :1])",
+        "The age is counted twice: ahead by as much as it was behind.",
+    ),
+    at_every_tick=(
+        _UNIT[0],
+        "-1.0",
+        "A new plan at every tick: it is always at its slow beginning, and the arm waits.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-9, "sums over fifty ticks: rounding", told=coarse),
@@ -107,6 +143,7 @@ EXERCISE = Exercise(
         "[0.0, 0.0], [0.0, 0.1, 0.6, 1.1, 2.1])",
     ),
     picture=paths,
-    slips=SLIPS + coarse_slips("reach_target", "The next plan begins where this one was.")
+    slips=SLIPS
+    + coarse_slips("reach_target", "The next plan begins where this one was.")
     + value_slips("reach_target", in_part=False),
-)  # fmt: skip
+)

@@ -18,8 +18,16 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """Steps of some milliseconds, prices of time, goals."""
 
-    def task(label: str, level: str = "core", *, part: float = 0.1, gamma: float | None = None,
-             goals: bool = True, steps: int = 300, m: int = 4) -> Case:  # fmt: skip
+    def task(
+        label: str,
+        level: str = "core",
+        *,
+        part: float = 0.1,
+        gamma: float | None = None,
+        goals: bool = True,
+        steps: int = 300,
+        m: int = 4,
+    ) -> Case:
         rewards, dt = 10.0 * rng.normal(size=m), float(rng.choice([0.01, 0.02, 0.05]))
         once = np.arange(m) % 2 * int(goals)
         discount = float(rng.uniform(0.9, 0.995)) if gamma is None else gamma
@@ -27,15 +35,20 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
     return [
         task("no discount, no goal", "simple", gamma=1.0, goals=False),
-        task("no discount", "simple", gamma=1.0), task("no goal", "simple", goals=False),
-        *(task("a tenth of the step") for _ in range(2)), task("a fifth", part=0.2),
-        task("strongly discounted", gamma=0.5), task("twice the step", part=2.0),
-        task("four times the step", part=4.0), task("the ratio is not whole", part=0.3),
+        task("no discount", "simple", gamma=1.0),
+        task("no goal", "simple", goals=False),
+        *(task("a tenth of the step") for _ in range(2)),
+        task("a fifth", part=0.2),
+        task("strongly discounted", gamma=0.5),
+        task("twice the step", part=2.0),
+        task("four times the step", part=4.0),
+        task("the ratio is not whole", part=0.3),
         task("a discount near 1", "edge", gamma=1.0 - 5e-6, part=0.5),
         task("a limit between two steps", "edge", part=0.7, steps=11),
-        task("the same step", "edge", part=1.0), task("no terms", "edge", m=0),
+        task("the same step", "edge", part=1.0),
+        task("no terms", "edge", m=0),
         Case((np.array([-1, 5]), np.array([0, 1]), 1, 100, 2, 1), WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
@@ -50,8 +63,11 @@ def discounts(figure: Any, shown: Shown) -> None:
     for values, style in ((shown.got, picture.YOURS), (shown.expected, picture.RIGHT)):
         steps = np.arange(0.0, 100.0 * dt, new)
         axes.plot(steps, float(values[1]) ** (steps / new), **style)
-    axes.set_title("time limit {:g} s, right is {:g} s".format(
-        *(float(v[2]) * new for v in (shown.got, shown.expected))))  # fmt: skip
+    axes.set_title(
+        "time limit {:g} s, right is {:g} s".format(
+            *(float(v[2]) * new for v in (shown.got, shown.expected))
+        )
+    )
     axes.legend()
 
 
@@ -60,36 +76,73 @@ _ONCE = "np.where(np.asarray(once) != 0, 1.0, factor)"
 _GAMMA, _STEPS = "scaled, gamma**part", "round(steps / part)"
 
 SLIPS = slips(
-    gamma_kept=(_GAMMA, "scaled, gamma",
+    gamma_kept=(
+        _GAMMA,
+        "scaled, gamma",
         "The discount per step is kept: with a tenth of the step the agent looks a tenth as far "
-        "ahead in seconds."),
-    gamma_linear=(_GAMMA, "scaled, gamma * part",
-        "The discount is scaled as if it were a rate. It is a factor: what counts is its power."),
-    gamma_first_order=(_GAMMA, "scaled, 1.0 - (1.0 - gamma) * part",
-        "1 - (1 - gamma) new / dt is the first order only, right near 1."),
-    gamma_other_way=(_GAMMA, "scaled, gamma ** (1.0 / part)",
-        "The power is the other way up: a shorter step discounts less."),
-    rewards_not_scaled=(_ONCE, "1.0",
+        "ahead in seconds.",
+    ),
+    gamma_linear=(
+        _GAMMA,
+        "scaled, gamma * part",
+        "The discount is scaled as if it were a rate. It is a factor: what counts is its power.",
+    ),
+    gamma_first_order=(
+        _GAMMA,
+        "scaled, 1.0 - (1.0 - gamma) * part",
+        "1 - (1 - gamma) new / dt is the first order only, right near 1.",
+    ),
+    gamma_other_way=(
+        _GAMMA,
+        "scaled, gamma ** (1.0 / part)",
+        "The power is the other way up: a shorter step discounts less.",
+    ),
+    rewards_not_scaled=(
+        _ONCE,
+        "1.0",
         "The rewards are kept. A price of every step is then paid ten times as often, and goals "
-        "that were worth the way no longer are."),
-    reward_by_the_time_alone=(_FACTOR, "factor = part",
+        "that were worth the way no longer are.",
+    ),
+    reward_by_the_time_alone=(
+        _FACTOR,
+        "factor = part",
         "The price is scaled by new / dt. That is right without discount; with it the parts of a "
-        "step are discounted one after the other, and have to sum to what the step paid."),
-    reward_other_way=(_FACTOR, "factor = (1.0 - gamma) / (1.0 - gamma**part)",
-        "factor = part\n", "factor = 1.0 / part\n",
-        "The price grows where it should fall: a shorter step pays less."),
-    goals_scaled=(_ONCE, "factor",
-        "What an event pays is scaled, too. It is paid once, however short the step."),
-    once_swapped=(_ONCE, "np.where(np.asarray(once) != 0, factor, 1.0)",
-        "Goals are scaled and prices are not: it is the other way round."),
-    limit_in_steps=(_STEPS, "steps",
+        "step are discounted one after the other, and have to sum to what the step paid.",
+    ),
+    reward_other_way=(
+        _FACTOR,
+        "factor = (1.0 - gamma) / (1.0 - gamma**part)",
+        "factor = part\n",
+        "factor = 1.0 / part\n",
+        "The price grows where it should fall: a shorter step pays less.",
+    ),
+    goals_scaled=(
+        _ONCE,
+        "factor",
+        "What an event pays is scaled, too. It is paid once, however short the step.",
+    ),
+    once_swapped=(
+        _ONCE,
+        "np.where(np.asarray(once) != 0, factor, 1.0)",
+        "Goals are scaled and prices are not: it is the other way round.",
+    ),
+    limit_in_steps=(
+        _STEPS,
+        "steps",
         "The time limit is kept in steps: with a tenth of the step the episode ends ten times too "
-        "early."),
-    limit_other_way=(_STEPS, "round(steps * part)",
-        "A shorter step needs more of them for the same seconds."),
-    limit_cut_off=(_STEPS, "int(steps / part)",
-        "The time limit is cut off; asked is the nearest whole number."),
-)  # fmt: skip
+        "early.",
+    ),
+    limit_other_way=(
+        _STEPS,
+        "round(steps * part)",
+        "A shorter step needs more of them for the same seconds.",
+    ),
+    limit_cut_off=(
+        _STEPS,
+        "int(steps / part)",
+        "The time limit is cut off; asked is the nearest whole number.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "a power and a quotient: rounding", told=coarse),

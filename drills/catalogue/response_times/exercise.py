@@ -15,8 +15,17 @@ from drills.report import Shown
 def cases(rng: np.random.Generator) -> list[Case]:
     """Sets of tasks that use a stated part of the processor."""
 
-    def tasks(label: str, level: str = "core", *, n: int = 5, load: float = 0.85, held: float = 0,
-              early: float = 1.0, by_rate: bool = True, round_to: int = 1) -> Case:  # fmt: skip
+    def tasks(
+        label: str,
+        level: str = "core",
+        *,
+        n: int = 5,
+        load: float = 0.85,
+        held: float = 0,
+        early: float = 1.0,
+        by_rate: bool = True,
+        round_to: int = 1,
+    ) -> Case:
         periods = np.rint(10.0 ** rng.uniform(3.0, 4.3, n) / round_to).astype(int) * round_to
         if by_rate:
             periods.sort()
@@ -30,18 +39,22 @@ def cases(rng: np.random.Generator) -> list[Case]:
     ties = np.array([2, 2, 4]), np.array([4, 8, 16]), np.array([4, 8, 16]), np.array([0, 0, 0])
     over = np.array([3, 3, 3, 1]), np.array([5, 8, 12, 100]), np.array([5, 8, 12, 100])
     return [
-        tasks("one task", "simple", n=1), tasks("two, hardly busy", "simple", n=2, load=0.4),
+        tasks("one task", "simple", n=1),
+        tasks("two, hardly busy", "simple", n=2, load=0.4),
         tasks("three", "simple", n=3, load=0.6),
-        *(tasks("busy") for _ in range(3)), *(tasks("nearly full", load=0.97) for _ in range(2)),
+        *(tasks("busy") for _ in range(3)),
+        *(tasks("nearly full", load=0.97) for _ in range(2)),
         *(tasks("a shared resource", load=0.7, held=0.3) for _ in range(3)),
         *(tasks("early deadlines", early=0.6) for _ in range(2)),
         *(tasks("not by rate", by_rate=False, load=0.6) for _ in range(2)),
         *(tasks("round numbers", round_to=500, load=0.8) for _ in range(2)),
-        Case(ties, "a release at the end", "edge"), Case((*over, np.zeros(4, int)), "too much",
-        "edge"), tasks("ten tasks", "edge", n=10, held=0.05),
-        Case((np.array([1, 2]), np.array([3, 6]), np.array([3, 6]), np.array([2, 0])), WHOLE,
-             "edge"),
-    ]  # fmt: skip
+        Case(ties, "a release at the end", "edge"),
+        Case((*over, np.zeros(4, int)), "too much", "edge"),
+        tasks("ten tasks", "edge", n=10, held=0.05),
+        Case(
+            (np.array([1, 2]), np.array([3, 6]), np.array([3, 6]), np.array([2, 0])), WHOLE, "edge"
+        ),
+    ]
 
 
 def bars(figure: Any, shown: Shown) -> None:
@@ -59,57 +72,105 @@ _WHILE = "while before < response <= D[i]:"
 _MET = "        if response <= D[i]:\n            found[i] = response\n"
 
 SLIPS = slips(
-    floor_for_ceiling=(_RELEASES, "releases = before // T[:i]",
+    floor_for_ceiling=(
+        _RELEASES,
+        "releases = before // T[:i]",
         "Releases are rounded down. Each of the others is released at the start of the window, "
-        "too: round up."),
-    one_release_too_many=(_RELEASES, "releases = before // T[:i] + 1",
+        "too: round up.",
+    ),
+    one_release_too_many=(
+        _RELEASES,
+        "releases = before // T[:i] + 1",
         "A release at the moment at which the task ends is counted. It comes too late to delay it: "
-        "ceil, not floor and one more."),
-    own_task_left_out=(_SUM, "response = B[i] + releases @ C[:i]",
-        "The task's own execution is left out: that is how long it waits, not when it is done."),
-    lower_priorities_counted=(_RELEASES, "releases = np.where(np.arange(len(C)) == i, 0, "
-        "-(-before // T))", _SUM, "response = C[i] + B[i] + releases @ C",
+        "ceil, not floor and one more.",
+    ),
+    own_task_left_out=(
+        _SUM,
+        "response = B[i] + releases @ C[:i]",
+        "The task's own execution is left out: that is how long it waits, not when it is done.",
+    ),
+    lower_priorities_counted=(
+        _RELEASES,
+        "releases = np.where(np.arange(len(C)) == i, 0, -(-before // T))",
+        _SUM,
+        "response = C[i] + B[i] + releases @ C",
         "The less important tasks are counted. They are interrupted; of them only the blocking "
-        "counts."),
-    utilisation_test_only=(_MET, """        n = i + 1
+        "counts.",
+    ),
+    utilisation_test_only=(
+        _MET,
+        """        n = i + 1
         if np.sum(C[:n] / T[:n]) <= n * (2.0 ** (1.0 / n) - 1.0):
             found[i] = response
 """,
         "A task is refused because the utilisation is above n (2^(1/n) - 1). That bound is enough "
-        "and not needed: below it all is well, above it one has to look."),
-    full_processor_test=(_MET, """        if np.sum(C[: i + 1] / T[: i + 1]) <= 1.0:
+        "and not needed: below it all is well, above it one has to look.",
+    ),
+    full_processor_test=(
+        _MET,
+        """        if np.sum(C[: i + 1] / T[: i + 1]) <= 1.0:
             found[i] = min(response, D[i])
 """,
         "A utilisation below 1 is taken for enough. Fixed priorities may miss a deadline below it: "
-        "compare the response time."),
-    not_repeated=(_WHILE, "for before in (C[i] + B[i],):",
+        "compare the response time.",
+    ),
+    not_repeated=(
+        _WHILE,
+        "for before in (C[i] + B[i],):",
         "One pass only. The more important tasks are released again while the window grows: repeat "
-        "until it stays as it is."),
-    all_once=(_RELEASES, "releases = np.ones(i, dtype=int)",
+        "until it stays as it is.",
+    ),
+    all_once=(
+        _RELEASES,
+        "releases = np.ones(i, dtype=int)",
         "Each of the others is counted once. A quick one is released several times while a slow "
-        "one waits."),
-    blocking_forgotten=(_SUM, "response = C[i] + releases @ C[:i]", "C[i] + B[i]\n", "C[i]\n",
+        "one waits.",
+    ),
+    blocking_forgotten=(
+        _SUM,
+        "response = C[i] + releases @ C[:i]",
+        "C[i] + B[i]\n",
+        "C[i]\n",
         "The blocking is forgotten: a less important task that holds the resource makes this one "
-        "wait."),
-    blocking_at_every_release=(_SUM, "response = C[i] + B[i] + releases @ (C[:i] + B[:i])",
+        "wait.",
+    ),
+    blocking_at_every_release=(
+        _SUM,
+        "response = C[i] + B[i] + releases @ (C[:i] + B[:i])",
         "The blocking of the others is added. While this task waits only one resource is held "
-        "below it."),
-    deadline_is_the_period=("np.asarray(x, dtype=int) for x in (executions, periods, deadlines,",
+        "below it.",
+    ),
+    deadline_is_the_period=(
+        "np.asarray(x, dtype=int) for x in (executions, periods, deadlines,",
         "np.asarray(x, dtype=int) for x in (executions, periods, periods,",
-        "The period is taken for the deadline, which may be earlier."),
-    strictly_before=("if response <= D[i]:", "if response < D[i]:",
-        "A task that is done at its deadline has met it."),
-    miss_not_told=("        if response <= D[i]:\n            found[i]", "        found[i]",
+        "The period is taken for the deadline, which may be earlier.",
+    ),
+    strictly_before=(
+        "if response <= D[i]:",
+        "if response < D[i]:",
+        "A task that is done at its deadline has met it.",
+    ),
+    miss_not_told=(
+        "        if response <= D[i]:\n            found[i]",
+        "        found[i]",
         "The response time of a task beyond its deadline is given, at the point where the sum was "
-        "stopped. It must be -1."),
-    sorted_by_rate=("    found = np.full(len(C), -1)", "    order = np.argsort(T, kind='stable')\n"
+        "stopped. It must be -1.",
+    ),
+    sorted_by_rate=(
+        "    found = np.full(len(C), -1)",
+        "    order = np.argsort(T, kind='stable')\n"
         "    C, T, D, B = C[order], T[order], D[order], B[order]\n    found = np.full(len(C), -1)",
-        "return found", "return found[np.argsort(order)]",
+        "return found",
+        "return found[np.argsort(order)]",
         "The tasks are sorted by their periods. The order of the arguments is that of importance, "
-        "even where it is not rate-monotonic."),
-    stops_at_a_miss=(_MET, _MET + "        else:\n            break\n",
-        "The tasks below one that misses are given up. They still get what the fixed point says."),
-)  # fmt: skip
+        "even where it is not rate-monotonic.",
+    ),
+    stops_at_a_miss=(
+        _MET,
+        _MET + "        else:\n            break\n",
+        "The tasks below one that misses are given up. They still get what the fixed point says.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-9, "whole numbers"),

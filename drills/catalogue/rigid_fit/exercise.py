@@ -29,9 +29,18 @@ def clear(source: Array, target: Array, weights: Array) -> bool:
 def cases(rng: np.random.Generator) -> list[Case]:
     """Shifts, quarter turns; then any motion, with noise and weights."""
 
-    def pairs(label: str, n: int = 12, *, turned: bool = True, noise: float = 0.0,
-              form: tuple[float, ...] = (1.0, 0.7, 0.4), weighted: bool = False,
-              level: str = "core", mirrored: bool = False, far: float = 0.5) -> Case:  # fmt: skip
+    def pairs(
+        label: str,
+        n: int = 12,
+        *,
+        turned: bool = True,
+        noise: float = 0.0,
+        form: tuple[float, ...] = (1.0, 0.7, 0.4),
+        weighted: bool = False,
+        level: str = "core",
+        mirrored: bool = False,
+        far: float = 0.5,
+    ) -> Case:
         while True:
             a = np.array(form)[:, None] * rng.normal(size=(3, n)) + far * rng.normal(size=(3, 1))
             Q = np.linalg.qr(rng.normal(size=(3, 3)))[0] if turned else np.eye(3)
@@ -65,7 +74,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         pairs("three points", 3, noise=0.1, level="edge"),
         Case((some[0], some[0].copy(), some[2]), "nothing to do", "edge"),
         Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
@@ -99,31 +108,58 @@ _SPREAD = "spread = (b - end[:, None]) * w @ (a - start[:, None]).T"
 _MEANS = "start, end = a @ w, b @ w"
 
 SLIPS = slips(
-    mirror_image=(_KEPT, "R = U @ Vt",
+    mirror_image=(
+        _KEPT,
+        "R = U @ Vt",
         "R may be a mirror image: nobody looks at the determinant. Flat or noisy points then come "
-        "out turned inside out."),
-    all_signs_changed=(_KEPT, "R = handed * (U @ Vt)",
+        "out turned inside out.",
+    ),
+    all_signs_changed=(
+        _KEPT,
+        "R = handed * (U @ Vt)",
         "A mirror is mended by the sign of all of R. That is a rotation, and not the best: only "
-        "the direction of the smallest singular value is to be turned back."),
-    strongest_direction_turned=(_KEPT, _KEPT.replace("[1.0, 1.0, handed]", "[handed, 1.0, 1.0]"),
+        "the direction of the smallest singular value is to be turned back.",
+    ),
+    strongest_direction_turned=(
+        _KEPT,
+        _KEPT.replace("[1.0, 1.0, handed]", "[handed, 1.0, 1.0]"),
         "The determinant goes to the largest singular value. Turn the weakest direction back: that "
-        "costs least."),
-    transposed=(_KEPT, "R = (U @ np.diag([1.0, 1.0, handed]) @ Vt).T",
+        "costs least.",
+    ),
+    transposed=(
+        _KEPT,
+        "R = (U @ np.diag([1.0, 1.0, handed]) @ Vt).T",
         "R is transposed: it turns the target's way back, while the shift is meant for the way "
-        "there."),
-    direction_swapped=(_SHIFT, "return R.T, start - R.T @ end",
-        "This motion brings the target onto the source. The other way is asked for."),
-    not_centred=(_SPREAD, "spread = b * w @ a.T",
+        "there.",
+    ),
+    direction_swapped=(
+        _SHIFT,
+        "return R.T, start - R.T @ end",
+        "This motion brings the target onto the source. The other way is asked for.",
+    ),
+    not_centred=(
+        _SPREAD,
+        "spread = b * w @ a.T",
         "The means are still in the products: far from the origin the place decides about R. Take "
-        "the means off first."),
-    shift_without_the_turn=(_SHIFT, "return R, end - start",
+        "the means off first.",
+    ),
+    shift_without_the_turn=(
+        _SHIFT,
+        "return R, end - start",
         "p is the difference of the means. R turns about the origin and so moves the mean: p = "
-        "mean(target) - R mean(source)."),
-    means_without_weights=(_MEANS, "start, end = a.mean(axis=1), b.mean(axis=1)",
-        "The means are taken without the weights."),
-    no_weights=("w = w / w.sum()", "w = np.ones(len(w)) / len(w)",
-        "The weights are not used: points of weight 0 count too."),
-)  # fmt: skip
+        "mean(target) - R mean(source).",
+    ),
+    means_without_weights=(
+        _MEANS,
+        "start, end = a.mean(axis=1), b.mean(axis=1)",
+        "The means are taken without the weights.",
+    ),
+    no_weights=(
+        "w = w / w.sum()",
+        "w = np.ones(len(w)) / len(w)",
+        "The weights are not used: points of weight 0 count too.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "singular vectors of a 3 x 3 matrix: rounding", told=told),

@@ -29,8 +29,13 @@ SIGMAS = 4.75  # a right answer is beyond them once in 500 000 gradings
 CELLS = 4  # along each axis, for the uniformity of the targets
 LARGEST_CHI2 = 60.0  # 15 degrees of freedom: a right answer is above it once in 4 million
 # Of several slips that let an edge pass, the grossest explains the others.
-GROSSEST = ("start_for_parent", "nothing_checked", "vertices_only", "coarse_sampling",
-            "last_edge_unchecked")  # fmt: skip
+GROSSEST = (
+    "start_for_parent",
+    "nothing_checked",
+    "vertices_only",
+    "coarse_sampling",
+    "last_edge_unchecked",
+)
 MOST_TWICE = 0.05
 PARTS = ("path", "nodes", "parents", "samples")
 
@@ -182,10 +187,14 @@ def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
         "one target in ten is the goal",
         abs(share - BIAS) <= allowed,
         sentence=f"Of {total} targets, {100.0 * share:.3g} % are the goal; 10 % are asked for.",
-        got=f"{share:.3g}", expected=f"{BIAS:g}", error=abs(share - BIAS), tolerance=allowed,
-        unit="1", why=f"{SIGMAS:g} standard deviations of {total} draws",
+        got=f"{share:.3g}",
+        expected=f"{BIAS:g}",
+        error=abs(share - BIAS),
+        tolerance=allowed,
+        unit="1",
+        why=f"{SIGMAS:g} standard deviations of {total} draws",
         slip={0.0: "no_goal_bias", 1.0: "always_goal"}.get(share, ""),
-    )  # fmt: skip
+    )
     if not attempt.failed:
         _report_chance(attempt, goals)
     places = [
@@ -197,10 +206,12 @@ def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
         "other targets are uniform",
         even <= LARGEST_CHI2,
         sentence="The targets are not spread evenly over the world.",
-        error=even, tolerance=LARGEST_CHI2, unit="1",
+        error=even,
+        tolerance=LARGEST_CHI2,
+        unit="1",
         why="chi-squared of the counts in 16 equal parts of the world",
         slip=drawn_from([(world, run.samples) for world, run in closed]),
-    )  # fmt: skip
+    )
     points = np.vstack(places)
     twice = max(1.0 - len(np.unique(column)) / max(len(column), 1) for column in points.T)
     attempt.require(
@@ -209,9 +220,13 @@ def _report_targets(attempt: Attempt, made: list[tuple[World, Run]]) -> None:
         slip="own_generator" if _alike(closed) else "",
         sentence=f"Of the targets that are not the goal, {twice:.1%} have a coordinate that came "
         "before: they are drawn from a few values, or pushed onto the border.",
-        got=f"{twice:.3g}", expected="0", error=twice, tolerance=MOST_TWICE, unit="1",
+        got=f"{twice:.3g}",
+        expected="0",
+        error=twice,
+        tolerance=MOST_TWICE,
+        unit="1",
         why="a uniform number of 24 bits comes twice in one draw of 10 000",
-    )  # fmt: skip
+    )
 
 
 def _alike(closed: list[tuple[World, Run]]) -> bool:
@@ -329,7 +344,9 @@ def queries(attempt: Attempt) -> Plan:
 
 
 EXERCISE = Exercise(
-    judge=judge, given=GIVEN, limits=Limits(load=10.0, call=10.0, total=90.0),
+    judge=judge,
+    given=GIVEN,
+    limits=Limits(load=10.0, call=10.0, total=90.0),
     examples=(
         "rrt([0, 0], [0.4, 0.3], [], [[-1, -1], [1, 1]], 0.5, 100, np.random.default_rng(4))[0]",
         "rrt([0, 0], [0, 0], [], [[-1, -1], [1, 1]], 0.5, 100, np.random.default_rng(1))[0]",
@@ -338,9 +355,13 @@ EXERCISE = Exercise(
     ),
     picture=tree,
     chart=chart_of(
-        "RRT among discs, 20 runs; setting: 1 / targets allowed", queries,
-        unit="targets drawn, mean of 20 runs", tolerance=0.1, error_unit="share unsolved",
-        repeats=2, converges=False,
+        "RRT among discs, 20 runs; setting: 1 / targets allowed",
+        queries,
+        unit="targets drawn, mean of 20 runs",
+        tolerance=0.1,
+        error_unit="share unsolved",
+        repeats=2,
+        converges=False,
     ),
     slips=SLIPS,
-)  # fmt: skip
+)

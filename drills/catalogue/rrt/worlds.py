@@ -88,19 +88,37 @@ def worlds(rng: np.random.Generator) -> list[World]:
         _world("a thick closed fence", fence(x, 0.3), 0.9, 200, closed=True),
         _world("a ring around the goal", ring(GOAL, 0.6, 0.1), 0.9, 400, closed=True),
         World(
-            "a corridor into which a disc dips by 1e-7 m", *ends, dip, corridor, 4.0, 150,
-            closed=True, level="edge",
+            "a corridor into which a disc dips by 1e-7 m",
+            *ends,
+            dip,
+            corridor,
+            4.0,
+            150,
+            closed=True,
+            level="edge",
         ),
         World(
-            "goal within one step", START, near, clutter(rng, 20, 0.2, 0.4),
-            np.array([LOW, HIGH]), 0.5, 500, level="simple",
+            "goal within one step",
+            START,
+            near,
+            clutter(rng, 20, 0.2, 0.4),
+            np.array([LOW, HIGH]),
+            0.5,
+            500,
+            level="simple",
         ),
         World(
-            "start is goal", START, START.copy(), empty, np.array([LOW, HIGH]), 0.5, 50,
+            "start is goal",
+            START,
+            START.copy(),
+            empty,
+            np.array([LOW, HIGH]),
+            0.5,
+            50,
             level="edge",
         ),
         _world("no target allowed", empty, 0.5, 0, level="edge"),
-    ]  # fmt: skip
+    ]
     return [world for world in found if _fair(world)]
 
 

@@ -19,8 +19,15 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """Open ground, thick and thin discs, gates, and a goal that no path reaches."""
 
-    def query(label: str, discs: Array, step: float, level: str = "core", samples: int = 100,
-              start: Array = START, goal: Array = GOAL) -> Case:  # fmt: skip
+    def query(
+        label: str,
+        discs: Array,
+        step: float,
+        level: str = "core",
+        samples: int = 100,
+        start: Array = START,
+        goal: Array = GOAL,
+    ) -> Case:
         return Case((start, goal, discs, rng.uniform(LOW, HIGH, (samples, 2)), step), label, level)
 
     def gate() -> Array:
@@ -41,7 +48,7 @@ def cases(rng: np.random.Generator) -> list[Case]:
         query("a ring around the start", ring(START, 0.6, 0.1), 0.9, "edge", samples=40),
         query("a long step", clutter(rng, 22, 0.4, 0.8), 50.0, "edge"),
         query("no sample", nothing, 0.5, "edge", samples=0),
-    ]  # fmt: skip
+    ]
 
 
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
@@ -64,36 +71,68 @@ _FREE = "if not edge_is_free(nodes[near], new, discs):"
 _STACK = "path = np.vstack((halves[0][::-1], halves[1][1:]))"
 
 SLIPS = slips(
-    one_step_only=(_MEET, "if grow(tree, sample, False) and grow(other, tree[0][-1], False) and "
+    one_step_only=(
+        _MEET,
+        "if grow(tree, sample, False) and grow(other, tree[0][-1], False) and "
         "np.array_equal(other[0][-1], tree[0][-1]):",
         "The other tree makes one step towards the new node. It is to be greedy: step after step "
         "until it is there or stopped. Without that these are two RRTs, and open ground costs a "
-        "sample a step."),
-    both_greedy=(_MEET, _MEET.replace("False", "True"),
+        "sample a step.",
+    ),
+    both_greedy=(
+        _MEET,
+        _MEET.replace("False", "True"),
         "Both trees are greedy. The one that goes to the sample makes a single step; only the "
-        "other one goes all the way."),
-    towards_the_sample=(_MEET, _MEET.replace("tree[0][-1], True", "sample, True") + "\n            "
+        "other one goes all the way.",
+    ),
+    towards_the_sample=(
+        _MEET,
+        _MEET.replace("tree[0][-1], True", "sample, True") + "\n            "
         "other[0][-1] = tree[0][-1]",
         "The other tree goes towards the sample. It has to meet the node that was just added, "
-        "which is not the sample but a step on the way to it."),
-    never_swapped=(_ROLES, "tree, other = trees",
-        "The trees keep their roles. They change after every sample, so that both explore."),
-    swapped_when_grown=("path = np.zeros((0, 2))", "path, order = np.zeros((0, 2)), list(trees)",
-        _ROLES, "tree, other = order",
-        _MEET, "added = grow(tree, sample, False)\n        if added:\n            order.reverse()\n"
+        "which is not the sample but a step on the way to it.",
+    ),
+    never_swapped=(
+        _ROLES,
+        "tree, other = trees",
+        "The trees keep their roles. They change after every sample, so that both explore.",
+    ),
+    swapped_when_grown=(
+        "path = np.zeros((0, 2))",
+        "path, order = np.zeros((0, 2)), list(trees)",
+        _ROLES,
+        "tree, other = order",
+        _MEET,
+        "added = grow(tree, sample, False)\n        if added:\n            order.reverse()\n"
         "        if added and grow(other, tree[0][-1], True):",
-        "The trees change only when a node was added. They change whatever came of the sample."),
-    ends_only=(_FREE, "if not edge_is_free(new, new, discs):",
-        "Only the ends of edges are checked. Check the segment between them."),
-    last_edge_unchecked=(_FREE, _FREE.replace("if not", "if distance > step and not"),
-        "The last edge, the one that reaches its target, is not checked."),
-    half_not_turned=(_STACK, _STACK.replace("halves[0][::-1]", "halves[0]"),
-        "The half from the start's tree runs backwards, from the meeting point to the start."),
-    meeting_point_twice=(_STACK, _STACK.replace("halves[1][1:]", "halves[1]"),
-        "The meeting point is in the path twice: it is in both trees."),
-    path_of_the_last_turn=("for nodes, parents in trees:", "for nodes, parents in (tree, other):",
-        "When the goal's tree has grown last the path comes out from the goal to the start."),
-)  # fmt: skip
+        "The trees change only when a node was added. They change whatever came of the sample.",
+    ),
+    ends_only=(
+        _FREE,
+        "if not edge_is_free(new, new, discs):",
+        "Only the ends of edges are checked. Check the segment between them.",
+    ),
+    last_edge_unchecked=(
+        _FREE,
+        _FREE.replace("if not", "if distance > step and not"),
+        "The last edge, the one that reaches its target, is not checked.",
+    ),
+    half_not_turned=(
+        _STACK,
+        _STACK.replace("halves[0][::-1]", "halves[0]"),
+        "The half from the start's tree runs backwards, from the meeting point to the start.",
+    ),
+    meeting_point_twice=(
+        _STACK,
+        _STACK.replace("halves[1][1:]", "halves[1]"),
+        "The meeting point is in the path twice: it is in both trees.",
+    ),
+    path_of_the_last_turn=(
+        "for nodes, parents in trees:",
+        "for nodes, parents in (tree, other):",
+        "When the goal's tree has grown last the path comes out from the goal to the start.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-9, "some dozen steps are added up: rounding", first=honest),

@@ -19,8 +19,15 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """Trees too small to have a grandchild rewired, where the bug hides; then larger ones."""
 
-    def tree(label: str, discs: Array, samples: int, level: str = "core", step: float = 1.2,
-             radius: float = 2.5, start: Array = START) -> Case:  # fmt: skip
+    def tree(
+        label: str,
+        discs: Array,
+        samples: int,
+        level: str = "core",
+        step: float = 1.2,
+        radius: float = 2.5,
+        start: Array = START,
+    ) -> Case:
         targets = rng.uniform(LOW, HIGH, (samples, 2))
         return Case((start, discs, targets, step, radius), label, level)
 
@@ -32,12 +39,13 @@ def cases(rng: np.random.Generator) -> list[Case]:
         *(tree("no disc", nothing, 40) for _ in range(2)),
         *(tree("thick discs", clutter(rng, 22, 0.4, 0.8), 50) for _ in range(2)),
         tree("thin posts", clutter(rng, 90, 0.1, 0.2), 50),
-        tree("a gate in a fence", gate, 60), tree("from the other side", gate, 50, start=GOAL),
+        tree("a gate in a fence", gate, 60),
+        tree("from the other side", gate, 50, start=GOAL),
         tree("a small neighbourhood", clutter(rng, 22, 0.4, 0.8), 50, radius=1.2),
         tree("everything is a neighbour", clutter(rng, 22, 0.4, 0.8), 30, "edge", radius=99.0),
         tree("a long step", clutter(rng, 22, 0.4, 0.8), 30, "edge", step=50.0, radius=50.0),
         tree("no sample", nothing, 0, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> None:
@@ -63,8 +71,12 @@ def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> N
         bool(more[worst] <= 1e-9),
         sentence=f"Node {worst} has the cost {float(costs[worst]):.6g} m, and its path from the "
         f"root, added up edge by edge, is {lengths[worst]:.6g} m long.",
-        error=float(more[worst]), tolerance=1e-9, unit="m", why="rounding of a sum", call=call,
-    )  # fmt: skip
+        error=float(more[worst]),
+        tolerance=1e-9,
+        unit="m",
+        why="rounding of a sum",
+        call=call,
+    )
 
 
 def trees(figure: Any, shown: Shown) -> None:
@@ -90,29 +102,51 @@ _AROUND = "around = [i for i in around if i == near or edge_is_free(points[i], n
 _END = "    return np.array(nodes), np.array(parents), np.array(costs)"
 
 SLIPS = slips(
-    bug_still_there=(_SUBTREE, _NODE,
+    bug_still_there=(
+        _SUBTREE,
+        _NODE,
         "The bug is still there: a rewired node gets a new cost, and what hangs on it keeps the "
-        "old one. Later parents are then chosen by costs that are too high."),
-    children_only=(_SUBTREE, f"{_NODE}                for k, p in enumerate(parents):\n"
+        "old one. Later parents are then chosen by costs that are too high.",
+    ),
+    children_only=(
+        _SUBTREE,
+        f"{_NODE}                for k, p in enumerate(parents):\n"
         "                    if p == i:\n                        costs[k] -= saved\n",
-        "The children get nearer, and their children don't. Go down the whole subtree."),
-    mended_at_the_end=(_SUBTREE, _NODE, _END, "    for _ in nodes:\n        for k, p in "
+        "The children get nearer, and their children don't. Go down the whole subtree.",
+    ),
+    mended_at_the_end=(
+        _SUBTREE,
+        _NODE,
+        _END,
+        "    for _ in nodes:\n        for k, p in "
         "enumerate(parents[1:], 1):\n            costs[k] = costs[p] + "
         f"float(np.hypot(*(nodes[k] - nodes[p])))\n{_END}",
         "The costs are right at the end and were stale while parents were chosen: the tree is "
-        "another one. Mend them when a node is rewired."),
-    cost_of_the_parent=(_SUBTREE, _SUBTREE.replace("costs[below[-1]] -= saved",
-        "costs[below[-1]] = cost + apart[below[-1]]"),
+        "another one. Mend them when a node is rewired.",
+    ),
+    cost_of_the_parent=(
+        _SUBTREE,
+        _SUBTREE.replace("costs[below[-1]] -= saved", "costs[below[-1]] = cost + apart[below[-1]]"),
         "All of the subtree gets costs as if it hung on the new node directly. Each keeps its own "
-        "parent, and is nearer by what was saved."),
-    rewired_unchecked=(_AROUND, "around = around",
-        "The check of the new edges is gone: the tree goes through discs."),
-    nearest_parent=(_PARENT, "parent = near",
+        "parent, and is nearer by what was saved.",
+    ),
+    rewired_unchecked=(
+        _AROUND,
+        "around = around",
+        "The check of the new edges is gone: the tree goes through discs.",
+    ),
+    nearest_parent=(
+        _PARENT,
+        "parent = near",
         "The nearest node is the parent, as in RRT. RRT* takes the neighbour over which the new "
-        "node is nearest to the start."),
-    not_rewired=("if saved > 0.0:", "if False:",
-        "Nothing is rewired any more. The costs are right then, and the paths not short."),
-)  # fmt: skip
+        "node is nearest to the start.",
+    ),
+    not_rewired=(
+        "if saved > 0.0:",
+        "if False:",
+        "Nothing is rewired any more. The costs are right then, and the paths not short.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-9, "sums of some dozen edges: rounding", first=honest),

@@ -14,8 +14,15 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """Walks among ten states; those from 7 on are terminal."""
 
-    def log(label: str, level: str = "core", *, n: int = 12, ends: str = "", gamma: float = 0.0,
-            high: float = 5.0) -> Case:  # fmt: skip
+    def log(
+        label: str,
+        level: str = "core",
+        *,
+        n: int = 12,
+        ends: str = "",
+        gamma: float = 0.0,
+        high: float = 5.0,
+    ) -> Case:
         state, following = rng.integers(0, 7, n), rng.integers(0, 7, n)
         terminated, truncated = np.zeros(n, int), np.zeros(n, int)
         for t in range(n):
@@ -29,47 +36,72 @@ def cases(rng: np.random.Generator) -> list[Case]:
         args = state, following, rng.normal(size=n), terminated, truncated, phi
         return Case((*args, gamma or float(rng.uniform(0.5, 0.98))), label, level)
 
-    whole = (np.array([0, 2, 1]), np.array([2, 3, 0]), np.array([1, 0, -1]), np.array([0, 1, 0]),
-             np.array([0, 0, 1]), np.array([4, -3, 2, 6]), 0.5)  # fmt: skip
+    whole = (
+        np.array([0, 2, 1]),
+        np.array([2, 3, 0]),
+        np.array([1, 0, -1]),
+        np.array([0, 1, 0]),
+        np.array([0, 0, 1]),
+        np.array([4, -3, 2, 6]),
+        0.5,
+    )
     return [
-        log("one step", "simple", n=1), log("no end", "simple", n=6), log("no end", "simple"),
+        log("one step", "simple", n=1),
+        log("no end", "simple", n=6),
+        log("no end", "simple"),
         *(log("ends of an episode", ends="terminal") for _ in range(3)),
         *(log("time limits", ends="limit") for _ in range(3)),
         *(log("ends and time limits", ends="both", n=40) for _ in range(3)),
         log("a flat potential", "edge", high=1e-9, ends="both"),
         log("no discount", "edge", gamma=1.0, ends="both"),
-        log("no steps", "edge", n=0), Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+        log("no steps", "edge", n=0),
+        Case(whole, WHOLE, "edge"),
+    ]
 
 
 _ENDED = "ended = np.asarray(terminated) != 0"
 
 SLIPS = slips(
-    terminal_potential_kept=("np.where(ended, 0.0, potential[np.asarray(following)])",
+    terminal_potential_kept=(
+        "np.where(ended, 0.0, potential[np.asarray(following)])",
         "potential[np.asarray(following)]",
         "The potential of a terminal state is kept. The sum then leaves gamma^T times it, which "
-        "depends on where the episode ended: the best policy may change. It counts as 0 there."),
-    time_limit_taken_for_an_end=(_ENDED,
+        "depends on where the episode ended: the best policy may change. It counts as 0 there.",
+    ),
+    time_limit_taken_for_an_end=(
+        _ENDED,
         "ended = (np.asarray(terminated) != 0) | (np.asarray(truncated) != 0)",
-        "A time limit is taken for an end. Nothing ended: the state reached keeps its potential."),
-    gamma_on_the_wrong_term=("gamma * ahead - potential[np.asarray(state)]",
+        "A time limit is taken for an end. Nothing ended: the state reached keeps its potential.",
+    ),
+    gamma_on_the_wrong_term=(
+        "gamma * ahead - potential[np.asarray(state)]",
         "ahead - gamma * potential[np.asarray(state)]",
         "The discount is on the potential behind. It belongs to the one ahead, or the sum does not "
-        "telescope."),
-    gamma_forgotten=("gamma * ahead", "ahead",
-        "The potential ahead is not discounted: what is added does not telescope."),
-    potential_of_the_start=("gamma * ahead - potential[np.asarray(state)]",
+        "telescope.",
+    ),
+    gamma_forgotten=(
+        "gamma * ahead",
+        "ahead",
+        "The potential ahead is not discounted: what is added does not telescope.",
+    ),
+    potential_of_the_start=(
+        "gamma * ahead - potential[np.asarray(state)]",
         "potential[np.asarray(state)]",
         "The potential of the state in which the action is taken is paid as a reward. Then it "
-        "pays to stay where it is high; it is the difference that changes nothing."),
-    sign_turned=("gamma * ahead - potential[np.asarray(state)]",
+        "pays to stay where it is high; it is the difference that changes nothing.",
+    ),
+    sign_turned=(
+        "gamma * ahead - potential[np.asarray(state)]",
         "potential[np.asarray(state)] - gamma * ahead",
-        "The difference has the wrong sign: going uphill is punished."),
-    next_row_for_next_state=("potential[np.asarray(following)])",
+        "The difference has the wrong sign: going uphill is punished.",
+    ),
+    next_row_for_next_state=(
+        "potential[np.asarray(following)])",
         "np.append(potential[np.asarray(state)][1:], potential[np.asarray(following)][-1:]))",
         "The next row's state is taken for the state ahead. After an end or a time limit the next "
-        "row is the start of another episode."),
-)  # fmt: skip
+        "row is the start of another episode.",
+    ),
+)
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
@@ -77,9 +109,13 @@ def allowed(case: Case, truth: tuple[Array, ...]) -> float:
     return 1e-12 * max(1.0, float(np.abs(truth[0]).max(initial=0.0)))
 
 
-EXERCISE = Exercise(judge=judge_of(cases, allowed, "two additions and a product", told=coarse),
-    examples=("shaped_reward([0, 1], [1, 2], [0.0, 1.0], [0, 1], [0, 0], [1.0, 2.0, 5.0], 0.9)",
-    "shaped_reward([0, 1], [1, 2], [0.0, 1.0], [0, 0], [0, 1], [1.0, 2.0, 5.0], 0.9)"),
-    slips=SLIPS + coarse_slips("shaped_reward",
-    "What is left of a telescoped sum is a small difference.") + value_slips("shaped_reward",
-    in_part=False))  # fmt: skip
+EXERCISE = Exercise(
+    judge=judge_of(cases, allowed, "two additions and a product", told=coarse),
+    examples=(
+        "shaped_reward([0, 1], [1, 2], [0.0, 1.0], [0, 1], [0, 0], [1.0, 2.0, 5.0], 0.9)",
+        "shaped_reward([0, 1], [1, 2], [0.0, 1.0], [0, 0], [0, 1], [1.0, 2.0, 5.0], 0.9)",
+    ),
+    slips=SLIPS
+    + coarse_slips("shaped_reward", "What is left of a telescoped sum is a small difference.")
+    + value_slips("shaped_reward", in_part=False),
+)

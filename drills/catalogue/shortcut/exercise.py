@@ -27,16 +27,25 @@ def length(path: Any) -> float:
 def cases(rng: np.random.Generator) -> list[Case]:
     """One corner, then zigzags among discs that lie beside the path, many of them in the way."""
 
-    def zigzag(label: str, corners: int, draws: int, radius: float = 0.6, gap: float = 1e-3,
-               level: str = "core", count: int = 30) -> Case:  # fmt: skip
+    def zigzag(
+        label: str,
+        corners: int,
+        draws: int,
+        radius: float = 0.6,
+        gap: float = 1e-3,
+        level: str = "core",
+        count: int = 30,
+    ) -> Case:
         """Discs that touch the path but for a gap, or are smaller."""
         edges = rng.uniform(0.3, 2.0, corners + 1)
         x = np.concatenate(([0.0], np.cumsum(edges)))
         path = np.column_stack((x, rng.uniform(-1.5, 1.5, corners + 2)))
-        discs = np.column_stack((rng.uniform(0.0, x[-1], count), rng.uniform(-3.0, 3.0, count),
-                                 np.full(count, radius)))  # fmt: skip
-        apart = [min(_away(p, q, disc) for p, q in itertools.pairwise(path))
-                 for disc in discs[:, :2]]  # fmt: skip
+        discs = np.column_stack(
+            (rng.uniform(0.0, x[-1], count), rng.uniform(-3.0, 3.0, count), np.full(count, radius))
+        )
+        apart = [
+            min(_away(p, q, disc) for p, q in itertools.pairwise(path)) for disc in discs[:, :2]
+        ]
         discs[:, 2] = np.minimum(discs[:, 2], np.array(apart) - gap)
         return Case((path, discs[discs[:, 2] > 0.02], rng.random((draws, 2))), label, level)
 
@@ -78,8 +87,12 @@ def honest(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> N
             f"{case.label}: its length",
             more <= 1e-9,
             sentence=f"The path has become longer, by {more:.4g} m.",
-            error=max(more, 0.0), tolerance=1e-9, unit="m", why="rounding of a sum", call=call,
-        )  # fmt: skip
+            error=max(more, 0.0),
+            tolerance=1e-9,
+            unit="m",
+            why="rounding of a sum",
+            call=call,
+        )
 
 
 _FREE = "if edge_is_free(p, q, discs):"
@@ -88,32 +101,57 @@ _KEEP = "np.vstack((path[: i + 1], p, q, path[j + 1 :]))"
 
 SLIPS = slips(
     not_checked=(_FREE, "if True:", "The new edge is not checked: cuts go through discs."),
-    points_only=(_FREE, "if edge_is_free(p, p, discs) and edge_is_free(q, q, discs):",
-        "Only the ends of the new edge are checked. They lie on the path and are free anyway."),
-    vertices_only=(_KEEP, "np.vstack((path[: i + 1], path[j + 1 :]))",
+    points_only=(
+        _FREE,
+        "if edge_is_free(p, p, discs) and edge_is_free(q, q, discs):",
+        "Only the ends of the new edge are checked. They lie on the path and are free anyway.",
+    ),
+    vertices_only=(
+        _KEEP,
+        "np.vstack((path[: i + 1], path[j + 1 :]))",
         "p, q = path[[i, j]] + share[:, None] * (path[[i + 1, j + 1]] - path[[i, j]])",
         "p, q = path[i], path[j + 1]",
         "You cut between vertices. The places lie on edges, wherever the draw says, and become "
-        "vertices: that is what takes corners off that no two vertices see across."),
-    by_number_of_edges=("(places - along[[i, j]]) / edges[[i, j]]", "places - [i, j]",
-        _PLACES, "places = np.sort(pair) * len(edges)",
-        "i, j = np.searchsorted(along, places, side=\"right\") - 1",
+        "vertices: that is what takes corners off that no two vertices see across.",
+    ),
+    by_number_of_edges=(
+        "(places - along[[i, j]]) / edges[[i, j]]",
+        "places - [i, j]",
+        _PLACES,
+        "places = np.sort(pair) * len(edges)",
+        'i, j = np.searchsorted(along, places, side="right") - 1',
         "i, j = np.floor(places).astype(int)",
         "A draw is taken as a share of the number of edges. It is one of the length, so that long "
-        "edges are tried more often."),
-    order_of_the_draw=("np.sort(pair)", "pair",
+        "edges are tried more often.",
+    ),
+    order_of_the_draw=(
+        "np.sort(pair)",
+        "pair",
         "When the second place comes before the first one the path is put together wrongly. Sort "
-        "the two."),
-    one_vertex_too_many=(_KEEP, _KEEP.replace("path[j + 1 :]", "path[j:]"),
-        "A vertex before the second place stays: the path goes back to it. Keep from j + 1 on."),
-    one_vertex_too_few=(_KEEP, _KEEP.replace("path[: i + 1]", "path[: max(i, 1)]"),
-        "The vertex before the first place is lost: the edge to it was never checked."),
-    stops_at_a_hit=("            path = np.vstack", "            pass\n        else:\n            "
+        "the two.",
+    ),
+    one_vertex_too_many=(
+        _KEEP,
+        _KEEP.replace("path[j + 1 :]", "path[j:]"),
+        "A vertex before the second place stays: the path goes back to it. Keep from j + 1 on.",
+    ),
+    one_vertex_too_few=(
+        _KEEP,
+        _KEEP.replace("path[: i + 1]", "path[: max(i, 1)]"),
+        "The vertex before the first place is lost: the edge to it was never checked.",
+    ),
+    stops_at_a_hit=(
+        "            path = np.vstack",
+        "            pass\n        else:\n            "
         "break\n        if True:\n            path = np.vstack",
-        "The first cut that touches a disc ends it all. Go on with the next draw."),
-    split_edges=("        if i == j:\n            continue\n", "",
-        "Two places on one edge split it in three. Nothing is gained: leave the path as it is."),
-)  # fmt: skip
+        "The first cut that touches a disc ends it all. Go on with the next draw.",
+    ),
+    split_edges=(
+        "        if i == j:\n            continue\n",
+        "",
+        "Two places on one edge split it in three. Nothing is gained: leave the path as it is.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-9, "places on edges: rounding of a dozen cuts", first=honest),

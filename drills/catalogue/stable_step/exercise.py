@@ -167,61 +167,91 @@ _VALUES = "np.linalg.eigvals(np.linalg.solve(M, K)).real"
 _RETURN = "return 2.0 / math.sqrt(squares[-1]) if squares[-1] > 0.0 else math.inf"
 
 SLIPS = slips(
-    stiffest_spring=(_PLAIN.format(answer="2.0 / np.sqrt(np.max(np.diag(K) / np.diag(M)))"),
+    stiffest_spring=(
+        _PLAIN.format(answer="2.0 / np.sqrt(np.max(np.diag(K) / np.diag(M)))"),
         "You took the largest k / m on the diagonal. That is a lower bound of omega_max^2: "
-        "coupling can multiply it, and a step chosen in this way explodes."),
+        "coupling can multiply it, and a step chosen in this way explodes.",
+    ),
     stiffest_over_lightest=(
         _PLAIN.format(answer="2.0 / np.sqrt(np.max(np.diag(K)) / np.min(np.diag(M)))"),
         "You took the stiffest spring and the lightest mass of the diagonals, which need not "
         "belong together; and the coupling counts too. Solve K x = omega^2 M x for its "
-        "largest value."),
-    slowest_mode=(_PLAIN.format(answer=f"2.0 / np.sqrt(np.abs({_VALUES}).min())"),
+        "largest value.",
+    ),
+    slowest_mode=(
+        _PLAIN.format(answer=f"2.0 / np.sqrt(np.abs({_VALUES}).min())"),
         "That is the limit of the slowest mode. The fastest one is the first to explode: take the "
-        "largest eigenvalue."),
+        "largest eigenvalue.",
+    ),
     arguments_swapped=(
         _PLAIN.format(answer="2 / np.sqrt(np.linalg.eigvals(np.linalg.pinv(K) @ M).real.max())"),
-        "Stiffness and mass are taken for each other: that is K^-1 M where M^-1 K is due."),
-    hertz=(_PLAIN.format(answer=f"4.0 * np.pi / np.sqrt({_VALUES}.max())"),
+        "Stiffness and mass are taken for each other: that is K^-1 M where M^-1 K is due.",
+    ),
+    hertz=(
+        _PLAIN.format(answer=f"4.0 * np.pi / np.sqrt({_VALUES}.max())"),
         "The frequency is taken in hertz. The limit 2 / omega is that of the circular frequency, "
-        "in rad/s: leave the 2 pi out."),
+        "in rad/s: leave the 2 pi out.",
+    ),
     bound_for_eigenvalue=(
         _PLAIN.format(answer="2.0 / np.sqrt(np.abs(np.linalg.solve(M, K)).sum(axis=1).max())"),
         "A sum along a row bounds the largest eigenvalue and is not it (Gershgorin): your step is "
-        "safe, but too short. Compute the eigenvalue."),
-    sum_of_eigenvalues=(_RETURN, "return 2.0 / math.sqrt(squares.sum())",
+        "safe, but too short. Compute the eigenvalue.",
+    ),
+    sum_of_eigenvalues=(
+        _RETURN,
+        "return 2.0 / math.sqrt(squares.sum())",
         "The squares of all frequencies are added (the trace). The fastest mode alone sets the "
-        "limit: take the largest eigenvalue."),
-    mass_forgotten=(_PLAIN.format(answer="2.0 / np.sqrt(np.linalg.eigvalsh(K)[-1])"),
-        "The eigenvalues of K alone have the unit N/m, not 1/s^2: the masses are missing."),
+        "limit: take the largest eigenvalue.",
+    ),
+    mass_forgotten=(
+        _PLAIN.format(answer="2.0 / np.sqrt(np.linalg.eigvalsh(K)[-1])"),
+        "The eigenvalues of K alone have the unit N/m, not 1/s^2: the masses are missing.",
+    ),
     coupled_masses_ignored=(
         _PLAIN.format(
-        answer="2.0 / np.sqrt(np.max(np.linalg.eigvals(K / np.diag(M)[:, None]).real))"
+            answer="2.0 / np.sqrt(np.max(np.linalg.eigvals(K / np.diag(M)[:, None]).real))"
         ),
         "Only the diagonal of the mass matrix is used. In the joint coordinates of an arm the "
-        "masses are coupled, and the off-diagonal terms move the highest frequency."),
+        "masses are coupled, and the off-diagonal terms move the highest frequency.",
+    ),
     symmetric_solver_on_unsymmetric_matrix=(
         _PLAIN.format(answer="2.0 / np.sqrt(np.linalg.eigvalsh(np.linalg.solve(M, K))[-1])"),
         "inv(M) K is not symmetric although K and M are, and eigvalsh silently reads only its "
-        "lower half. Nothing warns you; use eigvals, or Cholesky to keep the symmetry."),
+        "lower half. Nothing warns you; use eigvals, or Cholesky to keep the symmetry.",
+    ),
     norm_for_eigenvalue=(
         _PLAIN.format(answer="2.0 / np.sqrt(np.linalg.norm(np.linalg.solve(M, K), 2))"),
         "The norm of inv(M) K is not its largest eigenvalue: that holds for symmetric matrices "
-        "only, and inv(M) K is not one. The norm is larger, so your step is safe but short."),
+        "only, and inv(M) K is not one. The norm is larger, so your step is safe but short.",
+    ),
     extremes_apart=(
         _PLAIN.format(answer="2.0 * np.sqrt(np.linalg.eigvalsh(M)[0] / np.linalg.eigvalsh(K)[-1])"),
         "The largest eigenvalue of K over the smallest of M is only an upper bound of omega_max^2: "
-        "the two belong to different motions. Your step is safe, and shorter than need be."),
-    one_over_omega=(_RETURN, "return 1.0 / math.sqrt(squares[-1])",
+        "the two belong to different motions. Your step is safe, and shorter than need be.",
+    ),
+    one_over_omega=(
+        _RETURN,
+        "return 1.0 / math.sqrt(squares[-1])",
         "Half of the limit: the step matrix of a mode has trace 2 - (omega dt)^2, which stays "
-        "above -2 until omega dt = 2, not 1."),
-    period=(_RETURN, "return 2.0 * math.pi / math.sqrt(squares[-1])",
+        "above -2 until omega dt = 2, not 1.",
+    ),
+    period=(
+        _RETURN,
+        "return 2.0 * math.pi / math.sqrt(squares[-1])",
         "That is the period of the fastest mode, 2 pi / omega. The limit is 2 / omega: about "
-        "three steps a period."),
-    square_root_missing=(_RETURN, "return 2.0 / squares[-1]",
-        "The eigenvalues of K x = omega^2 M x are the *squares* of the frequencies."),
-    limit_of_rk4=(_RETURN, "return math.sqrt(8.0 / squares[-1])",
-        "2 sqrt(2) / omega is the limit of RK4. For semi-implicit Euler it is 2 / omega."),
-)  # fmt: skip
+        "three steps a period.",
+    ),
+    square_root_missing=(
+        _RETURN,
+        "return 2.0 / squares[-1]",
+        "The eigenvalues of K x = omega^2 M x are the *squares* of the frequencies.",
+    ),
+    limit_of_rk4=(
+        _RETURN,
+        "return math.sqrt(8.0 / squares[-1])",
+        "2 sqrt(2) / omega is the limit of RK4. For semi-implicit Euler it is 2 / omega.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

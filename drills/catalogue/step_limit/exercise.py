@@ -18,27 +18,40 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """Arms of two rods with a payload, gains as one would set them."""
 
-    def arm(label: str, level: str = "core", *, kp: float | None = None, kd: float | None = None,
-            damping: float = 0.2, elbow: Any = None) -> Case:  # fmt: skip
+    def arm(
+        label: str,
+        level: str = "core",
+        *,
+        kp: float | None = None,
+        kd: float | None = None,
+        damping: float = 0.2,
+        elbow: Any = None,
+    ) -> Case:
         (m1, m2, load), (l1, l2) = rng.uniform([0.5, 0.5, 0.0], 1.5), rng.uniform(0.3, 0.6, 2)
         d = (m2 / 3.0 + load) * l2**2
-        inertia = np.array([m1 / 3.0 * l1**2 + (m2 + load) * l1**2 + d,
-                            (0.5 * m2 + load) * l1 * l2, d])  # fmt: skip
+        inertia = np.array(
+            [m1 / 3.0 * l1**2 + (m2 + load) * l1**2 + d, (0.5 * m2 + load) * l1 * l2, d]
+        )
         bend = np.sort(rng.uniform(-2.9, 2.9, 12)) if elbow is None else np.array(elbow)
-        gains = [float(rng.uniform(*ends)) if g is None else g
-                 for g, ends in ((kp, (10.0, 60.0)), (kd, (1.0, 10.0)))]  # fmt: skip
+        gains = [
+            float(rng.uniform(*ends)) if g is None else g
+            for g, ends in ((kp, (10.0, 60.0)), (kd, (1.0, 10.0)))
+        ]
         return Case((inertia, bend, *gains, damping), label, level)
 
     return [
         arm("stretched, no damping", "simple", kd=0.0, damping=0.0, elbow=[0.0]),
-        arm("stretched", "simple", elbow=[0.0]), arm("a right angle", "simple", elbow=[1.57]),
+        arm("stretched", "simple", elbow=[0.0]),
+        arm("a right angle", "simple", elbow=[1.57]),
         *(arm("over postures, no damping", kd=0.0, damping=0.0) for _ in range(2)),
         arm("the joints' own damping alone", kd=0.0, damping=1.5),
-        *(arm("over postures") for _ in range(3)), arm("much damping", kd=60.0),
-        arm("stiff", kp=2e4), arm("no position gain", "edge", kp=0.0),
+        *(arm("over postures") for _ in range(3)),
+        arm("much damping", kd=60.0),
+        arm("stiff", kp=2e4),
+        arm("no position gain", "edge", kp=0.0),
         arm("nearly no position gain", "edge", kp=1e-9),
         Case((np.array([4, 1, 1]), np.array([0, 1, 2]), 3, 2, 1), WHOLE, "edge"),
-    ]  # fmt: skip
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> float:
@@ -61,41 +74,79 @@ _LIMIT = "4.0 / (np.sqrt(drag**2 + 4.0 * stiffness) + drag)"
 _INVERSE = "np.linalg.inv(np.moveaxis(M, 2, 0))"
 
 SLIPS = slips(
-    one_joints_inertia=(_QUICKEST, "quickest = 1.0 / np.moveaxis(M, 2, 0)[:, 1, 1]",
+    one_joints_inertia=(
+        _QUICKEST,
+        "quickest = 1.0 / np.moveaxis(M, 2, 0)[:, 1, 1]",
         "One joint's inertia is taken, as if the other were clamped. A free arm is lighter: the "
-        "joints move against each other."),
-    first_joints_inertia=(_QUICKEST, "quickest = 1.0 / np.moveaxis(M, 2, 0)[:, 0, 0]",
+        "joints move against each other.",
+    ),
+    first_joints_inertia=(
+        _QUICKEST,
+        "quickest = 1.0 / np.moveaxis(M, 2, 0)[:, 0, 0]",
         "The inertia of the whole arm about its first joint decides nothing: the lightest way to "
-        "move is what the step has to follow."),
-    diagonal_of_the_inverse=(_QUICKEST, f"quickest = {_INVERSE}[:, 1, 1]",
-        "An element of the inverse is below its largest eigenvalue: the mode moves both joints."),
-    heaviest_mode=("[:, 0]\n", "[:, 1]\n",
-        "That is the heaviest way to move. The lightest one becomes unstable first."),
-    folded_posture=(_BEND, "bend = -np.ones(len(np.asarray(elbow)))",
+        "move is what the step has to follow.",
+    ),
+    diagonal_of_the_inverse=(
+        _QUICKEST,
+        f"quickest = {_INVERSE}[:, 1, 1]",
+        "An element of the inverse is below its largest eigenvalue: the mode moves both joints.",
+    ),
+    heaviest_mode=(
+        "[:, 0]\n",
+        "[:, 1]\n",
+        "That is the heaviest way to move. The lightest one becomes unstable first.",
+    ),
+    folded_posture=(
+        _BEND,
+        "bend = -np.ones(len(np.asarray(elbow)))",
         "The folded posture is taken for all. There the arm allows the largest step; a stretched "
-        "arm needs a smaller one."),
-    angle_in_degrees=(_BEND, "bend = np.cos(np.deg2rad(elbow))",
-        "The elbow is taken for degrees; it comes in radians."),
-    kd_left_out=(_DRAG, "damping * quickest",
+        "arm needs a smaller one.",
+    ),
+    angle_in_degrees=(
+        _BEND,
+        "bend = np.cos(np.deg2rad(elbow))",
+        "The elbow is taken for degrees; it comes in radians.",
+    ),
+    kd_left_out=(
+        _DRAG,
+        "damping * quickest",
         "The rate gain is left out. For the step it is damping like any other, and lowers the "
-        "limit."),
-    joints_damping_left_out=(_DRAG, "kd * quickest",
-        "The damping of the joints is left out: it acts besides kd."),
-    no_damping_at_all=(_DRAG, "0.0 * quickest",
-        "That is the undamped limit, 2 / omega. Damping from the old rate lowers it."),
-    explicit_euler=(_LIMIT, "drag / np.maximum(stiffness, 1e-300)",
+        "limit.",
+    ),
+    joints_damping_left_out=(
+        _DRAG,
+        "kd * quickest",
+        "The damping of the joints is left out: it acts besides kd.",
+    ),
+    no_damping_at_all=(
+        _DRAG,
+        "0.0 * quickest",
+        "That is the undamped limit, 2 / omega. Damping from the old rate lowers it.",
+    ),
+    explicit_euler=(
+        _LIMIT,
+        "drag / np.maximum(stiffness, 1e-300)",
         "That is the limit of explicit Euler, d / k, zero without damping. Here q takes the new "
-        "rate."),
-    damping_raises_it=(_LIMIT, "(np.sqrt(drag**2 + 4.0 * stiffness) + drag) / "
-        "np.maximum(stiffness, 1e-300)",
+        "rate.",
+    ),
+    damping_raises_it=(
+        _LIMIT,
+        "(np.sqrt(drag**2 + 4.0 * stiffness) + drag) / np.maximum(stiffness, 1e-300)",
         "The other root: damping would raise the limit. It does if it is taken implicitly, from "
-        "the new rate."),
-    half_the_drag=(_LIMIT, "4.0 / (np.sqrt(drag**2 / 4.0 + 4.0 * stiffness) + drag / 2.0)",
-        "The damping counts half: the root is that of k h^2 + 2 d h = 4."),
-    divided_by_nothing=(_LIMIT, "(np.sqrt(drag**2 + 4.0 * stiffness) - drag) / stiffness",
+        "the new rate.",
+    ),
+    half_the_drag=(
+        _LIMIT,
+        "4.0 / (np.sqrt(drag**2 / 4.0 + 4.0 * stiffness) + drag / 2.0)",
+        "The damping counts half: the root is that of k h^2 + 2 d h = 4.",
+    ),
+    divided_by_nothing=(
+        _LIMIT,
+        "(np.sqrt(drag**2 + 4.0 * stiffness) - drag) / stiffness",
         "Right until kp is small: then a difference of nearly equal numbers is divided by nearly "
-        "nothing. Multiply by the sum: 4 / (sqrt(d^2 + 4 k) + d)."),
-)  # fmt: skip
+        "nothing. Multiply by the sum: 4 / (sqrt(d^2 + 4 k) + d).",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "an eigenvalue and a root: rounding", told=coarse),
@@ -104,6 +155,7 @@ EXERCISE = Exercise(
         "step_limit([0.4, 0.1, 0.05], [0.0, 1.57, 3.14], 25.0, 0.0, 0.0)",
     ),
     picture=over_postures,
-    slips=SLIPS + coarse_slips("step_limit", "A step at the limit is decided by the last of them.")
+    slips=SLIPS
+    + coarse_slips("step_limit", "A step at the limit is decided by the last of them.")
     + value_slips("step_limit", in_part=False),
-)  # fmt: skip
+)

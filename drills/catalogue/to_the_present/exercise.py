@@ -18,9 +18,17 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """Messages of a camera at 10 Hz, with a latency that is constant or spread."""
 
-    def log(label: str, level: str = "core", *, n: int = 5, spread: float = 0.0,
-            noise: float = 0.5, speed: float = 0.3, shuffled: bool = False,
-            now: float | None = None) -> Case:  # fmt: skip
+    def log(
+        label: str,
+        level: str = "core",
+        *,
+        n: int = 5,
+        spread: float = 0.0,
+        noise: float = 0.5,
+        speed: float = 0.3,
+        shuffled: bool = False,
+        now: float | None = None,
+    ) -> Case:
         captured = 0.1 * np.arange(n) + rng.uniform(0.0, 0.05)
         arrived = captured + 0.07 + spread * rng.random(n)
         if spread:  # the last one overtakes the one before it
@@ -39,16 +47,28 @@ def cases(rng: np.random.Generator) -> list[Case]:
     eye = np.tile(np.eye(4, dtype=int), (2, 1, 1))
     return [
         log("one message, no noise", "simple", n=1, noise=0.0, now=0.3),
-        log("one message", "simple", n=1, now=0.4), log("at rest", "simple", n=2, speed=0.0),
+        log("one message", "simple", n=1, now=0.4),
+        log("at rest", "simple", n=2, speed=0.0),
         *(log("several") for _ in range(2)),
         *(log("in any order", shuffled=True) for _ in range(2)),
         *(log("one overtakes another", spread=0.4, n=8) for _ in range(3)),
-        log("much noise", noise=20.0), log("long ago", now=3.0),
+        log("much noise", noise=20.0),
+        log("long ago", now=3.0),
         log("all arrived, the last one first", spread=0.4, n=8, shuffled=True, now=2.0),
         Case((*at.args[:4], float(at.args[3][-1]), 0.5), at.label, "edge"),
-        Case((np.array([[1, 2, 3, -1], [0, 1, 2, 1]]), eye, np.array([1, 2]), np.array([3, 4]),
-              5, 3), WHOLE, "edge"),
-    ]  # fmt: skip
+        Case(
+            (
+                np.array([[1, 2, 3, -1], [0, 1, 2, 1]]),
+                eye,
+                np.array([1, 2]),
+                np.array([3, 4]),
+                5,
+                3,
+            ),
+            WHOLE,
+            "edge",
+        ),
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
@@ -74,42 +94,83 @@ _PLUS = " + np.kron(growth, np.eye(2))"
 _DIAGONAL = "[[age**3 / 3.0, age**2 / 2.0], [age**2 / 2.0, age]]"
 
 SLIPS = slips(
-    from_arrival=(_AGE, "age = now - np.asarray(arrived)[newest]",
+    from_arrival=(
+        _AGE,
+        "age = now - np.asarray(arrived)[newest]",
         "It is carried forward from its arrival. The state is that of the capture: exposure, "
-        "perception and the wire belong to the age."),
-    covariance_not_grown=(_MOVED, "np.asarray(covariances, dtype=float)[newest]", _PLUS, "",
+        "perception and the wire belong to the age.",
+    ),
+    covariance_not_grown=(
+        _MOVED,
+        "np.asarray(covariances, dtype=float)[newest]",
+        _PLUS,
+        "",
         "The covariance is as old as the message: an estimate that was carried forward is less "
-        "certain than it was."),
-    age_counted_twice=("return F @ np", "return F @ F @ np",
-        "The age is counted twice: the state is as far ahead of the target as it was behind."),
-    frame_period_for_age=(_AGE, "age = stamps[here].max() - np.sort(np.append(stamps, "
-        "stamps.min() - 0.1))[-2]",
+        "certain than it was.",
+    ),
+    age_counted_twice=(
+        "return F @ np",
+        "return F @ F @ np",
+        "The age is counted twice: the state is as far ahead of the target as it was behind.",
+    ),
+    frame_period_for_age=(
+        _AGE,
+        "age = stamps[here].max() - np.sort(np.append(stamps, stamps.min() - 0.1))[-2]",
         "The time between two pictures is taken for the age. How old the newest one is has nothing "
-        "to do with it."),
-    last_arrived=(_NEWEST, "newest = here[np.argmax(np.asarray(arrived)[here])]",
-        "The message that arrived last is taken for the newest: it may have been overtaken."),
-    last_in_the_list=(_NEWEST, "newest = here[-1]",
-        "The last of the list is taken for the newest. It stands in any order."),
-    from_the_future=("np.asarray(arrived) <= now", "stamps <= now",
-        "Messages count from their capture on. Nobody has them before they arrive."),
-    strictly_before=("np.asarray(arrived) <= now", "np.asarray(arrived) <= now - 1e-12",
-        "A message that arrives at the moment of reading is left out."),
-    no_acceleration_noise=(_PLUS, "",
-        "The unknown acceleration is missing: only the doubt of the rate is carried along."),
-    doubt_of_the_rate_forgotten=(_MOVED, "np.asarray(covariances, dtype=float)[newest]",
-        "Noise is added, but the doubt of the rate is not carried into the position: F P F^T."),
-    transposed_transition=(_MOVED, "F.T @ np.asarray(covariances, dtype=float)[newest] @ F",
-        "F is transposed in the covariance: the doubt of the position goes into the rate."),
-    not_correlated=(_DIAGONAL, "np.diag([age**3 / 3.0, age])",
-        "An acceleration moves position and rate together: T^2 / 2 stands between them."),
-    noise_into_the_rate_only=(_DIAGONAL, "np.diag([0.0, age])",
-        "The acceleration noise is in the rate only; the position takes T^3 / 3 of it."),
-)  # fmt: skip
+        "to do with it.",
+    ),
+    last_arrived=(
+        _NEWEST,
+        "newest = here[np.argmax(np.asarray(arrived)[here])]",
+        "The message that arrived last is taken for the newest: it may have been overtaken.",
+    ),
+    last_in_the_list=(
+        _NEWEST,
+        "newest = here[-1]",
+        "The last of the list is taken for the newest. It stands in any order.",
+    ),
+    from_the_future=(
+        "np.asarray(arrived) <= now",
+        "stamps <= now",
+        "Messages count from their capture on. Nobody has them before they arrive.",
+    ),
+    strictly_before=(
+        "np.asarray(arrived) <= now",
+        "np.asarray(arrived) <= now - 1e-12",
+        "A message that arrives at the moment of reading is left out.",
+    ),
+    no_acceleration_noise=(
+        _PLUS,
+        "",
+        "The unknown acceleration is missing: only the doubt of the rate is carried along.",
+    ),
+    doubt_of_the_rate_forgotten=(
+        _MOVED,
+        "np.asarray(covariances, dtype=float)[newest]",
+        "Noise is added, but the doubt of the rate is not carried into the position: F P F^T.",
+    ),
+    transposed_transition=(
+        _MOVED,
+        "F.T @ np.asarray(covariances, dtype=float)[newest] @ F",
+        "F is transposed in the covariance: the doubt of the position goes into the rate.",
+    ),
+    not_correlated=(
+        _DIAGONAL,
+        "np.diag([age**3 / 3.0, age])",
+        "An acceleration moves position and rate together: T^2 / 2 stands between them.",
+    ),
+    noise_into_the_rate_only=(
+        _DIAGONAL,
+        "np.diag([0.0, age])",
+        "The acceleration noise is in the rate only; the position takes T^3 / 3 of it.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "a few products: rounding", told=coarse),
     examples=("to_the_present([[0, 0, 1, 0]], [np.eye(4)], [1.0], [1.5], 2.0, 0.0)",),
     picture=ellipses,
-    slips=SLIPS + coarse_slips("to_the_present", "Covariances of millimetres are small numbers.")
+    slips=SLIPS
+    + coarse_slips("to_the_present", "Covariances of millimetres are small numbers.")
     + value_slips("to_the_present"),
-)  # fmt: skip
+)

@@ -13,8 +13,16 @@ from drills.report import Shown
 def cases(rng: np.random.Generator) -> list[Case]:
     """Laws from gentle to steep, and tests of which more or less is within reach."""
 
-    def carriages(label: str, level: str = "core", *, steep: float = 1.5, far: float = 3.0,
-                  n: int = 8, T: int = 12, k: int = 30) -> Case:  # fmt: skip
+    def carriages(
+        label: str,
+        level: str = "core",
+        *,
+        steep: float = 1.5,
+        far: float = 3.0,
+        n: int = 8,
+        T: int = 12,
+        k: int = 30,
+    ) -> Case:
         weights = np.array([-steep, 0.1 * rng.normal()])
         statistics = np.array([40.0, 0.3 * rng.normal(), 40.0 * rng.uniform(0.7, 1.3)])
         starts, noise = rng.uniform(-2.0, 2.0, n), rng.normal(size=(T, n))
@@ -27,10 +35,12 @@ def cases(rng: np.random.Generator) -> list[Case]:
         carriages("gentle, one step", "simple", steep=0.1, far=0.5, T=1),
         carriages("gentle, a near test", "simple", steep=0.1, far=0.5),
         *(carriages("a near test", far=1.0) for _ in range(2)),
-        *(carriages("a far test") for _ in range(3)), carriages("a steep law", steep=3.0, k=60),
-        carriages("one start in the test", "edge", k=1), carriages("one step", "edge", T=1),
+        *(carriages("a far test") for _ in range(3)),
+        carriages("a steep law", steep=3.0, k=60),
+        carriages("one start in the test", "edge", k=1),
+        carriages("one step", "edge", T=1),
         carriages("hardly any is reached", "edge", far=8.0),
-    ]  # fmt: skip
+    ]
 
 
 def results(figure: Any, shown: Shown) -> None:
@@ -56,34 +66,64 @@ _FIRST = """        begun, age, reached = np.array(x), np.zeros(x.size), []
             x[over], age[over] = begun[over], 0
         return float(np.mean(reached[: x.size]))
 """
-_LEARN = ("        return np.asarray((x", "        learn(x)\n        return np.asarray((x",
-          "        learn(x)\n        z", "        z")  # fmt: skip
+_LEARN = (
+    "        return np.asarray((x",
+    "        learn(x)\n        return np.asarray((x",
+    "        learn(x)\n        z",
+    "        z",
+)
 _CLIP = ("action = mean + sigma * drawn", "action = np.clip(mean + sigma * drawn, -1.0, 1.0)")
 
 SLIPS = slips(
-    clipped_before_it_is_stored=(*_CLIP,
+    clipped_before_it_is_stored=(
+        *_CLIP,
         "The action is clipped before its probability is taken: the gradient is that of an action "
-        "that was never drawn. Clip what goes to the drive, store what came from the policy."),
-    first_finished=(_ONCE, _FIRST,
+        "that was never drawn. Clip what goes to the drive, store what came from the policy.",
+    ),
+    first_finished=(
+        _ONCE,
+        _FIRST,
         "The first episodes to finish are counted: the short ones, which succeed, come twice, and "
-        "the long ones never. Take one episode of each start."),
-    statistics_of_the_test=(*_LEARN,
-        "The test changes the statistics, and with them the policy that it tests: freeze them."),
-    all_still_there=(_ONCE, _FIRST, *_LEARN, *_CLIP,
-        "All three are still there."),
-    first_finished_and_statistics=(_ONCE, _FIRST, *_LEARN,
-        "The gradient is mended. The test still counts the first to finish, and still learns."),
-    first_finished_and_clipped=(_ONCE, _FIRST, *_CLIP,
-        "The statistics are mended. The test counts the first to finish, the gradient is clipped."),
-    statistics_and_clipped=(*_LEARN, *_CLIP,
-        "The count is mended. The test still learns, and the gradient is of clipped actions."),
-    never_clipped=("dt * np.clip(action, -1.0, 1.0)", "dt * action",
-        "Nothing is clipped: the drive limits speeds to 1 m/s."),
-    only_the_end_counts=("reached |= np.abs(x) < 0.1", "reached = np.abs(x) < 0.1",
-        "Only where a carriage is at the limit counts. It has arrived once it was within 0.1 m."),
-    statistics_frozen=("        learn(x)\n        z", "        z",
-        "The statistics never learn: the places of training belong in them."),
-)  # fmt: skip
+        "the long ones never. Take one episode of each start.",
+    ),
+    statistics_of_the_test=(
+        *_LEARN,
+        "The test changes the statistics, and with them the policy that it tests: freeze them.",
+    ),
+    all_still_there=(_ONCE, _FIRST, *_LEARN, *_CLIP, "All three are still there."),
+    first_finished_and_statistics=(
+        _ONCE,
+        _FIRST,
+        *_LEARN,
+        "The gradient is mended. The test still counts the first to finish, and still learns.",
+    ),
+    first_finished_and_clipped=(
+        _ONCE,
+        _FIRST,
+        *_CLIP,
+        "The statistics are mended. The test counts the first to finish, the gradient is clipped.",
+    ),
+    statistics_and_clipped=(
+        *_LEARN,
+        *_CLIP,
+        "The count is mended. The test still learns, and the gradient is of clipped actions.",
+    ),
+    never_clipped=(
+        "dt * np.clip(action, -1.0, 1.0)",
+        "dt * action",
+        "Nothing is clipped: the drive limits speeds to 1 m/s.",
+    ),
+    only_the_end_counts=(
+        "reached |= np.abs(x) < 0.1",
+        "reached = np.abs(x) < 0.1",
+        "Only where a carriage is at the limit counts. It has arrived once it was within 0.1 m.",
+    ),
+    statistics_frozen=(
+        "        learn(x)\n        z",
+        "        z",
+        "The statistics never learn: the places of training belong in them.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-10, "rounding, over some dozens of steps", told=coarse),

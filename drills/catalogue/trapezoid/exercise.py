@@ -19,8 +19,9 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """One joint, long and short ways; then several, of which each may be the slowest."""
 
-    def line(label: str, n: int, size: float = 2.0, level: str = "core", fast: float = 1.0,
-             idle: int = 0) -> Case:  # fmt: skip
+    def line(
+        label: str, n: int, size: float = 2.0, level: str = "core", fast: float = 1.0, idle: int = 0
+    ) -> Case:
         """Ways of up to `size`; `fast` scales the speeds, so that full speed is reached or not."""
         move = size * rng.uniform(0.3, 1.0, n) * rng.choice([-1.0, 1.0], n)
         move[:idle] = 0.0
@@ -38,14 +39,25 @@ def cases(rng: np.random.Generator) -> list[Case]:
         *(line("several joints, long ways", n, 5.0) for n in (2, 3, 6, 7)),
         *(line("several joints, short ways", n, 0.1) for n in (2, 4, 7)),
         *(line("several joints", n) for n in (3, 4, 6)),
-        line("never at full speed", 3, fast=20.0), line("slow joints", 3, fast=0.05),
-        line("a joint that stays", 3, 4.0, idle=1), line("one joint of six moves", 6, idle=5),
+        line("never at full speed", 3, fast=20.0),
+        line("slow joints", 3, fast=0.05),
+        line("a joint that stays", 3, 4.0, idle=1),
+        line("one joint of six moves", 6, idle=5),
         Case((*some[:4], np.array([-1.0, -0.1, 0.2, 99.0])), "before and after", "edge"),
         Case((some[0], some[0].copy(), *some[2:]), "nothing to do", "edge"),
         Case((*some[:4], np.zeros(0)), "no time", "edge"),
-        Case((np.array([0, 1]), np.array([3, -4]), np.array([1, 2]), np.array([2, 3]),
-              np.array([0, 1, 2, 5])), WHOLE, "edge"),
-    ]  # fmt: skip
+        Case(
+            (
+                np.array([0, 1]),
+                np.array([3, -4]),
+                np.array([1, 2]),
+                np.array([2, 3]),
+                np.array([0, 1, 2, 5]),
+            ),
+            WHOLE,
+            "edge",
+        ),
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
@@ -63,8 +75,10 @@ def held(attempt: Attempt, case: Case, parts: tuple[Any, ...], call: str) -> Non
         f"{case.label}: speeds",
         most <= 1.0 + 1e-9,
         sentence=f"A joint goes at {most:.4g} times its largest speed.",
-        got=f"{most:.6g}", expected="at most 1", call=call,
-    )  # fmt: skip
+        got=f"{most:.6g}",
+        expected="at most 1",
+        call=call,
+    )
 
 
 def rates(figure: Any, shown: Shown) -> None:
@@ -86,35 +100,76 @@ _DURATION = "duration = ramp + 1.0 / v"
 _LAST = "1.0 - 0.5 * a * left**2"
 
 SLIPS = slips(
-    fastest_joint=(_V, _V.replace("min(", "max("), _A, _A.replace("min(", "max("),
+    fastest_joint=(
+        _V,
+        _V.replace("min(", "max("),
+        _A,
+        _A.replace("min(", "max("),
         "The joint with the most to spare sets the pace. The one with the least does: the smallest "
-        "of limit / |move|."),
-    one_joint_for_both=(_A, "float((acceleration / size)[np.argmin(speed / size)])",
+        "of limit / |move|.",
+    ),
+    one_joint_for_both=(
+        _A,
+        "float((acceleration / size)[np.argmin(speed / size)])",
         "The acceleration is taken from the joint that limits the speed. Another joint may limit "
-        "it: take both minima by themselves."),
-    each_joint_alone=(_V, "(speed / size)[:, None]", _A, "(acceleration / size)[:, None]",
-        _SHORT, "    v = a * (ramp := np.minimum(ramp, 1.0 / np.sqrt(a)))\n",
-        "return duration,", "return float(np.max(duration)),",
-        "Each joint is timed by itself, and the arm leaves the line. One share s moves them all."),
-    limits_as_they_are=(_V, "float(np.min(speed))", _A, "float(np.min(acceleration))",
+        "it: take both minima by themselves.",
+    ),
+    each_joint_alone=(
+        _V,
+        "(speed / size)[:, None]",
+        _A,
+        "(acceleration / size)[:, None]",
+        _SHORT,
+        "    v = a * (ramp := np.minimum(ramp, 1.0 / np.sqrt(a)))\n",
+        "return duration,",
+        "return float(np.max(duration)),",
+        "Each joint is timed by itself, and the arm leaves the line. One share s moves them all.",
+    ),
+    limits_as_they_are=(
+        _V,
+        "float(np.min(speed))",
+        _A,
+        "float(np.min(acceleration))",
         "The limits are not divided by the way of their joint. s goes from 0 to 1, and a joint "
-        "moves at |move| times its rate."),
-    no_triangle=("if v * ramp > 1.0:", "if False:",
-        "A short way has no stretch at full speed: the ramps meet half way."),
-    speed_kept_when_short=("        v = a * ramp\n", "",
-        "On a short way full speed is never reached: its peak is acceleration times ramp."),
-    ramps_forgotten=(_DURATION, "duration = max(1.0 / v, 2.0 * ramp)",
-        "The duration is that at full speed. Both ramps together cost the time of one more."),
-    ramps_on_top=(_DURATION, "duration = 2.0 * ramp + 1.0 / v",
-        "The ramps make a part of the way too: the stretch at full speed is shorter by that."),
-    end_not_mirrored=(_LAST, "0.5 * a * left**2",
+        "moves at |move| times its rate.",
+    ),
+    no_triangle=(
+        "if v * ramp > 1.0:",
+        "if False:",
+        "A short way has no stretch at full speed: the ramps meet half way.",
+    ),
+    speed_kept_when_short=(
+        "        v = a * ramp\n",
+        "",
+        "On a short way full speed is never reached: its peak is acceleration times ramp.",
+    ),
+    ramps_forgotten=(
+        _DURATION,
+        "duration = max(1.0 / v, 2.0 * ramp)",
+        "The duration is that at full speed. Both ramps together cost the time of one more.",
+    ),
+    ramps_on_top=(
+        _DURATION,
+        "duration = 2.0 * ramp + 1.0 / v",
+        "The ramps make a part of the way too: the stretch at full speed is shorter by that.",
+    ),
+    end_not_mirrored=(
+        _LAST,
+        "0.5 * a * left**2",
         "The last ramp ends at the start. It is the first one mirrored: 1 - a (duration - t)^2 / "
-        "2."),
-    runs_on=("t = np.clip(times, 0.0, duration)", "t = np.asarray(times)",
-        "Outside of the motion the arm rests. Clip the times to it."),
-    rate_of_the_share=("move[:, None] * rate", "0.0 * move[:, None] + rate",
-        "The rate is that of s. A joint's is its move times that."),
-)  # fmt: skip
+        "2.",
+    ),
+    runs_on=(
+        "t = np.clip(times, 0.0, duration)",
+        "t = np.asarray(times)",
+        "Outside of the motion the arm rests. Clip the times to it.",
+    ),
+    rate_of_the_share=(
+        "move[:, None] * rate",
+        "0.0 * move[:, None] + rate",
+        "The rate is that of s. A joint's is its move times that.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "a dozen operations: rounding", first=held, told=coarse),

@@ -13,9 +13,18 @@ from drills.report import Shown
 def cases(rng: np.random.Generator) -> list[Case]:
     """Episodes of three to six steps; the first may have begun before the buffer did."""
 
-    def buffer(label: str, level: str = "core", *, episodes: int = 5, ends: float = 0.5,
-               goes_on: bool = True, begins: int = 1, gamma: float = 0.0, lam: float = 0.0,
-               least: int = 3) -> Case:  # fmt: skip
+    def buffer(
+        label: str,
+        level: str = "core",
+        *,
+        episodes: int = 5,
+        ends: float = 0.5,
+        goes_on: bool = True,
+        begins: int = 1,
+        gamma: float = 0.0,
+        lam: float = 0.0,
+        least: int = 3,
+    ) -> Case:
         lengths = rng.integers(least, 2 * least + 1, episodes)
         starts, ended = np.zeros((2, lengths.sum()), dtype=int)
         starts[np.r_[0, np.cumsum(lengths)[:-1]]] = 1
@@ -29,8 +38,16 @@ def cases(rng: np.random.Generator) -> list[Case]:
         last = float(rng.normal()) + 2.0
         return Case((reward, value, starts, ended, final, last, *discounts), label, level)
 
-    whole = (np.array([1, 2, 0, 1]), np.array([1, 3, 2, 2]), np.array([1, 0, 1, 0]),
-             np.array([0, 0, 0, 0]), np.array([4]), 2, 0.5, 0.5)  # fmt: skip
+    whole = (
+        np.array([1, 2, 0, 1]),
+        np.array([1, 3, 2, 2]),
+        np.array([1, 0, 1, 0]),
+        np.array([0, 0, 0, 0]),
+        np.array([4]),
+        2,
+        0.5,
+        0.5,
+    )
     return [
         buffer("one episode that ends", "simple", episodes=1, goes_on=False),
         buffer("one episode that goes on", "simple", episodes=1),
@@ -39,9 +56,11 @@ def cases(rng: np.random.Generator) -> list[Case]:
         *(buffer("time limits", ends=0.0) for _ in range(2)),
         *(buffer("ends and time limits", episodes=9) for _ in range(3)),
         *(buffer("begun before", episodes=6, begins=0, goes_on=False) for _ in range(2)),
-        buffer("lambda of 1", "edge", lam=1.0), buffer("no discounts", "edge", gamma=1, lam=1),
-        buffer("episodes of a step or two", "edge", least=1), Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+        buffer("lambda of 1", "edge", lam=1.0),
+        buffer("no discounts", "edge", gamma=1, lam=1),
+        buffer("episodes of a step or two", "edge", least=1),
+        Case(whole, WHOLE, "edge"),
+    ]
 
 
 def advantages(figure: Any, shown: Shown) -> None:
@@ -60,40 +79,77 @@ _FINAL = "ahead[:-1][cut] = np.asarray(final, dtype=float)"
 _TRACE, _RETURN = "gamma * lam * np.where(others[t], 0.0, trace)", "return advantage, advantage + v"
 
 SLIPS = slips(
-    time_limit_taken_for_an_end=(_FINAL, "ahead[:-1][cut] = 0.0",
+    time_limit_taken_for_an_end=(
+        _FINAL,
+        "ahead[:-1][cut] = 0.0",
         "A time limit is taken for an end: the state that was reached keeps its value, the one in "
-        "`final`. Else a reward of one for ever is worth as much as the limit allows."),
-    next_episodes_value=(_FINAL, "pass",
+        "`final`. Else a reward of one for ever is worth as much as the limit allows.",
+    ),
+    next_episodes_value=(
+        _FINAL,
+        "pass",
         "After a time limit the value of the next row is taken: that is where another episode "
-        "begins. The state that was reached is in `final`."),
-    finals_backwards=(_FINAL, "ahead[:-1][cut] = np.asarray(final, dtype=float)[::-1]",
+        "begins. The state that was reached is in `final`.",
+    ),
+    finals_backwards=(
+        _FINAL,
+        "ahead[:-1][cut] = np.asarray(final, dtype=float)[::-1]",
         "The final values are used from the last to the first. The recursion goes backwards, they "
-        "are in the order of the rows."),
-    flags_one_late=(_OTHERS, "np.append(np.asarray(starts)[:-1] != 0, True)",
-        _FINAL, "ahead[:-1][np.append(np.asarray(starts)[1:], 0)[:-1].astype(bool) & ~over[:-1]] "
+        "are in the order of the rows.",
+    ),
+    flags_one_late=(
+        _OTHERS,
+        "np.append(np.asarray(starts)[:-1] != 0, True)",
+        _FINAL,
+        "ahead[:-1][np.append(np.asarray(starts)[1:], 0)[:-1].astype(bool) & ~over[:-1]] "
         "= np.asarray(final, dtype=float)",
         "The flags are one row off: `starts` marks the first row of an episode, and what has to "
-        "stop the trace is the last row of the one before."),
-    trace_across_episodes=(_TRACE, "gamma * lam * trace",
-        "The trace runs on from one episode into the one before."),
-    trace_across_time_limits=(_TRACE, "gamma * lam * np.where(over[t], 0.0, trace)",
+        "stop the trace is the last row of the one before.",
+    ),
+    trace_across_episodes=(
+        _TRACE,
+        "gamma * lam * trace",
+        "The trace runs on from one episode into the one before.",
+    ),
+    trace_across_time_limits=(
+        _TRACE,
+        "gamma * lam * np.where(over[t], 0.0, trace)",
         "The trace stops at ends only: across a time limit the advantages of another episode come "
-        "in."),
-    value_behind_an_end=(_OVER, "ahead",
-        "A terminal state's value is counted: nothing comes after an end."),
-    nothing_behind_the_buffer=("np.append(v[1:], last)", "np.append(v[1:], 0.0)",
+        "in.",
+    ),
+    value_behind_an_end=(
+        _OVER,
+        "ahead",
+        "A terminal state's value is counted: nothing comes after an end.",
+    ),
+    nothing_behind_the_buffer=(
+        "np.append(v[1:], last)",
+        "np.append(v[1:], 0.0)",
         "The buffer's end is taken for the episode's: the state behind the last row is worth "
-        "`last`."),
-    last_at_each_time_limit=(_FINAL, "ahead[:-1][cut] = last",
+        "`last`.",
+    ),
+    last_at_each_time_limit=(
+        _FINAL,
+        "ahead[:-1][cut] = last",
         "Each time limit is given the value behind the buffer's last row. They have their own, in "
-        "`final`."),
-    lambda_left_out=(_TRACE, _TRACE.replace(" * lam", ""),
-        "Lambda is left out: this is the estimate for lambda 1."),
-    discount_left_out_of_the_trace=(_TRACE, _TRACE.replace("gamma * ", ""),
-        "The trace is not discounted: an error l steps ahead weighs (gamma lambda)^l."),
-    targets_without_the_value=(_RETURN, "return advantage, advantage",
-        "The targets are advantages. The critic should learn values: add its own to them."),
-)  # fmt: skip
+        "`final`.",
+    ),
+    lambda_left_out=(
+        _TRACE,
+        _TRACE.replace(" * lam", ""),
+        "Lambda is left out: this is the estimate for lambda 1.",
+    ),
+    discount_left_out_of_the_trace=(
+        _TRACE,
+        _TRACE.replace("gamma * ", ""),
+        "The trace is not discounted: an error l steps ahead weighs (gamma lambda)^l.",
+    ),
+    targets_without_the_value=(
+        _RETURN,
+        "return advantage, advantage",
+        "The targets are advantages. The critic should learn values: add its own to them.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-10, "sums of some dozens of terms", told=coarse),

@@ -194,48 +194,81 @@ _LEFT = (
 )
 
 SLIPS = slips(
-    bug_still_there=(*_SIGN,
+    bug_still_there=(
+        *_SIGN,
         "The bug is still there: the gyroscopic term has the wrong sign. Energy and |L| cannot "
-        "see it, because omega x (I omega) is at right angles to omega and to I omega."),
-    wrong_suspect=(*_SIGN, *_LEFT,
+        "see it, because omega x (I omega) is at right angles to omega and to I omega.",
+    ),
+    wrong_suspect=(
+        *_SIGN,
+        *_LEFT,
         "You changed the side of the quaternion's product, which was right, and the bug is still "
         "there. Spin about a principal axis from a tilted start: that was right before, and "
-        "there only the quaternion works."),
-    one_bug_for_another=(*_LEFT,
+        "there only the quaternion works.",
+    ),
+    one_bug_for_another=(
+        *_LEFT,
         "The sign of the gyroscopic term is right now, but the quaternion's product is on the "
-        "wrong side: the rate is the body's, so it stands to the right of q."),
-    gyroscopic_term_removed=("omega_rate = -np.cross(omega, inertia * omega) / inertia",
+        "wrong side: the rate is the body's, so it stands to the right of q.",
+    ),
+    gyroscopic_term_removed=(
+        "omega_rate = -np.cross(omega, inertia * omega) / inertia",
         "omega_rate = np.zeros(3)",
         "The gyroscopic term is gone. Then omega stays constant in the body, which only a spin "
-        "about a principal axis does: the energy is kept and L is not."),
-    inertia_not_divided=("-np.cross(omega, inertia * omega) / inertia",
+        "about a principal axis does: the energy is kept and L is not.",
+    ),
+    inertia_not_divided=(
+        "-np.cross(omega, inertia * omega) / inertia",
         "-np.cross(omega, inertia * omega)",
         "omega x (I omega) is a torque; it must be divided by the moments to be an angular "
-        "acceleration. Without it not even the energy is kept."),
-    one_step_off=("range(steps)", "range(steps - 1)",
+        "acceleration. Without it not even the energy is kept.",
+    ),
+    one_step_off=(
+        "range(steps)",
+        "range(steps - 1)",
         "It is right, and one step off: the result is that of a step fewer or more. The loop makes "
-        "`steps` of them, and none where that is 0."),
-    inertia_divided_twice=("-np.cross(omega, inertia * omega) / inertia",
+        "`steps` of them, and none where that is 0.",
+    ),
+    inertia_divided_twice=(
+        "-np.cross(omega, inertia * omega) / inertia",
         "-np.cross(omega, inertia * omega) / inertia**2",
-        "The torque omega x (I omega) is divided by the moments twice."),
-    step_halved=("q = q + dt / 6.0 *", "q = q + dt / 12.0 *",
-        "omega = omega + dt / 6.0 *", "omega = omega + dt / 12.0 *",
+        "The torque omega x (I omega) is divided by the moments twice.",
+    ),
+    step_halved=(
+        "q = q + dt / 6.0 *",
+        "q = q + dt / 12.0 *",
+        "omega = omega + dt / 6.0 *",
+        "omega = omega + dt / 12.0 *",
         "Each step goes half as far as dt: the weights of the four stages, 1, 2, 2, 1, are divided "
-        "by their sum, 6."),
-    half_missing=("q_rate = 0.5 * np.array(", "q_rate = np.array(",
-        "The quaternion turns twice as fast as the body: its rate is half the product with omega."),
-    rates_in_the_world=("    return q, omega\n",
+        "by their sum, 6.",
+    ),
+    half_missing=(
+        "q_rate = 0.5 * np.array(",
+        "q_rate = np.array(",
+        "The quaternion turns twice as fast as the body: its rate is half the product with omega.",
+    ),
+    rates_in_the_world=(
+        "    return q, omega\n",
         "    w, u = q[0], q[1:]\n"
         "    return q, omega + 2.0 * np.cross(u, np.cross(u, omega) + w * omega)\n",
-        "The rates that you return are turned into the world. The task asks for them in the body."),
-    order_too_low=("q = q + dt / 6.0 * (q1 + 2.0 * q2 + 2.0 * q3 + q4)", "q = q + dt * q2",
-        "omega = omega + dt / 6.0 * (w1 + 2.0 * w2 + 2.0 * w3 + w4)", "omega = omega + dt * w2",
+        "The rates that you return are turned into the world. The task asks for them in the body.",
+    ),
+    order_too_low=(
+        "q = q + dt / 6.0 * (q1 + 2.0 * q2 + 2.0 * q3 + q4)",
+        "q = q + dt * q2",
+        "omega = omega + dt / 6.0 * (w1 + 2.0 * w2 + 2.0 * w3 + w4)",
+        "omega = omega + dt * w2",
         "The equations are right: with smaller steps your result comes to the right one. The "
-        "method is of too low an order for these steps; keep all four stages of RK4."),
-    time_runs_backwards=(*_SIGN, "q_rate = 0.5 * np.array(", "q_rate = -0.5 * np.array(",
+        "method is of too low an order for these steps; keep all four stages of RK4.",
+    ),
+    time_runs_backwards=(
+        *_SIGN,
+        "q_rate = 0.5 * np.array(",
+        "q_rate = -0.5 * np.array(",
         "Instead of the gyroscopic term you turned the quaternion's rate round. Both together "
-        "are the motion of another body: one seen in a mirror of time."),
-)  # fmt: skip
+        "are the motion of another body: one seen in a mirror of time.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

@@ -141,55 +141,100 @@ _REFUSED = (
 )
 
 SLIPS = slips(
-    interior_angle=(_BEND, "bend = math.pi - 2.0 * math.atan2(math.sqrt(to_outer), "
-        "math.sqrt(to_inner))",
+    interior_angle=(
+        _BEND,
+        "bend = math.pi - 2.0 * math.atan2(math.sqrt(to_outer), math.sqrt(to_inner))",
         "q2 is the inner angle of the triangle at the elbow. The joint's angle is measured from "
-        "the direction of the first link: it is pi minus that one, zero at full stretch."),
-    absolute_elbow=("aside, q2])", "aside, math.atan2(y, x) - aside + q2])",
+        "the direction of the first link: it is pi minus that one, zero at full stretch.",
+    ),
+    absolute_elbow=(
+        "aside, q2])",
+        "aside, math.atan2(y, x) - aside + q2])",
         "The second angle is measured from the x axis. It is measured from the first link: "
-        "subtract q1."),
-    one_arm_twice=(_BENDS, "for q2 in (bend, bend):",
+        "subtract q1.",
+    ),
+    one_arm_twice=(
+        _BENDS,
+        "for q2 in (bend, bend):",
         "Both rows are the same arm. A target inside the annulus has two: the second one bends "
-        "by the same angle to the other side, with a first joint of its own."),
-    first_joint_shared=("rows.append([math.atan2(y, x) - aside, q2])",
+        "by the same angle to the other side, with a first joint of its own.",
+    ),
+    first_joint_shared=(
+        "rows.append([math.atan2(y, x) - aside, q2])",
         "rows.append([rows[0][0] if rows else math.atan2(y, x) - aside, q2])",
         "The second arm has the first joint of the first one and misses the target. Mirroring the "
-        "elbow turns the first link as well: put the negative q2 into the formula of q1."),
-    rows_swapped=(_BENDS, "for q2 in (-bend, bend):",
-        "Both arms are right and stand in the other order: the one with q2 from 0 to pi is first."),
-    branches_in_columns=("return np.array(rows)", "return np.array(rows).T",
-        "The two arms stand in columns. One row is one arm, (q1, q2)."),
-    aside_added=(_AIM, "math.atan2(y, x) + aside",
+        "elbow turns the first link as well: put the negative q2 into the formula of q1.",
+    ),
+    rows_swapped=(
+        _BENDS,
+        "for q2 in (-bend, bend):",
+        "Both arms are right and stand in the other order: the one with q2 from 0 to pi is first.",
+    ),
+    branches_in_columns=(
+        "return np.array(rows)",
+        "return np.array(rows).T",
+        "The two arms stand in columns. One row is one arm, (q1, q2).",
+    ),
+    aside_added=(
+        _AIM,
+        "math.atan2(y, x) + aside",
         "The first link is on the wrong side of the line to the target: what the elbow adds to "
-        "the direction of the tip has to be subtracted from q1."),
-    half_plane_lost=(_AIM, "math.atan(y / x if x else math.inf) - aside",
+        "the direction of the tip has to be subtracted from q1.",
+    ),
+    half_plane_lost=(
+        _AIM,
+        "math.atan(y / x if x else math.inf) - aside",
         "Targets with negative x come out half a turn off: y / x is the same for a point and its "
-        "mirror image through the base. Use atan2(y, x)."),
-    atan2_of_x_and_y=(_AIM, "math.atan2(x, y) - aside",
-        "atan2 takes y first, then x. Yours measures the direction of the target from the y axis."),
-    first_points_at_target=(_AIM, "math.atan2(y, x)",
+        "mirror image through the base. Use atan2(y, x).",
+    ),
+    atan2_of_x_and_y=(
+        _AIM,
+        "math.atan2(x, y) - aside",
+        "atan2 takes y first, then x. Yours measures the direction of the target from the y axis.",
+    ),
+    first_points_at_target=(
+        _AIM,
+        "math.atan2(y, x)",
         "The first link points at the target. Only a straight arm does that: subtract the angle "
-        "at the base, atan2(l2 sin(q2), l1 + l2 cos(q2))."),
-    lengths_swapped=("first, second = (float", "second, first = (float",
-        "The link lengths are taken for each other. The first is the one at the base."),
-    degrees_returned=("return np.array(rows)", "return np.degrees(np.array(rows))",
-        "The angles come back in degrees. Radians are asked for."),
-    nan_at_the_edges=(_ACOS.format(check=_REFUSED, bend="np.arccos(cosine)"),
+        "at the base, atan2(l2 sin(q2), l1 + l2 cos(q2)).",
+    ),
+    lengths_swapped=(
+        "first, second = (float",
+        "second, first = (float",
+        "The link lengths are taken for each other. The first is the one at the base.",
+    ),
+    degrees_returned=(
+        "return np.array(rows)",
+        "return np.degrees(np.array(rows))",
+        "The angles come back in degrees. Radians are asked for.",
+    ),
+    nan_at_the_edges=(
+        _ACOS.format(check=_REFUSED, bend="np.arccos(cosine)"),
         "At full stretch or folded up the cosine comes out beyond 1 by rounding, and arccos gives "
         "NaN without an error. Refuse what is out of reach by its distance, then limit the "
-        "cosine to -1 ... 1, or take the half angle by atan2."),
-    edges_refused=(_CHECK, "    if not inner + 1e-6 < r < outer - 1e-6:\n",
+        "cosine to -1 ... 1, or take the half angle by atan2.",
+    ),
+    edges_refused=(
+        _CHECK,
+        "    if not inner + 1e-6 < r < outer - 1e-6:\n",
         "A target on the edge of what can be reached is refused. It has one arm, straight or "
-        "folded; the task grants it a slack of 1e-9 m."),
-    clamped=(_CHECK, "    if not r > -1.0:\n",
+        "folded; the task grants it a slack of 1e-9 m.",
+    ),
+    clamped=(
+        _CHECK,
+        "    if not r > -1.0:\n",
         "A target beyond reach gets angles: the cosine is clamped, or the root of a negative "
         "number taken for zero, or the slack is on the cosine and not on the distance. That arm "
-        "does not reach it, and nobody is told. Raise ValueError."),
-    hole_answered=(_CHECK, "    if not r <= outer + 1e-9:\n",
+        "does not reach it, and nobody is told. Raise ValueError.",
+    ),
+    hole_answered=(
+        _CHECK,
+        "    if not r <= outer + 1e-9:\n",
         "A target in the hole around the base gets angles. Links of unequal length cannot come "
         "nearer to the base than |l1 - l2|. Raise ValueError there too, by the distance: a slack "
-        "on the cosine is none in metres."),
-)  # fmt: skip
+        "on the cosine is none in metres.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

@@ -107,9 +107,13 @@ class Pair:
         if not isinstance(got, list | tuple) or len(got) != len(expected):
             sentence = f"The infos must be a list of {len(expected)} dicts."
             return self.attempt.require(
-                name, False, sentence=sentence, got=describe(got), call=call,
+                name,
+                False,
+                sentence=sentence,
+                got=describe(got),
+                call=call,
                 reason=Reason.WRONG_SHAPE,
-            )  # fmt: skip
+            )
         for i, (mine, right) in enumerate(zip(got, expected, strict=True)):
             if not self.info(f"info of environment {i}", mine, right, call):
                 return False
@@ -262,78 +266,131 @@ _OVER = """                first, reset_info = self._auto_reset(i)
 """
 
 SLIPS = slips(
-    final_obs_lost=(_OVER, "                observation, info = self._auto_reset(i)\n",
+    final_obs_lost=(
+        _OVER,
+        "                observation, info = self._auto_reset(i)\n",
         "The last observation of a finished episode is nowhere: the reset took its place. Where "
-        "the clock ran out a learner needs it, to add the value of what would have come."),
-    final_obs_overwritten=(_OVER, _OVER.replace('"final_obs": observation', '"final_obs": first'),
+        "the clock ran out a learner needs it, to add the value of what would have come.",
+    ),
+    final_obs_overwritten=(
+        _OVER,
+        _OVER.replace('"final_obs": observation', '"final_obs": first'),
         "final_obs holds the first observation of the new episode. The environment writes all "
-        "its observations into one array: copy the last one before the reset."),
-    terminated_merged_with_truncated=("            if terminated[i] or truncated[i]:\n",
+        "its observations into one array: copy the last one before the reset.",
+    ),
+    terminated_merged_with_truncated=(
+        "            if terminated[i] or truncated[i]:\n",
         "            terminated[i] = truncated[i] = terminated[i] or truncated[i]\n"
         "            if terminated[i]:\n",
         "Terminated and truncated are one flag here. A learner then counts an episode that the "
-        "clock cut off as one without a future, and values every state too low."),
-    truncated_is_not_reset=("if terminated[i] or truncated[i]:", "if terminated[i]:",
+        "clock cut off as one without a future, and values every state too low.",
+    ),
+    truncated_is_not_reset=(
+        "if terminated[i] or truncated[i]:",
+        "if terminated[i]:",
         "An environment whose clock ran out is not reset: its episode goes on beyond its end. It "
-        "needs a reset as much as one that is terminated."),
-    seed_zero_for_none=("None if seed is None else seed + i", "seed + i if seed else None",
-        "The seed 0 is taken for none: `if seed` is false for it. Ask `seed is None`."),
-    reset_info_lost=("{**reset_info, ", "{",
+        "needs a reset as much as one that is terminated.",
+    ),
+    seed_zero_for_none=(
+        "None if seed is None else seed + i",
+        "seed + i if seed else None",
+        "The seed 0 is taken for none: `if seed` is false for it. Ask `seed is None`.",
+    ),
+    reset_info_lost=(
+        "{**reset_info, ",
+        "{",
         "What the reset of a finished environment says in its info is lost. The info of that step "
-        "is the reset's, with final_obs and final_info added."),
-    final_info_lost=(', "final_info": info}', "}",
-        "The last info of a finished episode is lost: it belongs under final_info."),
-    flags_swapped=("rewards, terminated, truncated, infos\n",
+        "is the reset's, with final_obs and final_info added.",
+    ),
+    final_info_lost=(
+        ', "final_info": info}',
+        "}",
+        "The last info of a finished episode is lost: it belongs under final_info.",
+    ),
+    flags_swapped=(
+        "rewards, terminated, truncated, infos\n",
         "rewards, truncated, terminated, infos\n",
         "Terminated and truncated come back in the wrong order. Terminated first: the task is "
-        "over; truncated: the clock ran out."),
-    whole_numbers=("rewards = np.zeros(self.num_envs)",
+        "over; truncated: the clock ran out.",
+    ),
+    whole_numbers=(
+        "rewards = np.zeros(self.num_envs)",
         "rewards = np.zeros(self.num_envs, dtype=int)",
         "The rewards lose the digits behind the point: they are written into an array of integers. "
-        "Let it be of floats."),
-    reward_lost=("                observation = first\n",
+        "Let it be of floats.",
+    ),
+    reward_lost=(
+        "                observation = first\n",
         "                observation = first\n                rewards[i] = 0.0\n",
         "The reward of an episode's last step is lost. Reset what belongs to the new episode only: "
-        "the reward is that of the step just made."),
-    seed_times_index=("None if seed is None else seed + i", "None if seed is None else seed * i",
+        "the reward is that of the step just made.",
+    ),
+    seed_times_index=(
+        "None if seed is None else seed + i",
+        "None if seed is None else seed * i",
         "The seed is multiplied by the number of the environment, so the first always gets 0. "
-        "Environment i gets seed + i."),
-    rewards_of_all=("rewards[i], terminated[i]", "rewards[:], terminated[i]",
-        "Every environment's reward is written into all rows: the last one stays. Write row i."),
-    first_action_for_all=("env.step(actions[i])", "env.step(actions[0])",
-        "All environments get the action of the first row. Environment i gets row i."),
-    reset_twice=("        observation, info = self.envs[i].reset()\n",
+        "Environment i gets seed + i.",
+    ),
+    rewards_of_all=(
+        "rewards[i], terminated[i]",
+        "rewards[:], terminated[i]",
+        "Every environment's reward is written into all rows: the last one stays. Write row i.",
+    ),
+    first_action_for_all=(
+        "env.step(actions[i])",
+        "env.step(actions[0])",
+        "All environments get the action of the first row. Environment i gets row i.",
+    ),
+    reset_twice=(
+        "        observation, info = self.envs[i].reset()\n",
         "        self.envs[i].reset()\n        observation, info = self.envs[i].reset()\n",
-        "A finished environment is reset twice: an episode is thrown away. Reset it once."),
-    seed_shared_by_all=("None if seed is None else seed + i", "seed",
+        "A finished environment is reset twice: an episode is thrown away. Reset it once.",
+    ),
+    seed_shared_by_all=(
+        "None if seed is None else seed + i",
+        "seed",
         "All environments get the same seed, so they are copies of one another: n times the work "
-        "for the experience of one. Environment i gets seed + i."),
-    seeded_again_at_every_reset=("        observations, infos = [], []\n        for i, env",
+        "for the experience of one. Environment i gets seed + i.",
+    ),
+    seeded_again_at_every_reset=(
+        "        observations, infos = [], []\n        for i, env",
         "        self.seed = seed\n        observations, infos = [], []\n        for i, env",
         "self.envs[i].reset()",
         "self.envs[i].reset(seed=None if self.seed is None else self.seed + i)",
         "The reset within step seeds again, so each environment plays the same episode for ever. "
-        "Seed it once; then it goes on with its generator."),
-    reset_obs_not_returned=("                observation = first\n", "",
+        "Seed it once; then it goes on with its generator.",
+    ),
+    reset_obs_not_returned=(
+        "                observation = first\n",
+        "",
         "A finished environment's row holds the last observation of the old episode, and its "
         "first one of the new episode is never seen. The next action would be chosen for a state "
-        "that is gone."),
-    buffer_reused_between_steps=("        return np.stack(observations), rewards,",
+        "that is gone.",
+    ),
+    buffer_reused_between_steps=(
+        "        return np.stack(observations), rewards,",
         "        if not hasattr(self, 'buffer'):\n"
         "            self.buffer = np.stack(observations)\n"
         "        self.buffer[:] = observations\n"
         "        return self.buffer, rewards,",
         "The observations of every step are the same array, so those of earlier steps change "
-        "while the caller keeps them. Return a new array each time."),
-    one_environment_for_all=("[env_fn() for _ in range(num_envs)]", "[env_fn()] * num_envs",
+        "while the caller keeps them. Return a new array each time.",
+    ),
+    one_environment_for_all=(
+        "[env_fn() for _ in range(num_envs)]",
+        "[env_fn()] * num_envs",
         "All rows are one environment: the factory was called once. It is then stepped n times "
-        "in a step. Call env_fn once for each."),
-    actions_not_counted=("if len(actions) != self.num_envs:", "if self.num_envs < 0:",
+        "in a step. Call env_fn once for each.",
+    ),
+    actions_not_counted=(
+        "if len(actions) != self.num_envs:",
+        "if self.num_envs < 0:",
         "enumerate(self.envs):\n            observation, rewards[i]",
         "enumerate(self.envs[: len(actions)]):\n            observation, rewards[i]",
         "A wrong number of actions goes unnoticed: with too many the rest is dropped, and with "
-        "too few some environments are not stepped."),
-)  # fmt: skip
+        "too few some environments are not stepped.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=staged(

@@ -219,54 +219,105 @@ _A_NEW = "    a_new = np.asarray(acceleration(q_new), dtype=float)\n"
 _V_NEW = "    v_new = v_half + 0.5 * dt * a_new\n"
 
 SLIPS = slips(
-    semi_implicit_euler=(_V_HALF, "    v_half = v + dt * a\n", _V_NEW, "    v_new = v_half\n",
+    semi_implicit_euler=(
+        _V_HALF,
+        "    v_half = v + dt * a\n",
+        _V_NEW,
+        "    v_new = v_half\n",
         "This is semi-implicit Euler: the velocity takes its whole step first. It costs the same "
-        "and is of first order only, because its velocity belongs half a step away."),
-    semi_implicit_position_first=(_Q_NEW, "    q_new = q + dt * v\n", _V_NEW,
+        "and is of first order only, because its velocity belongs half a step away.",
+    ),
+    semi_implicit_position_first=(
+        _Q_NEW,
+        "    q_new = q + dt * v\n",
+        _V_NEW,
         "    v_new = v + dt * a_new\n",
         "This is semi-implicit Euler the other way round: the position takes its whole step "
         "first, then the velocity with the new acceleration. Still of first order: the velocity "
-        "belongs half a step away, now on the other side."),
-    explicit_euler=(_Q_NEW, "    q_new = q + dt * v\n", _V_NEW, "    v_new = v + dt * a\n",
+        "belongs half a step away, now on the other side.",
+    ),
+    explicit_euler=(
+        _Q_NEW,
+        "    q_new = q + dt * v\n",
+        _V_NEW,
+        "    v_new = v + dt * a\n",
         "This is explicit Euler: the position moves with the old velocity and the velocity with "
-        "the old acceleration. First order, and its energy grows at every step size."),
-    old_acceleration_twice=(_V_NEW, "    v_new = v_half + 0.5 * dt * a\n",
+        "the old acceleration. First order, and its energy grows at every step size.",
+    ),
+    old_acceleration_twice=(
+        _V_NEW,
+        "    v_new = v_half + 0.5 * dt * a\n",
         "Both halves of the velocity's step use the old acceleration. The second half belongs to "
-        "the new position: use the acceleration that you have just computed there."),
-    new_acceleration_twice=(_V_NEW, "    v_new = v + dt * a_new\n",
+        "the new position: use the acceleration that you have just computed there.",
+    ),
+    new_acceleration_twice=(
+        _V_NEW,
+        "    v_new = v + dt * a_new\n",
         "The velocity's whole step uses the new acceleration. Over the step it changes by dt times "
-        "the mean of both, of the old position's and of the new one's."),
-    half_step_velocity=(_V_NEW, "    v_new = v_half\n",
+        "the mean of both, of the old position's and of the new one's.",
+    ),
+    half_step_velocity=(
+        _V_NEW,
+        "    v_new = v_half\n",
         "The velocity that you return is that of half way. The other half of the step is missing: "
-        "add dt/2 times the acceleration at the new position."),
-    dt_not_squared=(_Q_NEW, "    q_new = q + dt * v + 0.5 * dt * a\n",
+        "add dt/2 times the acceleration at the new position.",
+    ),
+    dt_not_squared=(
+        _Q_NEW,
+        "    q_new = q + dt * v + 0.5 * dt * a\n",
         "The acceleration moves the position by dt/2 times a, in m/s: the time must stand there "
-        "twice, 0.5 * dt**2 * a."),
-    velocity_halved=(_Q_NEW, "    q_new = q + 0.5 * dt * v_half\n",
+        "twice, 0.5 * dt**2 * a.",
+    ),
+    velocity_halved=(
+        _Q_NEW,
+        "    q_new = q + 0.5 * dt * v_half\n",
         "The position moves for half of the step only: it takes the whole dt with the velocity "
-        "that holds half way."),
-    half_missing_in_position=(_Q_NEW, "    q_new = q + dt * v + dt**2 * a\n",
+        "that holds half way.",
+    ),
+    half_missing_in_position=(
+        _Q_NEW,
+        "    q_new = q + dt * v + dt**2 * a\n",
         "The position gets dt^2 * a; it must be half of that. A body that falls from rest then "
-        "falls twice as far in its first step."),
-    half_missing_in_velocity=(_V_NEW, "    v_new = v + dt * (a + a_new)\n",
+        "falls twice as far in its first step.",
+    ),
+    half_missing_in_velocity=(
+        _V_NEW,
+        "    v_new = v + dt * (a + a_new)\n",
         "The velocity gets dt times the sum of both accelerations; it must be their mean, so "
-        "half of the sum."),
-    old_acceleration_returned=("return q_new, v_new, a_new", "return q_new, v_new, a",
+        "half of the sum.",
+    ),
+    old_acceleration_returned=(
+        "return q_new, v_new, a_new",
+        "return q_new, v_new, a",
         "Position and velocity are right, but the acceleration that you return is the old one. "
-        "The next step begins with it, so it must be that of the new position."),
-    acceleration_at_old_position=("acceleration(q_new)", "acceleration(q)",
+        "The next step begins with it, so it must be that of the new position.",
+    ),
+    acceleration_at_old_position=(
+        "acceleration(q_new)",
+        "acceleration(q)",
         "The new acceleration is evaluated at the old position. Move the position first, then "
-        "ask for the acceleration there."),
-    position_verlet=(_V_HALF, "    q_half = q + 0.5 * dt * v\n", _Q_NEW, "", _A_NEW,
-        "    a_new = np.asarray(acceleration(q_half), dtype=float)\n", _V_NEW,
+        "ask for the acceleration there.",
+    ),
+    position_verlet=(
+        _V_HALF,
+        "    q_half = q + 0.5 * dt * v\n",
+        _Q_NEW,
+        "",
+        _A_NEW,
+        "    a_new = np.asarray(acceleration(q_half), dtype=float)\n",
+        _V_NEW,
         "    v_new = v + dt * a_new\n    q_new = q_half + 0.5 * dt * v_new\n",
         "This is position Verlet (drift, kick, drift): of second order too, but another method. "
         "Its acceleration is that of half way, which the next step can't begin with. The task "
-        "asks for kick, drift, kick."),
-    evaluated_twice=(_V_HALF, "    v_half = v + 0.5 * dt * np.asarray(acceleration(q))\n",
+        "asks for kick, drift, kick.",
+    ),
+    evaluated_twice=(
+        _V_HALF,
+        "    v_half = v + 0.5 * dt * np.asarray(acceleration(q))\n",
         "The values are right, at twice the price: the acceleration at the start of the step is "
-        "what came in as `a`. In a real simulator that evaluation is the whole cost."),
-)  # fmt: skip
+        "what came in as `a`. In a real simulator that evaluation is the whole cost.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

@@ -27,14 +27,17 @@ def cases(rng: np.random.Generator) -> list[Case]:
     return [
         *(loop("no delay", "simple", delay=0) for _ in range(2)),
         loop("too much, no delay", "simple", delay=0, part=1.2),
-        *(loop("one frame", delay=1) for _ in range(2)), loop("two frames", delay=2),
+        *(loop("one frame", delay=1) for _ in range(2)),
+        loop("two frames", delay=2),
         *(loop(f"{k} frames", delay=k) for k in (3, 5, 8)),
-        loop("too much for three", delay=3, part=1.1), loop("too much for one", delay=1, part=1.5),
+        loop("too much for three", delay=3, part=1.1),
+        loop("too much for one", delay=1, part=1.5),
         loop("near the limit, no delay", "edge", delay=0, part=0.98),
         loop("near the limit, four frames", "edge", delay=4, part=0.98),
         loop("just too much, two frames", "edge", delay=2, part=1.02),
-        Case((0.0, 2), "no gain", "edge"), Case((-0.3, 1), "the wrong sign", "edge"),
-    ]  # fmt: skip
+        Case((0.0, 2), "no gain", "edge"),
+        Case((-0.3, 1), "the wrong sign", "edge"),
+    ]
 
 
 def allowed(case: Case, truth: tuple[Array, ...]) -> list[float]:
@@ -59,39 +62,76 @@ _CHECK = "if not 0.0 < gain < limit:"
 _RETURN = "return limit, float(covariance[0])"
 
 SLIPS = slips(
-    two_for_every_delay=(_LIMIT, "limit = 2.0",
-        "2 is the limit without delay. A frame of delay halves it, each further one lowers it."),
-    one_frame_too_many=(_LIMIT, _LIMIT.replace("delay + 1.0", "delay + 3.0"),
-        "The limit is that of a delay which is one frame longer: without delay it is 2."),
-    one_frame_too_few=(_LIMIT, _LIMIT.replace("delay + 1.0", "max(delay - 1.0, 0.0) + 1.0"),
-        "The limit is that of a delay which is one frame shorter: with one frame it is 1."),
-    degrees=(_LIMIT, "limit = 2.0 * math.sin(90.0 / (2.0 * delay + 1.0))",
-        "The angle at the limit is in degrees; math.sin takes radians."),
-    half_the_angle=(_LIMIT, "limit = 2.0 * math.sin(math.pi / (2.0 * delay + 1.0))",
-        "That is the sine of the whole angle a frame. The size of e^(i w) - 1 is 2 sin(w / 2)."),
-    one_over_the_delay=(_LIMIT, "limit = 2.0 / (2.0 * delay + 1.0)",
-        "A straight line for the sine: right for no delay, and too small by up to half for many."),
-    no_delay_for_the_noise=(_RETURN, "return limit, gain / (2.0 - gain)",
+    two_for_every_delay=(
+        _LIMIT,
+        "limit = 2.0",
+        "2 is the limit without delay. A frame of delay halves it, each further one lowers it.",
+    ),
+    one_frame_too_many=(
+        _LIMIT,
+        _LIMIT.replace("delay + 1.0", "delay + 3.0"),
+        "The limit is that of a delay which is one frame longer: without delay it is 2.",
+    ),
+    one_frame_too_few=(
+        _LIMIT,
+        _LIMIT.replace("delay + 1.0", "max(delay - 1.0, 0.0) + 1.0"),
+        "The limit is that of a delay which is one frame shorter: with one frame it is 1.",
+    ),
+    degrees=(
+        _LIMIT,
+        "limit = 2.0 * math.sin(90.0 / (2.0 * delay + 1.0))",
+        "The angle at the limit is in degrees; math.sin takes radians.",
+    ),
+    half_the_angle=(
+        _LIMIT,
+        "limit = 2.0 * math.sin(math.pi / (2.0 * delay + 1.0))",
+        "That is the sine of the whole angle a frame. The size of e^(i w) - 1 is 2 sin(w / 2).",
+    ),
+    one_over_the_delay=(
+        _LIMIT,
+        "limit = 2.0 / (2.0 * delay + 1.0)",
+        "A straight line for the sine: right for no delay, and too small by up to half for many.",
+    ),
+    no_delay_for_the_noise=(
+        _RETURN,
+        "return limit, gain / (2.0 - gain)",
         "g / (2 - g) is the variance without delay. With delay noise is corrected late, and more "
-        "of it stays."),
-    noise_once=(_RETURN, "return limit, gain**2",
-        "That is what one picture adds. The noise of earlier ones is still there."),
-    deviation_for_variance=(_RETURN, "return limit, float(np.sqrt(covariance[0]))",
-        "This is the standard deviation; asked is the variance."),
-    limit_not_looked_at=(_CHECK, "if not 0.0 < gain < 2.0:",
+        "of it stays.",
+    ),
+    noise_once=(
+        _RETURN,
+        "return limit, gain**2",
+        "That is what one picture adds. The noise of earlier ones is still there.",
+    ),
+    deviation_for_variance=(
+        _RETURN,
+        "return limit, float(np.sqrt(covariance[0]))",
+        "This is the standard deviation; asked is the variance.",
+    ),
+    limit_not_looked_at=(
+        _CHECK,
+        "if not 0.0 < gain < 2.0:",
         "A variance is given where nothing settles: beyond the limit the linear system still has a "
-        "solution, and it means nothing."),
-    wrong_sign_accepted=(_CHECK, "if gain >= limit:",
-        "A gain of 0 or below it never brings the error to an end: -1."),
-    a_hundred_frames=(_RETURN, "e = [0.0] * n + [-gain]\n    for _ in range(100):\n        "
+        "solution, and it means nothing.",
+    ),
+    wrong_sign_accepted=(
+        _CHECK,
+        "if gain >= limit:",
+        "A gain of 0 or below it never brings the error to an end: -1.",
+    ),
+    a_hundred_frames=(
+        _RETURN,
+        "e = [0.0] * n + [-gain]\n    for _ in range(100):\n        "
         "e.append(e[-1] - gain * e[-1 - delay])\n    return limit, sum(x * x for x in e)",
-        "The sum of squares stops after a hundred frames. Near the limit an impulse lives longer."),
-)  # fmt: skip
+        "The sum of squares stops after a hundred frames. Near the limit an impulse lives longer.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, allowed, "a sine; a linear system near the limit", told=coarse),
     examples=("visual_gain(0.5, 0)", "visual_gain(0.5, 1)", "visual_gain(0.5, 3)"),
     picture=frames,
-    slips=SLIPS + coarse_slips("visual_gain", "At the limit the last of them decides.")
+    slips=SLIPS
+    + coarse_slips("visual_gain", "At the limit the last of them decides.")
     + value_slips("visual_gain", swapped=True, whole=False),
-)  # fmt: skip
+)

@@ -15,8 +15,16 @@ from drills.report import Shown
 def cases(rng: np.random.Generator) -> list[Case]:
     """Loops at 1 kHz and others, whose work takes a stated part of the period."""
 
-    def loop(label: str, level: str = "core", *, part: float = 0.3, late: float = 0.1,
-             long: float = 0.0, n: int = 30, step: int = 1) -> Case:  # fmt: skip
+    def loop(
+        label: str,
+        level: str = "core",
+        *,
+        part: float = 0.3,
+        late: float = 0.1,
+        long: float = 0.0,
+        n: int = 30,
+        step: int = 1,
+    ) -> Case:
         period = 1000 * int(rng.choice([250, 1000, 2000, 5000]))
         start = int(rng.integers(0, 10**12))
         lateness = (period * rng.uniform(0.0, late, n)).astype(int) // step * step
@@ -30,17 +38,24 @@ def cases(rng: np.random.Generator) -> list[Case]:
         """Cycles that end at a time of the grid, and a nanosecond to each side of it."""
         period, turns = 1_000_000, rng.integers(1, 4, 24)
         late = rng.integers(0, 200_000, 24)
-        return Case((500, period, late, turns * period - late + np.tile([0, -1, 1], 8)),
-                    "ends on the grid", "edge")  # fmt: skip
+        return Case(
+            (500, period, late, turns * period - late + np.tile([0, -1, 1], 8)),
+            "ends on the grid",
+            "edge",
+        )
 
     return [
-        loop("work alone", "simple", late=1e-9), loop("late and working", "simple"),
+        loop("work alone", "simple", late=1e-9),
+        loop("late and working", "simple"),
         *(loop("a long cycle", long=1.0) for _ in range(3)),
-        *(loop("very late", late=1.5) for _ in range(2)), loop("hardly fits", part=0.65, late=0.3),
-        loop("always too long", part=1.6), loop("many periods", long=20.0), exact(),
-        loop("one cycle", "edge", n=1), Case((0, 5, np.array([0, 1, 0]), np.array([12, 4, 1])),
-        WHOLE, "edge"),
-    ]  # fmt: skip
+        *(loop("very late", late=1.5) for _ in range(2)),
+        loop("hardly fits", part=0.65, late=0.3),
+        loop("always too long", part=1.6),
+        loop("many periods", long=20.0),
+        exact(),
+        loop("one cycle", "edge", n=1),
+        Case((0, 5, np.array([0, 1, 0]), np.array([12, 4, 1])), WHOLE, "edge"),
+    ]
 
 
 def against_grid(figure: Any, shown: Shown) -> None:
@@ -59,41 +74,83 @@ _LATER = "later = max(turn + 1, -((start - done) // period))"
 _SKIPPED = "skipped[i] = later - turn - 1"
 
 SLIPS = slips(
-    drift=(_ASKED, "asked[i] = start if i == 0 else done + period", _SKIPPED, "skipped[i] = 0",
+    drift=(
+        _ASKED,
+        "asked[i] = start if i == 0 else done + period",
+        _SKIPPED,
+        "skipped[i] = 0",
         "The loop sleeps for a period after its work: every cycle takes a period and what it "
-        "worked and was late. Sleep until a time on the grid."),
-    drift_from_waking=(_ASKED, "asked[i] = start if i == 0 else asked[i - 1] + lateness[i - 1] + "
-        "period", _SKIPPED, "skipped[i] = 0",
+        "worked and was late. Sleep until a time on the grid.",
+    ),
+    drift_from_waking=(
+        _ASKED,
+        "asked[i] = start if i == 0 else asked[i - 1] + lateness[i - 1] + period",
+        _SKIPPED,
+        "skipped[i] = 0",
         "The next time counts from when the cycle really began, so every lateness moves all that "
-        "follow."),
-    bursts=(_LATER, "later = turn + 1",
+        "follow.",
+    ),
+    bursts=(
+        _LATER,
+        "later = turn + 1",
         "No period is ever skipped: after a long cycle the loop runs without a pause until it has "
-        "caught up, on commands that are too late."),
-    lost_phase=(_ASKED, "asked[i] = start if i == 0 else max(asked[i - 1] + period, done)",
+        "caught up, on commands that are too late.",
+    ),
+    lost_phase=(
+        _ASKED,
+        "asked[i] = start if i == 0 else max(asked[i - 1] + period, done)",
         "After an overrun the loop goes on at once, off its grid. The phase is lost, and with it "
-        "its place beside the other loops."),
-    lost_phase_and_a_period=(_ASKED, "asked[i] = start if i == 0 else (asked[i - 1] + period if "
+        "its place beside the other loops.",
+    ),
+    lost_phase_and_a_period=(
+        _ASKED,
+        "asked[i] = start if i == 0 else (asked[i - 1] + period if "
         "done <= asked[i - 1] + period else done + period)",
-        "After an overrun the grid begins anew at now. Only whole periods may be left out."),
-    always_one_skipped=(_LATER, "later = turn + 1 + (done > asked[i] + period)",
-        "One period is skipped for an overrun, however long it was."),
-    just_now_is_too_late=(_LATER, "later = max(turn + 1, (done - start) // period + 1)",
-        "A time that is just now is skipped. It has not passed."),
-    lateness_forgotten=(_DONE, "done = asked[i] + works[i]",
+        "After an overrun the grid begins anew at now. Only whole periods may be left out.",
+    ),
+    always_one_skipped=(
+        _LATER,
+        "later = turn + 1 + (done > asked[i] + period)",
+        "One period is skipped for an overrun, however long it was.",
+    ),
+    just_now_is_too_late=(
+        _LATER,
+        "later = max(turn + 1, (done - start) // period + 1)",
+        "A time that is just now is skipped. It has not passed.",
+    ),
+    lateness_forgotten=(
+        _DONE,
+        "done = asked[i] + works[i]",
         "The cycle is taken to begin when it asked to. It ends later by its lateness, which may "
-        "cost a period."),
-    work_forgotten=(_DONE, "done = asked[i] + lateness[i]",
-        "What has passed is asked at the beginning of the cycle. The work comes on top."),
-    nearest=(_LATER, "later = max(turn + 1, round((done - start) / period))",
-        "The nearest time of the grid is taken; it may have passed."),
-    one_skipped_too_many=(_SKIPPED, "skipped[i] = later - turn",
-        "The step to the next period is counted as skipped."),
-    skipped_in_all=(_SKIPPED, "skipped[i] = later - 1 - i",
-        "The skipped periods are added up. Asked are those right after each cycle."),
-    skipped_before=("return asked, skipped", "return asked, np.roll(skipped, 1)",
+        "cost a period.",
+    ),
+    work_forgotten=(
+        _DONE,
+        "done = asked[i] + lateness[i]",
+        "What has passed is asked at the beginning of the cycle. The work comes on top.",
+    ),
+    nearest=(
+        _LATER,
+        "later = max(turn + 1, round((done - start) / period))",
+        "The nearest time of the grid is taken; it may have passed.",
+    ),
+    one_skipped_too_many=(
+        _SKIPPED,
+        "skipped[i] = later - turn",
+        "The step to the next period is counted as skipped.",
+    ),
+    skipped_in_all=(
+        _SKIPPED,
+        "skipped[i] = later - 1 - i",
+        "The skipped periods are added up. Asked are those right after each cycle.",
+    ),
+    skipped_before=(
+        "return asked, skipped",
+        "return asked, np.roll(skipped, 1)",
         "The skipped periods stand with the cycle after them. They belong to the one that was too "
-        "long."),
-)  # fmt: skip
+        "long.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-9, "whole numbers"),

@@ -19,8 +19,16 @@ Array = NDArray[np.float64]
 def cases(rng: np.random.Generator) -> list[Case]:
     """Five contracts over forty ticks, four stages; a disturbance passes from row to row."""
 
-    def run(label: str, level: str = "core", *, first: int = 1, cure: int = 1, m: int = 5,
-            at_once: bool = False, feedback: bool = False) -> Case:  # fmt: skip
+    def run(
+        label: str,
+        level: str = "core",
+        *,
+        first: int = 1,
+        cure: int = 1,
+        m: int = 5,
+        at_once: bool = False,
+        feedback: bool = False,
+    ) -> Case:
         n, k = 40, 4
         limits = rng.uniform(1.0, 3.0, m)
         # Row 0 is quiet but for one value that is unusual and allowed.
@@ -51,15 +59,19 @@ def cases(rng: np.random.Generator) -> list[Case]:
 
     whole = (np.array([[1, 1, 5], [2, 4, 1]]), np.array([3, 3]), np.array([9, 8, 1, 0]), 2)
     return [
-        run("upstream", "simple", first=0), run("in the middle", "simple", first=2),
+        run("upstream", "simple", first=0),
+        run("in the middle", "simple", first=2),
         run("in the last row", "simple", first=4),
         *(run("a single repair", first=int(rng.integers(5))) for _ in range(2)),
         *(run("two repairs", first=int(rng.integers(4)), cure=2) for _ in range(4)),
         *(run("a closed loop", first=int(rng.integers(1, 3)), feedback=True) for _ in range(2)),
-        run("at once", first=1, at_once=True), run("at once, two", at_once=True, cure=2),
-        run("nothing is broken", "edge", first=-1), run("no cure in two", "edge", cure=3),
-        run("one contract", "edge", m=1, first=0), Case(whole, WHOLE, "edge"),
-    ]  # fmt: skip
+        run("at once", first=1, at_once=True),
+        run("at once, two", at_once=True, cure=2),
+        run("nothing is broken", "edge", first=-1),
+        run("no cure in two", "edge", cure=3),
+        run("one contract", "edge", m=1, first=0),
+        Case(whole, WHOLE, "edge"),
+    ]
 
 
 def repairs(figure: Any, shown: Shown) -> None:
@@ -77,48 +89,81 @@ _SIZES = "for size in (1, 2):"
 _BEST = "best = min(tried, key=lambda group: left[sum(1 << i for i in group)])"
 
 SLIPS = slips(
-    last_stage_blamed=(_CONTRACT,
+    last_stage_blamed=(
+        _CONTRACT,
         "contract = int(np.flatnonzero(broken.any(axis=1))[-1]) if broken.any() else -1",
         "The last row that is broken is blamed. What comes in wrong goes out wrong: a failure "
-        "shows at the end, and its cause lies before."),
-    first_anomaly=(_BROKEN, "r = np.asarray(record)\n    broken = r > "
-        "(r.mean(axis=1) + 2.0 * r.std(axis=1))[:, None]",
+        "shows at the end, and its cause lies before.",
+    ),
+    first_anomaly=(
+        _BROKEN,
+        "r = np.asarray(record)\n    broken = r > (r.mean(axis=1) + 2.0 * r.std(axis=1))[:, None]",
         "That is the first value that is unusual for its row. Unusual is not broken: a contract "
-        "says what is allowed."),
-    largest_breach=(_CONTRACT, "contract = int(np.argmax((np.asarray(record) / "
+        "says what is allowed.",
+    ),
+    largest_breach=(
+        _CONTRACT,
+        "contract = int(np.argmax((np.asarray(record) / "
         "np.asarray(limits)[:, None]).max(axis=1))) if broken.any() else -1",
-        "The largest breach is blamed. A disturbance grows on its way through the stages."),
-    upstream_whenever=(_CONTRACT, "contract = int(np.argmax(broken.any(axis=1))) if broken.any() "
-        "else -1",
+        "The largest breach is blamed. A disturbance grows on its way through the stages.",
+    ),
+    upstream_whenever=(
+        _CONTRACT,
+        "contract = int(np.argmax(broken.any(axis=1))) if broken.any() else -1",
         "The most upstream row that ever breaks is blamed. The loop is closed: what is upstream "
-        "sees the failure too, later. Time comes first."),
-    downstream_of_equals=(_CONTRACT, "contract = len(ticks) - 1 - int(np.argmin(ticks[::-1])) "
+        "sees the failure too, later. Time comes first.",
+    ),
+    downstream_of_equals=(
+        _CONTRACT,
+        "contract = len(ticks) - 1 - int(np.argmin(ticks[::-1])) if broken.any() else -1",
+        "Of contracts that break at the same tick the downstream one is taken.",
+    ),
+    limit_itself_broken=(
+        _BROKEN,
+        _BROKEN.replace(">", ">="),
+        "A value at its limit counts as broken; it is allowed.",
+    ),
+    row_zero_for_none=(
         "if broken.any() else -1",
-        "Of contracts that break at the same tick the downstream one is taken."),
-    limit_itself_broken=(_BROKEN, _BROKEN.replace(">", ">="),
-        "A value at its limit counts as broken; it is allowed."),
-    row_zero_for_none=("if broken.any() else -1", "if broken.any() else 0",
-        "Where no contract is broken the first one is blamed."),
-    single_repairs_only=(_SIZES, "for size in (1,):",
+        "if broken.any() else 0",
+        "Where no contract is broken the first one is blamed.",
+    ),
+    single_repairs_only=(
+        _SIZES,
+        "for size in (1,):",
         "Only single repairs are tried. Where two faults come together, such as an old picture of "
-        "a target that moves, neither repair helps alone."),
-    pairs_at_once=(_SIZES, "for size in (2,):",
+        "a target that moves, neither repair helps alone.",
+    ),
+    pairs_at_once=(
+        _SIZES,
+        "for size in (2,):",
         "Pairs are tried where a single repair is enough: the second one does nothing to the "
-        "cause."),
-    all_that_it_takes=(_SIZES, "for size in range(1, stages + 1):",
-        "All stages but none left: that cures anything, and tells nothing. Stop after pairs."),
-    best_not_cured=("if left[sum(1 << i for i in best)] <= tolerance:", "if size == 2 or "
-        "left[sum(1 << i for i in best)] <= tolerance:",
-        "The best pair is given, though the run still fails with it."),
-    first_that_cures=(_BEST, "best = next((g for g in tried if left[sum(1 << i for i in g)] <= "
-        "tolerance), tried[0])",
-        "The first repair that is good enough is taken; asked is the one that leaves the least."),
-    greedy_pair=(_BEST, "kept = [] if size == 1 else [min(range(stages), key=lambda i: "
+        "cause.",
+    ),
+    all_that_it_takes=(
+        _SIZES,
+        "for size in range(1, stages + 1):",
+        "All stages but none left: that cures anything, and tells nothing. Stop after pairs.",
+    ),
+    best_not_cured=(
+        "if left[sum(1 << i for i in best)] <= tolerance:",
+        "if size == 2 or left[sum(1 << i for i in best)] <= tolerance:",
+        "The best pair is given, though the run still fails with it.",
+    ),
+    first_that_cures=(
+        _BEST,
+        "best = next((g for g in tried if left[sum(1 << i for i in g)] <= tolerance), tried[0])",
+        "The first repair that is good enough is taken; asked is the one that leaves the least.",
+    ),
+    greedy_pair=(
+        _BEST,
+        "kept = [] if size == 1 else [min(range(stages), key=lambda i: "
         "left[1 << i])]\n        tried = [g for g in tried if set(kept) <= set(g)]\n        "
         + _BEST,
         "The pair is built on the best single repair. Of two faults that hide each other neither "
-        "looks good alone: try all pairs."),
-)  # fmt: skip
+        "looks good alone: try all pairs.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(cases, 1e-12, "whole numbers"),

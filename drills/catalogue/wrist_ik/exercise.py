@@ -23,8 +23,9 @@ STEPS, DAMPING = 60, 0.05
 def _hand(q: Array) -> Array:
     """Quaternion (w, x, y, z) of the hand: turns about z, then y, then x."""
     (a, b, c), (r, s, t) = np.cos(0.5 * np.asarray(q)), np.sin(0.5 * np.asarray(q))
-    return np.array([a * b * c + r * s * t, a * b * t - r * s * c,
-                     a * s * c + r * b * t, r * b * c - a * s * t])  # fmt: skip
+    return np.array(
+        [a * b * c + r * s * t, a * b * t - r * s * c, a * s * c + r * b * t, r * b * c - a * s * t]
+    )
 
 
 def cases(rng: np.random.Generator) -> list[Case]:
@@ -113,43 +114,74 @@ _VECTOR = (
 )
 
 SLIPS = slips(
-    bug_still_there=(_ERROR, "error = 2.0 * left[1:]",
+    bug_still_there=(
+        _ERROR,
+        "error = 2.0 * left[1:]",
         "The bug is still there. Where the scalar part of what is left is negative, the vector "
         "part points the long way round: the hand moves away from the target, a full turn, and "
-        "arrives from the other side."),
-    long_way_exact=(_ERROR, _VECTOR.format(w="left[0]"),
+        "arrives from the other side.",
+    ),
+    long_way_exact=(
+        _ERROR,
+        _VECTOR.format(w="left[0]"),
         "The exact logarithm does not mend it: 2 atan2(|v|, w) goes up to a full turn, and with w "
-        "negative it is the long way round. Turn the sign of all four parts first."),
-    angle_without_axis=(_ERROR, _VECTOR.format(w="abs(left[0])"),
+        "negative it is the long way round. Turn the sign of all four parts first.",
+    ),
+    angle_without_axis=(
+        _ERROR,
+        _VECTOR.format(w="abs(left[0])"),
         "The angle is that of the short way and the axis that of the long one: with |w| the angle "
-        "is right, but the vector part has to change its sign too."),
-    target_flipped=(_LEFT, "left = product(np.asarray(target, dtype=float) * "
+        "is right, but the vector part has to change its sign too.",
+    ),
+    target_flipped=(
+        _LEFT,
+        "left = product(np.asarray(target, dtype=float) * "
         "math.copysign(1.0, target[0]), hand * [1.0, -1.0, -1.0, -1.0])",
-        _ERROR, "error = 2.0 * left[1:]",
+        _ERROR,
+        "error = 2.0 * left[1:]",
         "The sign of the target is fixed, but the hand has one of its own: a joint beyond half a "
-        "turn makes it negative. What has to be at most half a turn is the rotation that is left."),
-    both_flipped=(_LEFT, "left = product(np.asarray(target, dtype=float) * "
+        "turn makes it negative. What has to be at most half a turn is the rotation that is left.",
+    ),
+    both_flipped=(
+        _LEFT,
+        "left = product(np.asarray(target, dtype=float) * "
         "math.copysign(1.0, target[0]), hand * math.copysign(1.0, hand[0]) "
         "* [1.0, -1.0, -1.0, -1.0])",
-        _ERROR, "error = 2.0 * left[1:]",
+        _ERROR,
+        "error = 2.0 * left[1:]",
         "Target and hand are both made positive. On either side of half a turn they are then still "
         "far apart as quaternions, though not as rotations: it is the scalar part of their product "
-        "that has to be positive."),
-    error_in_the_hand=(_LEFT, "left = product(hand * [1.0, -1.0, -1.0, -1.0], target)",
+        "that has to be positive.",
+    ),
+    error_in_the_hand=(
+        _LEFT,
+        "left = product(hand * [1.0, -1.0, -1.0, -1.0], target)",
         "The rotation that is left is taken in the axes of the hand, and the Jacobian is in those "
-        "of the world. Target times the conjugate of the hand, in this order, is in the world's."),
-    always_reversed=(_ERROR, "error = -2.0 * left[1:]",
-        "The error is reversed everywhere: now the short turns go wrong that were right before."),
-    wrapped_at_the_end=("    return q\n", "    return (q + np.pi) % (2.0 * np.pi) - np.pi\n",
+        "of the world. Target times the conjugate of the hand, in this order, is in the world's.",
+    ),
+    always_reversed=(
+        _ERROR,
+        "error = -2.0 * left[1:]",
+        "The error is reversed everywhere: now the short turns go wrong that were right before.",
+    ),
+    wrapped_at_the_end=(
+        "    return q\n",
+        "    return (q + np.pi) % (2.0 * np.pi) - np.pi\n",
         "The angles are brought between -pi and pi at the end. A joint knows how often it has been "
-        "turned, and so does its cable: that hides the symptom, and throws a wound joint round."),
-    half_missing=(_ERROR, "error = math.copysign(1.0, left[0]) * left[1:]",
+        "turned, and so does its cable: that hides the symptom, and throws a wound joint round.",
+    ),
+    half_missing=(
+        _ERROR,
+        "error = math.copysign(1.0, left[0]) * left[1:]",
         "The sign is right, and each step goes half as far as it should: the vector part of a "
-        "quaternion is the sine of *half* the angle."),
-    stops_on_the_far_side=(_ERROR,
+        "quaternion is the sine of *half* the angle.",
+    ),
+    stops_on_the_far_side=(
+        _ERROR,
         "error = 2.0 * max(math.copysign(1.0, left[0]), 0.0) * left[1:]",
-        "Where the scalar part is negative nothing moves. Change the sign of the error there."),
-)  # fmt: skip
+        "Where the scalar part is negative nothing moves. Change the sign of the error there.",
+    ),
+)
 
 EXERCISE = Exercise(
     judge=judge_of(

@@ -20,9 +20,17 @@ def test_the_cheat_sheet_is_one_page(tmp_path, rows: int, pages: int) -> None:
     """One page as it is; with every row three times it is more, so that the count counts."""
     body = re.sub(r"<tr><td>.*</tr>", lambda row: rows * row[0], tables.page())
     (tmp_path / "page.html").write_text(body, encoding="utf-8")
-    flags = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
-             "--disable-background-networking", f"--user-data-dir={tmp_path / 'profile'}",
-             "--no-pdf-header-footer", f"--print-to-pdf={tmp_path / 'page.pdf'}"]  # fmt: skip
+    flags = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--disable-quic",
+        "--no-first-run",
+        "--disable-background-networking",
+        f"--user-data-dir={tmp_path / 'profile'}",
+        "--no-pdf-header-footer",
+        f"--print-to-pdf={tmp_path / 'page.pdf'}",
+    ]
     command = [str(BROWSER), *flags, (tmp_path / "page.html").as_uri()]
     subprocess.run(command, check=True, capture_output=True, timeout=120)
     found = len(re.findall(rb"/Type\s*/Page\b", (tmp_path / "page.pdf").read_bytes()))

@@ -24,12 +24,13 @@ def test_icp_is_as_many_times_faster_as_it_says():
     theirs.set_normals(normals)
     small, small_source = small_gicp.Cloud(surface), small_gicp.Cloud(points)
     calls = {
-        "cloud": lambda: icp(points, own, start, method="point", gate=0.03, iterations=20,
-                             tolerance=0.0),
+        "cloud": lambda: icp(
+            points, own, start, method="point", gate=0.03, iterations=20, tolerance=0.0
+        ),
         "shape": lambda: icp(points, BOX, start, gate=0.03, iterations=20, tolerance=0.0),
         "open3d": lambda: source.icp(theirs, back, 0.03, 20, False, 0.0),
         "small_gicp": lambda: small_source.align(small, back, 0.03, 20, "ICP", 0.0),
-    }  # fmt: skip
+    }
     spent: dict[str, list[float]] = {name: [] for name in calls}
     for _ in range(15):
         for name, call in calls.items():

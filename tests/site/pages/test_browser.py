@@ -211,11 +211,13 @@ def test_the_focus_goes_down_the_page(browser: "Browser", addresses: list[str]) 
         met = []
         for _ in range(40):
             page.keyboard.press("Tab")
-            met.append(page.evaluate(
-                "() => { const e = document.activeElement;"
-                " const all = [...document.querySelectorAll('*')];"
-                " return [all.indexOf(e), e.checkVisibility(), e.tagName]; }"
-            ))  # fmt: skip
+            met.append(
+                page.evaluate(
+                    "() => { const e = document.activeElement;"
+                    " const all = [...document.querySelectorAll('*')];"
+                    " return [all.indexOf(e), e.checkVisibility(), e.tagName]; }"
+                )
+            )
         assert all(seen for _, seen, tag in met if tag != "BODY"), met
         places = [place for place, _, tag in met if tag != "BODY"]
         assert len(places) > 30 and places == sorted(set(places)), met

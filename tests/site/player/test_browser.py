@@ -71,9 +71,14 @@ def open_page(browser: Any, tmp_path: Path) -> Iterator[Callable[..., Any]]:
     contexts: list[Any] = []
 
     def opened(
-        name: str = BOX, bundle: str | None = None, before: str = "", wide: int = 1000,
-        ready: bool = True, preset: str = "", **options: Any,
-    ) -> Any:  # fmt: skip
+        name: str = BOX,
+        bundle: str | None = None,
+        before: str = "",
+        wide: int = 1000,
+        ready: bool = True,
+        preset: str = "",
+        **options: Any,
+    ) -> Any:
         (tmp_path / "live.js").write_text(told.script(), encoding="utf-8")
         text = told.bundle(name) if bundle is None else bundle
         (tmp_path / "bundle.js").write_text(text, encoding="utf-8")
@@ -416,8 +421,10 @@ class TestTheBox:
 
     def test_it_runs_only_while_it_is_seen(self, open_page: Any) -> None:
         page = open_page()
-        page.evaluate("() => { document.body.style.paddingTop = document.body.style.paddingBottom"
-                      " = '3000px'; window.scrollTo(0, 2800); }")  # fmt: skip
+        page.evaluate(
+            "() => { document.body.style.paddingTop = document.body.style.paddingBottom"
+            " = '3000px'; window.scrollTo(0, 2800); }"
+        )
         press_button(page, "Play")
         canvas = page.locator("canvas")
         ahead = "n => Number(document.querySelector('canvas').dataset.frame) > n + 5"
