@@ -199,7 +199,7 @@ def test_a_condition_swapped_with_its_contrary_fails(item):
     assert any("condition is not enough" in text for text in swapped.problems())
 
 
-@pytest.mark.parametrize("item", ALL, ids=lambda item: item.id)
+@pytest.mark.parametrize("item", each(ALL))
 def test_no_entry_of_the_record_can_change(item):
     """Every text and every figure of every entry, one at a time."""
     # Where the check cannot run here, the record itself is what is changed and compared.
