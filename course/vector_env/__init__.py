@@ -23,12 +23,17 @@ no future to value) and `truncations` (the clock ran out, there is one). What fo
     import gymnasium
     envs = gymnasium.make_vec("course.vector_env:course/ArmReach-v0", num_envs=256)
 
+An episode is truncated after `max_steps`, an argument of every environment here. The registered
+specifications state the default as `max_episode_steps`, so that wrappers such as
+`TimeAwareObservation` know it. Where both are given, the earlier one truncates; for longer episodes
+pass both. `course.oracles.sb3.vec_env` is the adapter for Stable-Baselines3.
+
 `render_mode="rgb_array"` makes pictures of the arms; `course.vector_env.training` learns to reach.
 """
 
 import gymnasium
 
-from course.vector_env import point
+from course.vector_env import point, reach
 from course.vector_env.arrays import ArrayVectorEnv
 from course.vector_env.point import PointReach, PointReachVector
 from course.vector_env.processes import ProcessVectorEnv, WorkerError
@@ -55,7 +60,12 @@ for _name, _single in (
     ("course/ArmReachMujoco-v0", "course.oracles.mujoco.reach:MujocoArmReach"),
 ):
     if _name not in gymnasium.registry:
-        gymnasium.register(_name, entry_point=_single, vector_entry_point=f"{_single}Vector")
+        gymnasium.register(
+            _name,
+            entry_point=_single,
+            vector_entry_point=f"{_single}Vector",
+            max_episode_steps=reach.MAX_STEPS if "Arm" in _name else point.MAX_STEPS,
+        )
 
 
 def warm() -> None:

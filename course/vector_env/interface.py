@@ -22,6 +22,19 @@ def checked_mode(mode: AutoresetMode | str) -> AutoresetMode:
     return AutoresetMode(one_of("autoreset_mode", name, [known.value for known in AutoresetMode]))
 
 
+def earlier_limit(max_steps: int, max_episode_steps: int | None) -> int:
+    """Return the number of steps after which an episode is truncated.
+
+    `gymnasium.make_vec` passes the limit of the specification as `max_episode_steps`, where
+    `gymnasium.make` wraps a `TimeLimit` around an environment with a limit of its own: the earlier
+    of the two truncates, so it does here.
+    """
+    limit = count("max_steps", max_steps, 1)
+    if max_episode_steps is None:
+        return limit
+    return min(limit, count("max_episode_steps", max_episode_steps, 1))
+
+
 def checked_batch(space: Space[Any], actions: Any, name: str = "actions") -> Any:
     """`actions` as a fresh batch of `space`'s shapes and dtypes.
 

@@ -27,7 +27,7 @@ from numpy.typing import ArrayLike, NDArray
 from course.check import count, finite, one_of, positive, vector
 from course.compiled import MATRIX, VECTOR, compiled
 from course.vector_env.arrays import ArrayVectorEnv, Ids, Moved
-from course.vector_env.interface import checked_batch
+from course.vector_env.interface import checked_batch, earlier_limit
 
 Array = NDArray[np.float64]
 
@@ -276,10 +276,13 @@ class PointReachVector(ArrayVectorEnv):
         num_envs: int = 1,
         reward: str = "sparse",
         *,
+        max_steps: int = MAX_STEPS,
+        max_episode_steps: int | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         **task: Any,
     ) -> None:
-        """Make the points; see `PointReach`, and `course.vector_env` for the autoreset."""
+        """Make the points; see `PointReach`, and `course.vector_env` for autoreset and limits."""
+        task["max_steps"] = earlier_limit(max_steps, max_episode_steps)
         self.task = PointTask(count("num_envs", num_envs, 1), reward, **task)
         super().__init__(PointReach(reward, **task), num_envs, autoreset_mode)
 

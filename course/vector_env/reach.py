@@ -33,7 +33,7 @@ from course.compiled import MATRIX, compiled
 from course.kinematics.two_link import LENGTHS, TwoLink, acceleration
 from course.rigid_body.integrators import rk4
 from course.vector_env.arrays import ArrayVectorEnv, Ids, Moved
-from course.vector_env.interface import checked_batch
+from course.vector_env.interface import checked_batch, earlier_limit
 from course.vector_env.picture import reach_picture
 
 Array = NDArray[np.float64]
@@ -310,6 +310,7 @@ class ReachVector(ArrayVectorEnv):
         arms: TwoLink | Sequence[TwoLink] | None = None,
         *,
         max_steps: int = MAX_STEPS,
+        max_episode_steps: int | None = None,
         render_mode: str | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
@@ -319,11 +320,14 @@ class ReachVector(ArrayVectorEnv):
             num_envs: how many, at least 1.
             arms: the parameters, for all or one each.
             max_steps: control steps of 20 ms until an episode is truncated.
+            max_episode_steps: the same, as `gymnasium.make_vec` passes it; the smaller one counts,
+                as it does under Gymnasium's `TimeLimit`.
             render_mode: "rgb_array" for pictures; None for none.
             autoreset_mode: see `course.vector_env`.
         """
         count("num_envs", num_envs, 1)
-        self.task = ReachTask(table(arms or TwoLink(), num_envs), max_steps)
+        limit = earlier_limit(max_steps, max_episode_steps)
+        self.task = ReachTask(table(arms or TwoLink(), num_envs), limit)
         super().__init__(SingleReach(render_mode=render_mode), num_envs, autoreset_mode)
 
     def _start(self, ids: Ids, generators: list[np.random.Generator]) -> Array:

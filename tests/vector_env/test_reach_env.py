@@ -335,6 +335,22 @@ def test_gymnasium_makes_them_by_name(name: str) -> None:
     assert not gymnasium.make(name, max_steps=5).reset(seed=0)[1]
 
 
+@pytest.mark.parametrize("name", [*IDS, "course/PointReach-v0"])
+def test_the_specification_states_the_length_of_an_episode(name: str) -> None:
+    """What reads the specification, such as `TimeAwareObservation`, needs it."""
+    single = gymnasium.make(f"course.vector_env:{name}")
+    envs = gymnasium.make_vec(f"course.vector_env:{name}", num_envs=3, max_episode_steps=7)
+    assert single.spec is not None and single.spec.max_episode_steps == 100
+    observation, _ = gymnasium.wrappers.TimeAwareObservation(single).reset(seed=0)
+    assert observation.shape == (single.observation_space.shape[0] + 1,)
+    envs.reset(seed=0)
+    idle = np.zeros(envs.action_space.shape, np.float32)
+    ends = [np.all(np.logical_or(*envs.step(idle)[2:4])) for _ in range(7)]
+    assert ends == [False] * 6 + [True]
+    with pytest.raises(ValueError, match="max_episode_steps is 0"):
+        gymnasium.make_vec(name, num_envs=1, max_episode_steps=0)
+
+
 def advantages(envs, steps: int, gamma: float = 0.95, lam: float = 0.9) -> np.ndarray:
     """What a training loop computes: a rollout, values bootstrapped where the clock ran out."""
     weights = np.linspace(-1.0, 1.0, 8)
