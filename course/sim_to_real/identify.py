@@ -128,7 +128,12 @@ def _prepared(simulate: Simulate, log: Log, start: Parameters, free: Bounds) -> 
 
     def run(points: Array) -> Array:
         all_of_them = {n: np.full(points.shape[1], float(v)) for n, v in start.items()}
-        return np.asarray(simulate(all_of_them | dict(zip(names, points, strict=True)), log))
+        simulated = np.asarray(simulate(all_of_them | dict(zip(names, points, strict=True)), log))
+        expected = (*log.measured.shape, points.shape[1])
+        if simulated.shape != expected:
+            rule = f"{expected}: signals, times and columns of parameters"
+            raise refused("simulate(parameters, log).shape", simulated.shape, rule)
+        return simulated
 
     return names, x, low, high, np.where(x != 0.0, np.abs(x), wide), run
 

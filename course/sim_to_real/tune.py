@@ -36,6 +36,8 @@ Array = NDArray[np.float64]
 Sampler = Callable[[int, np.random.Generator], Plants | Array]
 KINDS = ("uniform", "log", "whole")
 
+DEFAULT_KINDS = {"mass": "log", "torque": "log"}
+
 GUESS = np.array([50.0, 3.0, 7.0, 25.0, 2.0, 1.3])  # where a search starts, rows of `plants.GAINS`
 # Of the logarithm of a gain: the spread of the first tries, and the farthest from GUESS.
 SPREAD, FURTHEST = 0.5, 3.0
@@ -49,14 +51,18 @@ class Ranges:
 
     Attributes:
         bounds: name of a field of `Plants` -> (low, high); a field that is not named stays nominal.
-        kinds: name -> "uniform" (as is one that is not named), "log" (uniform in the logarithm, for
-            a factor) or "whole" (of a delay: whole samples of the control loop only).
+        kinds: name of one of the bounds -> "uniform", "log" (uniform in the logarithm, for a
+            factor) or "whole" (of a delay: whole samples of the control loop only). Those that are
+            not named are `DEFAULT_KINDS`, "log" for mass and torque, and "uniform" for the others.
     """
 
     bounds: Mapping[str, tuple[float, float]]
-    kinds: Mapping[str, str] = field(default_factory=lambda: {"mass": "log", "torque": "log"})
+    kinds: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for name in self.kinds:
+            one_of("name in kinds", name, self.bounds)
+        object.__setattr__(self, "kinds", {**DEFAULT_KINDS, **self.kinds})
         for name, bound in self.bounds.items():
             one_of("name of a range", name, FIELDS)
             kind = one_of(f"kinds[{name!r}]", self.kinds.get(name, "uniform"), KINDS)
@@ -229,6 +235,8 @@ def automatic(
     low, high = vector("thresholds", thresholds, (2,), low=0.0, high=1.0).tolist()
     if low >= high:
         raise refused("thresholds", thresholds, "(lower, upper), the lower one first")
+    positive("step", step)
+    positive("most", most)
     quarter = count("buffer", buffer, 4) // 4
     rng = np.random.default_rng((count("seed", seed), 5))
     found = tune(only(nominal()), seed, rounds=6)

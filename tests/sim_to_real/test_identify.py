@@ -270,6 +270,9 @@ BAD = {
     "free ": lambda: fit(arm, record(), GUESS, FREE | {"a": (1.0, 1.0)}),
     "start['a']": lambda: fit(arm, record(), GUESS, FREE | {"a": (1.0, 2.0)}),
     "start": lambda: fit(arm, record(), GUESS | {"b": 0.14}, FREE),
+    "simulate(parameters, log).shape": lambda: fit(
+        lambda p, log: arm(p, log)[0], record(), GUESS, FREE
+    ),
     "noise": lambda: excitation(arm, {"": record()}, GUESS, FREE, 0.0),
     "columns[0]": lambda: fit(arm, record(), GUESS | {"a": -1.0}, {"c1": (0.0, 1.0)}),
 }

@@ -133,6 +133,13 @@ def test_no_boundary_opens_where_nothing_succeeds():
         assert now == around(nominal(), 0.0).bounds[name][side > 0]
 
 
+def test_one_kind_leaves_the_defaults_of_the_others():
+    bounds = {"mass": (0.5, 2.0), "delay": (0.0, 0.03)}
+    arms = [Ranges(bounds, kinds)(8, np.random.default_rng(3)) for kinds in ({}, {"mass": "log"})]
+    whole = Ranges(bounds, {"delay": "whole"})(8, np.random.default_rng(3))
+    assert np.array_equal(arms[0].mass, arms[1].mass) and np.array_equal(arms[0].mass, whole.mass)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
@@ -147,7 +154,10 @@ def test_no_boundary_opens_where_nothing_succeeds():
             ),
             "a multiple of 0.01 s",
         ),
+        (lambda: Ranges({"mass": (0.5, 1.0)}, {"maas": "log"}), "name in kinds is 'maas'"),
         (lambda: automatic(0, thresholds=(0.9, 0.8)), "thresholds is"),
+        (lambda: automatic(0, step=-1.0), r"step is -1\.0"),
+        (lambda: automatic(0, most=np.nan), "most is nan"),
         (lambda: tune(only(Plants()), -1), "seed is -1"),
         (lambda: remake("best", 0.0), "kind is 'best'"),
     ],
