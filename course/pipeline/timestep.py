@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from course.check import count, finite, positive
-from course.sim_to_real.shaping import Process, value_iteration
+from course.sim_to_real.shaping import Process, policy_iteration
 
 ACTIONS = ("walk", "run", "give up")
 
@@ -91,7 +91,7 @@ def prefers(process: Process, limit: int | None = None) -> tuple[str, float]:
         process: from `chain`.
         limit: steps after which an episode is cut off, None for never.
     """
-    value = np.zeros(process.terminal.size) if limit else value_iteration(process).value
+    value = np.zeros(process.terminal.size) if limit else policy_iteration(process).value
     for _ in range(limit or 1):
         q = process.backup(value)
         value = q.max(axis=1)

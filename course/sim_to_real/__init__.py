@@ -31,6 +31,7 @@ from course.sim_to_real.shaping import (
     evaluate_policy,
     grid,
     learning_steps,
+    policy_iteration,
     shaped,
     value_iteration,
 )
@@ -82,6 +83,7 @@ __all__ = [
     "mended",
     "nominal",
     "only",
+    "policy_iteration",
     "reached",
     "real",
     "recorded",

@@ -71,7 +71,7 @@ class Process:
 
 @dataclass(frozen=True)
 class Solution:
-    """Value (S,), Q (S, A), a best policy (S,), and how many sweeps it took."""
+    """Value (S,), Q (S, A), a best policy (S,), and how many sweeps or solves it took."""
 
     value: Array
     q: Array
@@ -79,23 +79,55 @@ class Solution:
     sweeps: int
 
 
-def value_iteration(process: Process, tolerance: float = 1e-12) -> Solution:
+def value_iteration(
+    process: Process, tolerance: float = 1e-12, *, max_sweeps: int = 50_000
+) -> Solution:
     """Bellman's iteration, then the exact value of the policy that it found (Puterman, 1994).
+
+    Each sweep multiplies the error by gamma at best, so the number of sweeps is proportional to
+    1 / (1 - gamma): hundreds of thousands at 0.9999. `policy_iteration` needs a few solves.
 
     Args:
         process: any.
         tolerance: of the value at the end, relative to its size.
+        max_sweeps: after so many without reaching the tolerance a ValueError is raised.
     """
     value, sweeps = np.zeros(process.transition.shape[0]), 0
+    positive("tolerance", tolerance)
+    count("max_sweeps", max_sweeps, 1)
     while True:
+        if sweeps == max_sweeps:
+            rule = "more: the tolerance is not reached; near a discount of 1 use policy_iteration"
+            raise refused("max_sweeps", max_sweeps, rule)
         following = process.backup(value).max(axis=1)
         change, value, sweeps = np.abs(following - value).max(), following, sweeps + 1
-        small = positive("tolerance", tolerance) * max(1.0, float(np.abs(value).max()))
+        small = tolerance * max(1.0, float(np.abs(value).max()))
         if change * process.gamma <= small * (1.0 - process.gamma):
             break
     policy = process.backup(value).argmax(axis=1)
     exact = evaluate_policy(process, policy)
     return Solution(exact, process.backup(exact), policy, sweeps)
+
+
+def policy_iteration(process: Process) -> Solution:
+    """Howard's iteration: evaluate a policy exactly, make it greedy, until it stays (1960).
+
+    Its number of solves does not depend on the discount, where that of the sweeps of
+    `value_iteration` is proportional to 1 / (1 - gamma). An action is replaced only by one that is
+    better by more than rounding, and it ends when the value no longer rises, so ties can't cycle.
+
+    Args:
+        process: any.
+    """
+    rows = np.arange(process.transition.shape[0])
+    policy, solves, before = process.backup(np.zeros(rows.size)).argmax(axis=1), 0, -np.inf
+    while True:
+        value = evaluate_policy(process, policy)
+        q, solves = process.backup(value), solves + 1
+        better = q.max(axis=1) > q[rows, policy] + 1e-12 * np.abs(q).max()
+        if not better.any() or value.sum() <= before:
+            return Solution(value, q, q.argmax(axis=1), solves)
+        policy, before = np.where(better, q.argmax(axis=1), policy), value.sum()
 
 
 def evaluate_policy(process: Process, policy: ArrayLike) -> Array:
@@ -217,7 +249,9 @@ def learning_steps(
     """
     S, A, _ = process.transition.shape
     q = np.tile(np.broadcast_to(vector("start", start, (), (S,)), (S,))[:, None], (1, A))
-    numbers = np.array([process.gamma, finite("rate", rate, 0.0, 1.0), chance])
+    numbers = np.array(
+        [process.gamma, finite("rate", rate, 0.0, 1.0), finite("chance", chance, 0.0, 1.0)]
+    )
     steps = _learn_loop(
         np.ascontiguousarray(process.transition),
         np.ascontiguousarray(process.reward),

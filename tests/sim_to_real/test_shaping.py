@@ -1,5 +1,6 @@
 """Decision processes: against enumeration of all policies, walks counted by hand, and algebra."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -12,6 +13,7 @@ from course.sim_to_real.shaping import (
     evaluate_policy,
     grid,
     learning_steps,
+    policy_iteration,
     shaped,
     value_iteration,
 )
@@ -104,6 +106,22 @@ def test_learning_with_a_potential_is_learning_that_starts_from_it(scale):
         assert runs[0] == runs[1] < np.inf
 
 
+@pytest.mark.parametrize("gamma", [0.5, 0.95, 0.999, 0.999_999])
+def test_policy_iteration_needs_few_solves_at_any_discount(gamma):
+    """Against Bellman's equation itself, and against value iteration where that ends soon."""
+    for seed in range(12):
+        process = drawn(seed, ends=seed % 2, gamma=gamma)
+        solution = policy_iteration(process)
+        size = max(1.0, np.abs(solution.value).max())
+        residual = process.backup(solution.value).max(axis=1) - solution.value
+        assert np.abs(residual).max() < 1e-9 * size
+        assert solution.sweeps < 10
+        if gamma < 0.99:
+            assert np.abs(solution.value - value_iteration(process).value).max() < 1e-11 * size
+    everywhere_equal = policy_iteration(replace(grid(3, pay=0.0), gamma=gamma))
+    assert everywhere_equal.sweeps == 1 and not everywhere_equal.value.any()
+
+
 P2 = np.eye(2)[:, None]
 NONE, ALL = np.zeros(2, dtype=bool), np.ones(2, dtype=bool)
 
@@ -119,6 +137,13 @@ NONE, ALL = np.zeros(2, dtype=bool), np.ones(2, dtype=bool)
         (lambda: evaluate_policy(drawn(1), np.full(6, 2)), "policy is"),
         (lambda: evaluate_policy(drawn(1), np.full((6, 2), 0.4)), "policy is"),
         (lambda: shaped(drawn(1), np.zeros(3)), "phi.shape is"),
+        (
+            lambda: value_iteration(replace(drawn(1), gamma=0.999), max_sweeps=100),
+            "max_sweeps is 100, .*policy_iteration",
+        ),
+        (lambda: value_iteration(drawn(1), max_sweeps=0), "max_sweeps is 0"),
+        (lambda: learning_steps(grid(2), np.random.default_rng(0), 2, chance=np.nan), "chance is"),
+        (lambda: learning_steps(grid(2), np.random.default_rng(0), 2, chance=5.0), "chance is 5"),
     ],
 )
 def test_bad_input_is_named(call, message):
