@@ -342,9 +342,10 @@ def test_the_specification_states_the_length_of_an_episode(name: str) -> None:
     envs = gymnasium.make_vec(f"course.vector_env:{name}", num_envs=3, max_episode_steps=7)
     assert single.spec is not None and single.spec.max_episode_steps == 100
     observation, _ = gymnasium.wrappers.TimeAwareObservation(single).reset(seed=0)
+    assert single.observation_space.shape is not None
     assert observation.shape == (single.observation_space.shape[0] + 1,)
-    envs.reset(seed=0)
-    idle = np.zeros(envs.action_space.shape, np.float32)
+    first, _ = envs.reset(seed=0)
+    idle = np.zeros((len(first), 2), np.float32)
     ends = [np.all(np.logical_or(*envs.step(idle)[2:4])) for _ in range(7)]
     assert ends == [False] * 6 + [True]
     with pytest.raises(ValueError, match="max_episode_steps is 0"):
